@@ -1,0 +1,52 @@
+SHELL := bash
+PYTHON ?= python3
+VENV ?= .venv
+BIN = $(VENV)/bin
+STAMP = $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-slow test-nojit lint clean-cache clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+install: $(STAMP) ## create the virtual environment (PYTHON, VENV choose the interpreter and the folder)
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "sledenv needs Python 3.11 or newer, but PYTHON=$(PYTHON) is" \
+			"$$($(PYTHON) --version 2>&1 || true); try: make PYTHON=python3.11" >&2; exit 1; }
+	@echo "Creating $(VENV) with $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv $(VENV)
+	@echo "Installing sledenv and its development tools; PyTorch is large, so this takes some minutes"
+	@set -o pipefail; $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off \
+		-c constraints.txt -e '.[dev]' | awk '/^Collecting/ {print "  " $$2; fflush()} \
+		/^Installing collected/ {print "  unpacking"; fflush()}'
+	@touch $@
+	@echo "Ready: $(BIN)/python"
+
+demo: $(STAMP) ## train and judge a small agent, results in runs/demo
+	$(BIN)/python -m agents.demo
+
+test: $(STAMP) ## run the fast tests
+	$(BIN)/python -m pytest -n 2 -q -m "not slow"
+
+test-slow: $(STAMP) ## run the slow tests
+	$(BIN)/python -m pytest -q -m slow
+
+test-nojit: $(STAMP) ## run the kernel as plain Python and measure its coverage
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel -m "not jit_only and not slow" \
+		--cov=src/sledenv/kernel --cov-report=term-missing
+
+lint: $(STAMP) ## check style, types and the direction of imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+clean-cache: ## remove the compiled kernels (numba misses changes in an imported kernel)
+	find src agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+clean: clean-cache ## remove every build product and cache, but not runs/
+	rm -rf $(VENV) build dist src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
+		.pytest_cache .ruff_cache

@@ -1,0 +1,30 @@
+"""Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
+
+from sledenv.descent import Descent, DescentBatch, Energy, simulate, simulate_batch
+from sledenv.envs import register as _register
+from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.kernel.records import Feature, Mode, Status
+from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+
+__all__ = [
+    "Body",
+    "ContactLaw",
+    "Context",
+    "Descent",
+    "DescentBatch",
+    "Energy",
+    "Feature",
+    "Mode",
+    "Scenario",
+    "ScenarioError",
+    "Slope",
+    "State",
+    "Status",
+    "circular_segment",
+    "load_scenario",
+    "scenario_names",
+    "simulate",
+    "simulate_batch",
+]
+
+_register()

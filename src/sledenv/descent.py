@@ -1,0 +1,322 @@
+"""The Python face of the descent loop: :func:`simulate` and :func:`simulate_batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
+from sledenv.kernel.descend import descend, descend_batch
+from sledenv.kernel.euler import descend_euler
+from sledenv.kernel.geometry import support_height
+from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
+from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+
+Solver = Literal["compliant", "euler"]
+Record = Literal["rebounds", "trajectory"]
+FrictionSign = Literal["dissipative", "printed"]
+
+_SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
+_FIRST_TRAJECTORY = 4096
+
+
+class Energy(NamedTuple):
+    """Energy ledger of a descent [J]: docs/physics.md, section 9."""
+
+    initial: float  # kinetic + potential at launch
+    kinetic: float  # at the end
+    potential: float  # at the end; zero at x = 0, y = 0
+    stored: float  # in the compressed contact at the end
+    hysteresis: float  # lost between loading and unloading stiffness
+    sliding: float  # lost to Coulomb friction
+    rolling: float  # lost to rolling resistance
+    supplied: float  # launch kinetic energy + drop height + slope descended
+
+    @property
+    def lost(self) -> float:
+        """All losses [J]."""
+        return self.hysteresis + self.sliding + self.rolling
+
+    @property
+    def residual(self) -> float:
+        """Energy [J] that the ledger cannot account for: the integration error."""
+        return self.kinetic + self.potential + self.stored + self.lost - self.initial
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """One simulated descent.
+
+    Attributes
+    ----------
+    status : Status
+        Why it ended; a string such as "finish", "jammed", "tumbled" or "timeout".
+    time : float
+        Duration [s].
+    state : State
+        At the end.
+    rebounds : ndarray of REBOUND, shape (n,)
+        One row a contact, in order; the last may be a contact in which the descent ended.
+    trajectory : ndarray of TRAJECTORY, shape (m,)
+        Empty unless simulated with ``record="trajectory"``.
+    energy : Energy
+        The ledger.
+    body, law, slope, launch
+        What was simulated.
+    """
+
+    body: Body
+    law: ContactLaw
+    slope: Slope
+    launch: State
+    status: Status
+    time: float
+    state: State
+    rebounds: np.ndarray
+    trajectory: np.ndarray
+    energy: Energy
+    outcome: np.void
+
+    @cached_property
+    def jam(self) -> DescentJam:
+        """Progress, retention, reward and jam index of the descent."""
+        return descent_jam(self.outcome, self.body.mass, self.slope.length)
+
+    @cached_property
+    def rebound_jam(self) -> ReboundJam:
+        """Grip, tangential loss and stuck flags of each rebound."""
+        return rebound_jam(self.rebounds, self.law.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class DescentBatch:
+    """Many simulated descents, arrays of N.
+
+    Attributes
+    ----------
+    outcomes : ndarray of OUTCOME, shape (N,)
+        Status code, time, final state and energy ledger of each.
+    rebounds : ndarray of REBOUND, shape (N, max_rebounds) or (0, 0)
+        The logs, ``outcomes["rebounds"]`` rows of which are filled.
+    jam : DescentJam
+        Progress, retention and reward, shape (N,).
+    """
+
+    outcomes: np.ndarray
+    rebounds: np.ndarray
+    jam: DescentJam
+
+    @property
+    def status(self) -> np.ndarray:
+        """Status of each descent, an array of strings of shape (N,)."""
+        return np.array(STATUS_OF_CODE)[self.outcomes["status"]]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Duration [s], shape (N,)."""
+        return self.outcomes["t"]
+
+    @property
+    def states(self) -> np.ndarray:
+        """Final states, shape (N, 6), columns as in :class:`State`."""
+        return np.stack([self.outcomes[name] for name in State._fields], axis=-1)
+
+
+def _choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
+    if value not in allowed:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
+    return value
+
+
+def _count(name: str, value: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
+    if value < 1:
+        raise ValueError(f"{name} = {value!r}: must be an integer >= 1")
+    return int(value)
+
+
+def _check_launch(body: Body, slope: Slope, state: State, owner: str = "State") -> State:
+    """Return the launch, put on the surface if it lies there up to rounding.
+
+    Raises
+    ------
+    ValueError
+        If it lies below the surface or beyond the end of the slope.
+    """
+    lowest = support_height(body, state.phi)
+    gap = state.y - lowest
+    size = body.radius + body.eccentricity
+    if gap < -_SURFACE * size:
+        raise ValueError(
+            f"{owner}.y = {state.y!r}: the launch lies below the surface; at phi = {state.phi!r} rad the mass centre "
+            f"must be at y >= {lowest!r} m"
+        )
+    if state.x >= slope.length:
+        raise ValueError(f"{owner}.x = {state.x!r}: must be < Slope.length = {slope.length!r} m")
+    return state if gap > 0.0 else State(*state._replace(y=lowest))
+
+
+def simulate(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    state: State,
+    *,
+    solver: Solver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    record: Record = "rebounds",
+    sample_interval: float = 0.01,
+    tolerance: float = 1e-16,
+    step: float = 2.5e-7,
+    friction_sign: FrictionSign = "dissipative",
+) -> Descent:
+    """Simulate one descent until it finishes, jams, tumbles or meets a limit.
+
+    Parameters
+    ----------
+    body, law, slope
+        What descends, how it touches and where.
+    state : State
+        Launch; the body must not lie below the surface.
+    solver : {"compliant", "euler"}
+        The two-stiffness contact, event-driven (docs/physics.md, section 5), or the paper's explicit Euler method.
+    max_time : float
+        Longest simulated time [s], > 0.
+    max_rebounds : int
+        Number of rebounds after which the descent ends with status "log_full".
+    record : {"rebounds", "trajectory"}
+        "trajectory" also records positions, velocities and contact forces.
+    sample_interval : float
+        Longest time [s] between two rows of the trajectory; contacts are sampled more densely.
+    tolerance : float
+        Local error of a contact step relative to the speed scale of the contact ("compliant").
+    step : float
+        Time step [s] ("euler").
+    friction_sign : {"dissipative", "printed"}
+        "printed" gives the moment of friction the sign printed in the paper's (10), which creates energy; it exists to
+        reproduce the paper and needs ``solver="euler"``.
+
+    Returns
+    -------
+    Descent
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range; nothing is simulated then.
+    """
+    _choice("solver", solver, get_args(Solver))
+    _choice("record", record, get_args(Record))
+    _choice("friction_sign", friction_sign, get_args(FrictionSign))
+    if friction_sign == "printed" and solver != "euler":
+        raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
+    body, law, slope = Body(*body), ContactLaw(*law), Slope(*slope)
+    launch = _check_launch(body, slope, State(*state))
+    euler = solver == "euler"
+    limits = Limits(
+        max_time=max_time,
+        max_steps=1e18 if euler else 1e6,
+        tolerance=tolerance,
+        sample_interval=sample_interval,
+        step=step,
+        printed_sign=1.0 if friction_sign == "printed" else 0.0,
+    )
+    loop = descend_euler if euler else descend
+    rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
+    outcomes = np.zeros(1, OUTCOME)
+    trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+    loop(body, law, slope, launch, limits, rebounds, trajectory, outcomes[0])
+    if record == "trajectory" and outcomes[0]["samples"] > len(trajectory):
+        trajectory = np.zeros(outcomes[0]["samples"], TRAJECTORY)
+        loop(body, law, slope, launch, limits, rebounds, trajectory, outcomes[0])
+    outcome = outcomes[0]
+    return Descent(
+        body=body,
+        law=law,
+        slope=slope,
+        launch=launch,
+        status=STATUS_OF_CODE[outcome["status"]],
+        time=float(outcome["t"]),
+        state=_final_state(outcome),
+        rebounds=rebounds[: outcome["rebounds"]].copy(),
+        trajectory=trajectory[: outcome["samples"]] if record == "trajectory" else trajectory,
+        energy=Energy(*(float(outcome[name]) for name in LEDGER_FIELDS)),
+        outcome=outcome,
+    )
+
+
+def _final_state(outcome: np.void) -> State:
+    # A non-finite final state is a status, not an error.
+    return State._make(float(outcome[name]) for name in State._fields)
+
+
+def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
+    """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
+    if isinstance(given, kind):
+        return np.array([kind(*given)])
+    if isinstance(given, np.ndarray | Sequence) and not isinstance(given, tuple | str):
+        if len(given) != lanes:
+            raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
+        return np.array([kind(*row) for row in given])
+    raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+
+
+def simulate_batch(
+    body: Body,
+    law: ContactLaw | Sequence[ContactLaw],
+    slope: Slope | Sequence[Slope],
+    states: ArrayLike,
+    *,
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    keep_rebounds: bool = False,
+    tolerance: float = 1e-16,
+) -> DescentBatch:
+    """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.
+
+    Parameters
+    ----------
+    body : Body
+        Shared by all lanes.
+    law, slope : ContactLaw, Slope or sequences of N of them
+        One for all lanes or one a lane.
+    states : array_like, shape (N, 6)
+        Launches, columns as in :class:`State`.
+    max_time, max_rebounds, tolerance
+        As for :func:`simulate`.
+    keep_rebounds : bool
+        Return the logs too, N * max_rebounds records of 152 bytes.
+
+    Returns
+    -------
+    DescentBatch
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
+    """
+    launches = np.array(states, dtype=float, ndmin=2)
+    if launches.ndim != 2 or launches.shape[1] != len(State._fields):
+        raise ValueError(f"states has shape {np.shape(states)}: must be (N, 6), columns {', '.join(State._fields)}")
+    lanes = len(launches)
+    body = Body(*body)
+    laws = _rows("law", ContactLaw, law, lanes)
+    slopes = _rows("slope", Slope, slope, lanes)
+    length = _count("max_rebounds", max_rebounds)
+    limits = Limits(max_time=max_time, tolerance=tolerance)
+    for i, row in enumerate(launches):
+        lane_slope = Slope(*slopes[i if len(slopes) > 1 else 0])
+        launches[i] = _check_launch(body, lane_slope, State(*row), f"states[{i}]")
+    outcomes = np.zeros(lanes, OUTCOME)
+    rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
+    descend_batch(body, laws, slopes, launches, limits, rebounds, length, outcomes)
+    ends = slopes[:, 1] if len(slopes) > 1 else slopes[0, 1]
+    return DescentBatch(outcomes, rebounds, descent_jam(outcomes, body.mass, ends))

@@ -1,0 +1,13 @@
+"""Gymnasium environments; importing the package registers them."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+
+LAUNCH_ID = "sledenv/SledLaunch-v0"
+
+
+def register() -> None:
+    """Register the environments with Gymnasium; a second call does nothing."""
+    if LAUNCH_ID not in gym.registry:
+        gym.register(id=LAUNCH_ID, entry_point="sledenv.envs.launch:SledLaunch")

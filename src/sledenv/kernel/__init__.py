@@ -1,0 +1,1 @@
+"""Compiled mechanics: numbers in, numbers out, no Python objects and no input or output."""

@@ -1,0 +1,346 @@
+"""Contact by the paper's two-stiffness law, event-driven, in power series of high order: docs/physics.md, section 5.
+
+Between events the forces are analytic, so a step is a power series of the state and every event the first root of one.
+The state is kept in contact coordinates (gap, v_n, v_t, omega, phi, x): a locked velocity is then exactly zero, and the
+gap suffers no cancellation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sledenv.kernel.events import (
+    CHORD_DOWN,
+    FEATURE_ENDS,
+    NOTHING,
+    RATE_RELEASED,
+    RATE_ZERO,
+    SEPARATION,
+    SLIP_RELEASED,
+    SLIP_ZERO,
+    SLOPE_ENDS,
+    SPIN_RELEASED,
+    SPIN_ZERO,
+    first_event,
+)
+from sledenv.kernel.friction import compliance, resolve
+from sledenv.kernel.geometry import arms, feature_at, feature_geometry, whole_turns
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body, ContactLaw, Limits, Slope
+from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
+from sledenv.kernel.roots import horner
+from sledenv.kernel.series import (
+    R_FORCE,
+    R_MOMENT,
+    R_NORMAL,
+    R_POWER_ROLLING,
+    R_POWER_SLIDING,
+    expand,
+    integral,
+    step_size,
+)
+from sledenv.kernel.state import (
+    GAP,
+    HYSTERESIS,
+    IMPULSE_N,
+    IMPULSE_R,
+    IMPULSE_T,
+    OMEGA,
+    PHI,
+    ROLLING,
+    SLIDING,
+    TIME,
+    V_N,
+    V_T,
+    X,
+)
+from sledenv.kernel.trajectory import add_sample
+
+MOST_STALLED = 60  # events in a row without any progress in time
+NO_DEPTH = 1e-12  # of the size of the body: a shallower contact is resolved in the limit of a vanishing normal force
+
+
+@kernel
+def _sign(value: float) -> int:
+    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
+
+
+@kernel
+def _choose_branch(
+    body: Body, law: ContactLaw, slope: Slope, feature: int, arm: float, state: np.ndarray
+) -> tuple[int, int, int]:
+    """Signs of v_n, v_t and omega from here on, by the box rule."""
+    h, _, shift = feature_geometry(body, feature)
+    a, b = arms(body, feature, state[PHI])
+    square = state[OMEGA] * state[OMEGA]
+    size = body.radius + body.eccentricity
+    depth = max(-state[GAP], NO_DEPTH * size)
+    return resolve(
+        compliance(body.mass, body.inertia, a, b),
+        slope.gravity * math.sin(slope.angle) + a * square,
+        -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square,
+        law.friction,
+        arm,
+        size,
+        law.stiffness * (1.0 + law.asymmetry) * depth,
+        law.stiffness * (1.0 - law.asymmetry) * depth,
+        _sign(state[V_N]),
+        _sign(state[V_T]),
+        _sign(state[OMEGA]),
+    )
+
+
+@kernel
+def _longest_step(
+    body: Body,
+    feature: int,
+    friction: float,
+    arm: float,
+    stiffness: float,
+    gap_rate: int,
+    scale: float,
+    tolerance: float,
+    state: np.ndarray,
+    c: np.ndarray,
+) -> float:
+    """Step [s] that keeps the truncation error of the series below the tolerance."""
+    step = step_size(c, body.radius + body.eccentricity, scale, tolerance)
+    if gap_rate != 0:
+        # Below half a contact oscillation, or the bound on the curvature of the series becomes useless.
+        a, b = arms(body, feature, state[PHI])
+        mobility = 1.0 / body.mass + abs(a) * (abs(a) + friction * abs(b) + arm) / body.inertia
+        step = min(step, 1.4 / math.sqrt(stiffness * mobility))
+    if state[OMEGA] != 0.0:
+        step = min(step, 1.0 / abs(state[OMEGA]))  # sine and cosine converge fast
+    return step
+
+
+@kernel
+def _advance(state: np.ndarray, c: np.ndarray, step: float) -> None:
+    """Move the state, the impulses and the losses to the end of the step."""
+    state[TIME] += step
+    for row in (X, PHI, GAP, V_N, V_T, OMEGA):
+        state[row] = horner(c[row], step)
+    state[IMPULSE_N] += integral(c[R_NORMAL], step)
+    state[IMPULSE_T] += integral(c[R_FORCE], step)
+    state[IMPULSE_R] += integral(c[R_MOMENT], step)
+    state[SLIDING] += integral(c[R_POWER_SLIDING], step)
+    state[ROLLING] += integral(c[R_POWER_ROLLING], step)
+
+
+@kernel
+def _sample_step(
+    body: Body,
+    geometry: tuple[float, float, float],
+    feature: int,
+    slip: int,
+    spin: int,
+    turns: float,
+    start: float,
+    step: float,
+    interval: float,
+    c: np.ndarray,
+    trajectory: np.ndarray,
+    samples: int,
+) -> int:
+    """Add rows over one step, its start included, close enough to draw the contact."""
+    h, r, shift = geometry
+    rows = max(3, math.ceil(step / interval))
+    for i in range(rows):
+        t = step * i / rows
+        phi = horner(c[PHI], t)
+        omega = horner(c[OMEGA], t)
+        a = h * math.sin(phi + shift)
+        b = r - h * math.cos(phi + shift)
+        samples = add_sample(
+            trajectory,
+            samples,
+            start + t,
+            horner(c[X], t),
+            horner(c[GAP], t) + b,
+            phi + turns,
+            horner(c[V_T], t) - b * omega,
+            horner(c[V_N], t) + a * omega,
+            omega,
+            horner(c[R_NORMAL], t),
+            horner(c[R_FORCE], t),
+            horner(c[R_MOMENT], t),
+            feature,
+            slip,
+            spin,
+        )
+    return samples
+
+
+@kernel
+def contact(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    limits: Limits,
+    state: np.ndarray,
+    c: np.ndarray,
+    steps: int,
+    trajectory: np.ndarray,
+    samples: int,
+) -> tuple[int, int, int]:
+    """Follow one contact from touchdown to separation, rest or the end of the slope: docs/physics.md, section 5.
+
+    Parameters
+    ----------
+    body, law, slope, limits
+        See :mod:`sledenv.kernel.params`.
+    state : ndarray, shape (STATE_SIZE,)
+        Contact state at touchdown; overwritten by the state at the end. Impulses and losses are accumulated.
+    c : ndarray, shape (ROWS, ORDER + 1)
+        Work space.
+    steps : int
+        Integration steps spent so far.
+    trajectory : ndarray of TRAJECTORY
+        Rows are added while there is room; length 0 records nothing.
+    samples : int
+        Rows that were needed so far.
+
+    Returns
+    -------
+    tuple of int
+        Status (RUNNING after a separation), steps and samples.
+    """
+    turns = whole_turns(state[PHI])
+    state[PHI] -= turns
+    feature = feature_at(body, state[PHI])
+    geometry = feature_geometry(body, feature)
+    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    size = body.radius + body.eccentricity
+    k_closing = law.stiffness * (1.0 + law.asymmetry)
+    k_opening = law.stiffness * (1.0 - law.asymmetry)
+    scale = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
+    gap_rate, slip, spin = 0, 0, 0
+    gap_zeros, slip_zeros, spin_zeros, at_edge = 0, 0, 0, 0  # leading coefficients that are zero by construction
+    choose = True
+    stalled = 0
+    while True:
+        if choose:
+            gap_rate, slip, spin = _choose_branch(body, law, slope, feature, arm, state)
+            gap_zeros = 1 if state[V_N] == 0.0 else 0
+            slip_zeros = 1 if state[V_T] == 0.0 else 0
+            spin_zeros = 1 if state[OMEGA] == 0.0 else 0
+            choose = False
+        if gap_rate == 0 and slip == 0 and spin == 0:
+            status = JAMMED
+            break
+        if steps >= limits.max_steps or stalled > MOST_STALLED:
+            status = STEP_BUDGET
+            break
+        steps += 1
+        stiffness = k_closing if gap_rate < 0 else k_opening
+        expand(body, geometry, law.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
+        # A velocity released at the bound of its force starts without acceleration: drop the rounding error of it.
+        if gap_zeros == 2:
+            c[V_N, 1] = 0.0
+        if slip_zeros == 2:
+            c[V_T, 1] = 0.0
+        if spin_zeros == 2:
+            c[OMEGA, 1] = 0.0
+        step = _longest_step(body, feature, law.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
+        left = max(limits.max_time - state[TIME], 0.0)
+        last = step >= left
+        step = min(step, left)
+        if not math.isfinite(step):
+            status = NON_FINITE
+            break
+        depth = -state[GAP]
+        step, event, released = first_event(
+            body,
+            feature,
+            geometry[2],
+            law.friction,
+            arm,
+            k_closing * depth,
+            k_opening * depth,
+            slope.length,
+            (gap_rate, slip, spin),
+            (gap_zeros, slip_zeros, spin_zeros),
+            at_edge,
+            c,
+            step,
+        )
+        if trajectory.shape[0] > 0:
+            samples = _sample_step(
+                body,
+                geometry,
+                feature,
+                slip,
+                spin,
+                turns,
+                state[TIME],
+                step,
+                limits.sample_interval,
+                c,
+                trajectory,
+                samples,
+            )
+        stalled = 0 if state[TIME] + step > state[TIME] else stalled + 1
+        _advance(state, c, step)
+        if event == SEPARATION:
+            state[GAP] = 0.0
+        if gap_rate > 0:
+            state[HYSTERESIS] += 0.5 * (k_closing - k_opening) * (depth * depth - state[GAP] * state[GAP])
+        at_edge = 0
+        if step > 0.0:
+            gap_zeros, slip_zeros, spin_zeros = 0, 0, 0
+            # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
+            for row, sign in ((V_N, gap_rate), (V_T, slip), (OMEGA, spin)):
+                if sign * state[row] < 0.0:
+                    state[row] = 0.0
+                    choose = True
+
+        if event == NOTHING:
+            if last:
+                status = TIMEOUT
+                break
+            if not math.isfinite(state[X] + state[PHI] + state[GAP] + state[V_N] + state[V_T] + state[OMEGA]):
+                status = NON_FINITE
+                break
+        elif event == SEPARATION:
+            status = RUNNING
+            break
+        elif event == SLOPE_ENDS:
+            state[X] = slope.length
+            status = FINISH
+            break
+        elif event == CHORD_DOWN:
+            status = TUMBLED
+            break
+        elif event == RATE_ZERO:
+            state[V_N] = 0.0
+            choose = True
+        elif event == SLIP_ZERO:
+            state[V_T] = 0.0
+            choose = True
+        elif event == SPIN_ZERO:
+            state[OMEGA] = 0.0
+            choose = True
+        elif event == RATE_RELEASED:
+            gap_rate = released
+            gap_zeros = 2
+        elif event == SLIP_RELEASED:
+            slip = released
+            slip_zeros = 2
+        elif event == SPIN_RELEASED:
+            spin = released
+            spin_zeros = 2
+        elif event == FEATURE_ENDS:
+            if feature == ARC:
+                feature = TAIL if state[PHI] > 0.0 else NOSE
+            else:
+                feature = ARC
+            state[PHI] = math.copysign(body.half_angle, state[PHI])
+            geometry = feature_geometry(body, feature)
+            arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+            at_edge = 1
+            choose = True
+    state[PHI] += turns
+    return status, steps, samples

@@ -1,0 +1,118 @@
+"""Ballistic flight up to the first touchdown, which is never stepped over: docs/physics.md, section 7."""
+
+from __future__ import annotations
+
+import math
+
+from sledenv.kernel.geometry import arms, feature_at, feature_geometry, has_corners, whole_turns
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body
+from sledenv.kernel.records import NOSE, TAIL
+
+ROUNDING = 4e-16
+
+
+@kernel
+def _safe_step(gap: float, rate: float, bound: float) -> float:
+    """First root of ``gap + rate t - bound t^2 / 2``, which no gap with ``gap'' >= -bound`` can reach sooner."""
+    if bound == 0.0:
+        return -gap / rate if rate < 0.0 else math.inf
+    root = math.sqrt(rate * rate + 2.0 * bound * max(gap, 0.0))
+    return 2.0 * max(gap, 0.0) / (root - rate) if rate < 0.0 else (rate + root) / bound
+
+
+@kernel
+def _branch_gap(body: Body, y: float, v: float, phi: float, omega: float, feature: int) -> tuple[float, float]:
+    """Gap of a feature and its rate."""
+    a, b = arms(body, feature, phi)
+    return y - b, v - a * omega
+
+
+@kernel
+def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float) -> float:
+    """First time [s] at which the body meets the slope in free flight: docs/physics.md (7.1).
+
+    The gap obeys ``gap'' >= -(gravity + h omega^2)``; each step goes to the first root of the parabola with that
+    curvature, so it cannot pass a root, a grazing one included, and converges quadratically to a plain one.
+
+    Parameters
+    ----------
+    body : Body
+    gravity : float
+        Component along the inward normal [m/s^2], >= 0.
+    y, phi, v, omega : float
+        State at the start of the flight.
+    horizon : float
+        Time [s] beyond which the touchdown is of no interest.
+
+    Returns
+    -------
+    float
+        Time of touchdown, inf if there is none up to ``horizon``.
+    """
+    corners = has_corners(body)
+    h_corner = feature_geometry(body, TAIL)[0] if corners else 0.0
+    h_most = max(body.eccentricity, h_corner)
+    top = body.radius + body.eccentricity  # no part of the body reaches further from the mass centre
+    bound = gravity + h_most * omega * omega
+    noise = ROUNDING * (top + abs(y))
+    t = 0.0
+    while t <= horizon:
+        height = y + t * (v - 0.5 * gravity * t)
+        speed = v - gravity * t
+        if height > top:  # out of reach until it has fallen back to ``top``
+            if gravity > 0.0:
+                t = (v + math.sqrt(v * v + 2.0 * gravity * (y - top))) / gravity
+            elif v < 0.0:
+                t = (top - y) / v
+            else:
+                return math.inf
+            if t > horizon:
+                return math.inf
+            height = top
+            speed = v - gravity * t
+        turned = phi + omega * t
+        local = turned - whole_turns(turned)
+        feature = feature_at(body, local)
+        gap, rate = _branch_gap(body, height, speed, local, omega, feature)
+        if t == 0.0 and gap <= noise:
+            if rate < 0.0:
+                return 0.0
+            gap = 0.0
+            if rate == 0.0:
+                h, _, shift = feature_geometry(body, feature)
+                lift = -gravity - h * math.cos(local + shift) * omega * omega
+                if lift <= 0.0:
+                    return 0.0
+                # gap''' <= h |omega|^3 keeps the gap open this long
+                t = 1.5 * lift / (h_most * abs(omega) ** 3)
+                continue
+        elif gap <= noise and rate <= 0.0:
+            return max(0.0, t - gap / rate) if rate < 0.0 else t
+        step = _safe_step(gap, rate, bound)
+        if corners and omega != 0.0:
+            # The support height has a kink at +-pi, where the other corner takes over: heed that corner as well,
+            # and do not turn so far that the arc beyond it comes down.
+            other = NOSE if omega > 0.0 else TAIL
+            if feature != other:
+                ahead, ahead_rate = _branch_gap(body, height, speed, local, omega, other)
+                step = min(step, _safe_step(ahead, ahead_rate, bound))
+            step = min(step, 0.5 * body.half_angle / abs(omega))
+        if t + step == t:
+            return t
+        t += step
+    return math.inf
+
+
+@kernel
+def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
+    """First time [s] > 0 at which ``x + u t + acceleration t^2 / 2`` reaches ``length``, inf if never."""
+    ahead = length - x
+    if not ahead < math.inf:
+        return math.inf
+    if acceleration == 0.0:
+        return ahead / u if u > 0.0 else math.inf
+    discriminant = u * u + 2.0 * acceleration * ahead
+    if discriminant < 0.0 or (acceleration < 0.0 and u <= 0.0):
+        return math.inf
+    return 2.0 * ahead / (u + math.sqrt(discriminant))

@@ -1,0 +1,70 @@
+"""Which feature of the body touches the slope, and where it lies from the mass centre: docs/physics.md, section 8.
+
+Arc and corners share one set of equations. A feature is described by ``(h, r, shift)``: with ``theta = phi + shift``
+its lowest point lies at ``-a, -b`` from the mass centre, ``a = h sin(theta)``, ``b = r - h cos(theta)``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body
+from sledenv.kernel.records import ARC, NOSE, TAIL
+
+TURN = 2.0 * math.pi
+
+
+@kernel
+def whole_turns(phi: float) -> float:
+    """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted."""
+    return TURN * math.floor(phi / TURN + 0.5)
+
+
+@kernel
+def has_corners(body: Body) -> bool:
+    """Whether the arc ends in corners: a full disc and a rod have none."""
+    return body.half_angle < math.pi and body.radius > 0.0
+
+
+@kernel
+def feature_at(body: Body, phi: float) -> int:
+    """Feature that is lowest at ``phi`` [rad] in [-pi, pi]."""
+    if not has_corners(body) or abs(phi) <= body.half_angle:
+        return ARC
+    return TAIL if phi > 0.0 else NOSE
+
+
+@kernel
+def feature_geometry(body: Body, feature: int) -> tuple[float, float, float]:
+    """Return ``h`` [m], ``r`` [m] and ``shift`` [rad] of a feature: docs/physics.md (8.2)."""
+    if feature == ARC:
+        return body.eccentricity, body.radius, 0.0
+    side = 1.0 if feature == TAIL else -1.0
+    along = body.eccentricity - body.radius * math.cos(body.half_angle)
+    across = body.radius * math.sin(body.half_angle) * side
+    return math.hypot(along, across), 0.0, math.atan2(across, along)
+
+
+@kernel
+def arms(body: Body, feature: int, phi: float) -> tuple[float, float]:
+    """Arms ``a``, ``b`` [m] of a feature: the contact point lies at (-a, -b) from the mass centre."""
+    h, r, shift = feature_geometry(body, feature)
+    return h * math.sin(phi + shift), r - h * math.cos(phi + shift)
+
+
+@kernel
+def support_height(body: Body, phi: float) -> float:
+    """Height [m] of the mass centre above the slope when the lowest point of the body touches it."""
+    local = phi - whole_turns(phi)
+    return arms(body, feature_at(body, local), local)[1]
+
+
+@kernel
+def lowest_support(body: Body) -> float:
+    """Smallest support height [m] over all orientations, from which the supplied energy is counted."""
+    lowest = body.radius - body.eccentricity
+    if has_corners(body):
+        lying = body.eccentricity - body.radius * math.cos(body.half_angle)  # on the chord
+        lowest = min(lowest, lying)
+    return lowest

@@ -1,0 +1,278 @@
+"""What a descent is given: body, contact law, slope, launch state and limits, as tuples of floats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self
+
+Rule = tuple[Callable[[float], bool], str]
+
+_FINITE: Rule = (math.isfinite, "a finite number")
+_POSITIVE: Rule = (lambda v: 0.0 < v < math.inf, "in (0, inf)")
+_NOT_NEGATIVE: Rule = (lambda v: 0.0 <= v < math.inf, "in [0, inf)")
+_HALF_ANGLE: Rule = (lambda v: 0.0 < v <= math.pi, "in (0, pi] rad")
+_FRACTION: Rule = (lambda v: 0.0 <= v < 1.0, "in [0, 1)")
+_CLOSED_FRACTION: Rule = (lambda v: 0.0 <= v <= 1.0, "in [0, 1]")
+_STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
+_LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
+
+
+def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
+    """Return ``value`` as a float, or raise an error that names field, value and allowed range.
+
+    Raises
+    ------
+    TypeError
+        If ``value`` is not a real number.
+    ValueError
+        If ``value`` is NaN or outside the range.
+    """
+    accepts, allowed = rule
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{owner}.{field} = {value!r}: must be a number {allowed}") from None
+    if not accepts(number):
+        raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
+    return number
+
+
+class _BodyFields(NamedTuple):
+    mass: float  # [kg]
+    radius: float  # [m] r of the arc; 0 is a rod
+    eccentricity: float  # [m] h, distance from arc centre to mass centre
+    inertia: float  # [kg m^2] about the mass centre
+    half_angle: float  # [rad] alpha; the arc spans +-alpha about the direction of the mass centre
+
+
+class Body(_BodyFields):
+    """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    radius : float
+        Radius of the arc [m], >= 0; 0 is a rod that touches with its end.
+    eccentricity : float
+        Distance from the centre of the arc to the mass centre [m], >= 0.
+    inertia : float
+        Moment of inertia about the mass centre [kg m^2], > 0.
+    half_angle : float
+        Half-angle of the arc [rad] in (0, pi]; pi is a full disc without corners.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the field, its value and the allowed range.
+    """
+
+    __slots__ = ()
+
+    def __new__(
+        cls, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
+    ) -> Self:
+        return super().__new__(
+            cls,
+            checked("Body", "mass", mass, _POSITIVE),
+            checked("Body", "radius", radius, _NOT_NEGATIVE),
+            checked("Body", "eccentricity", eccentricity, _NOT_NEGATIVE),
+            checked("Body", "inertia", inertia, _POSITIVE),
+            checked("Body", "half_angle", half_angle, _HALF_ANGLE),
+        )
+
+
+def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
+    """Return the uniform lamina bounded by an arc and its chord: docs/physics.md, section 8.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    radius : float
+        Radius of the arc [m], > 0.
+    half_angle : float
+        Half of the angle that the arc subtends [rad] in (0, pi].
+
+    Returns
+    -------
+    Body
+        With the eccentricity and the inertia of the lamina.
+    """
+    mass = checked("circular_segment", "mass", mass, _POSITIVE)
+    radius = checked("circular_segment", "radius", radius, _POSITIVE)
+    alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
+    sine, cosine = math.sin(alpha), math.cos(alpha)
+    area = alpha - sine * cosine  # of the segment, over r^2
+    eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
+    about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
+    return Body(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
+
+
+class _ContactLawFields(NamedTuple):
+    stiffness: float  # [N/m] c; c(1 + asymmetry) loading, c(1 - asymmetry) unloading
+    asymmetry: float  # [-] Delta in [0, 1)
+    friction: float  # [-] f, Coulomb
+    rolling_arm: float  # [m] delta of the arc; rolling resistance is delta * N
+    corner_rolling_arm: float  # [m] delta of a corner
+
+
+class ContactLaw(_ContactLawFields):
+    """How the body touches the slope: docs/physics.md, section 5.
+
+    Parameters
+    ----------
+    stiffness : float
+        Mean normal stiffness c [N/m], > 0: c(1 + asymmetry) while the gap closes, c(1 - asymmetry) while it opens.
+    asymmetry : float
+        Delta [-] in [0, 1); restitution is sqrt((1 - Delta)/(1 + Delta)).
+    friction : float
+        Coulomb coefficient f [-], >= 0.
+    rolling_arm : float
+        Arm delta of the rolling resistance of the arc [m], >= 0.
+    corner_rolling_arm : float
+        The same for a corner [m], >= 0; 0 by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the field, its value and the allowed range.
+    """
+
+    __slots__ = ()
+
+    def __new__(
+        cls,
+        stiffness: float,
+        asymmetry: float,
+        friction: float,
+        rolling_arm: float,
+        corner_rolling_arm: float = 0.0,
+    ) -> Self:
+        return super().__new__(
+            cls,
+            checked("ContactLaw", "stiffness", stiffness, _POSITIVE),
+            checked("ContactLaw", "asymmetry", asymmetry, _FRACTION),
+            checked("ContactLaw", "friction", friction, _NOT_NEGATIVE),
+            checked("ContactLaw", "rolling_arm", rolling_arm, _NOT_NEGATIVE),
+            checked("ContactLaw", "corner_rolling_arm", corner_rolling_arm, _NOT_NEGATIVE),
+        )
+
+    @property
+    def restitution(self) -> float:
+        """Energetic coefficient of restitution e [-] of an impact without gravity: docs/physics.md (5.3)."""
+        return math.sqrt((1.0 - self.asymmetry) / (1.0 + self.asymmetry))
+
+    @classmethod
+    def from_restitution(
+        cls,
+        restitution: float,
+        *,
+        stiffness: float,
+        friction: float,
+        rolling_arm: float,
+        corner_rolling_arm: float = 0.0,
+    ) -> ContactLaw:
+        """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
+        rule: Rule = (lambda v: 0.0 < v <= 1.0, "in (0, 1]")
+        squared = checked("ContactLaw", "restitution", restitution, rule) ** 2
+        return cls(stiffness, (1.0 - squared) / (1.0 + squared), friction, rolling_arm, corner_rolling_arm)
+
+
+class _SlopeFields(NamedTuple):
+    angle: float  # [rad] beta, positive downhill
+    length: float  # [m] where the descent finishes; may be inf
+    gravity: float  # [m/s^2]
+
+
+class Slope(_SlopeFields):
+    """A straight incline: docs/physics.md, section 1.
+
+    Parameters
+    ----------
+    angle : float
+        Inclination beta [rad] in (-pi/2, pi/2); x runs downhill where it is positive.
+    length : float
+        The descent finishes where the mass centre reaches x = length [m], > 0; inf by default.
+    gravity : float
+        Gravitational acceleration [m/s^2], >= 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the field, its value and the allowed range.
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81) -> Self:
+        return super().__new__(
+            cls,
+            checked("Slope", "angle", angle, _STEEPNESS),
+            checked("Slope", "length", length, _LENGTH),
+            checked("Slope", "gravity", gravity, _NOT_NEGATIVE),
+        )
+
+
+class _StateFields(NamedTuple):
+    x: float  # [m] mass centre, along the slope, downhill positive
+    y: float  # [m] mass centre, along the outward normal
+    phi: float  # [rad] orientation, counter-clockwise, not wrapped
+    u: float  # [m/s] xdot
+    v: float  # [m/s] ydot
+    omega: float  # [rad/s] phidot
+
+
+class State(_StateFields):
+    """Position, orientation and velocity of the body: docs/physics.md, section 1.
+
+    ``x``, ``y`` [m] locate the mass centre in the slope frame, ``phi`` [rad] is counter-clockwise and not wrapped,
+    ``u``, ``v`` [m/s] and ``omega`` [rad/s] are their rates.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field is not a finite number.
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, x: float, y: float, phi: float, u: float = 0.0, v: float = 0.0, omega: float = 0.0) -> Self:
+        values = zip(cls._fields, (x, y, phi, u, v, omega), strict=True)
+        return super().__new__(cls, *(checked("State", field, value, _FINITE) for field, value in values))
+
+
+class _LimitsFields(NamedTuple):
+    max_time: float  # [s]
+    max_steps: float  # [-] integration steps in contact
+    tolerance: float  # [-] local error of a contact step, relative to the speed scale of the contact
+    sample_interval: float  # [s] longest time between two rows of a trajectory
+    step: float  # [s] of the explicit Euler solver
+    printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
+
+
+class Limits(_LimitsFields):
+    """Where a simulation stops and how finely it is integrated and sampled."""
+
+    __slots__ = ()
+
+    def __new__(
+        cls,
+        max_time: float = 60.0,
+        max_steps: float = 1e6,
+        tolerance: float = 1e-16,
+        sample_interval: float = 0.01,
+        step: float = 2.5e-7,
+        printed_sign: float = 0.0,
+    ) -> Self:
+        tolerance_rule: Rule = (lambda v: 1e-18 <= v <= 1e-3, "in [1e-18, 1e-3]")
+        return super().__new__(
+            cls,
+            checked("Limits", "max_time", max_time, _POSITIVE),
+            checked("Limits", "max_steps", max_steps, _POSITIVE),
+            checked("Limits", "tolerance", tolerance, tolerance_rule),
+            checked("Limits", "sample_interval", sample_interval, _POSITIVE),
+            checked("Limits", "step", step, _POSITIVE),
+            checked("Limits", "printed_sign", printed_sign, _CLOSED_FRACTION),
+        )

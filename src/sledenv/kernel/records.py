@@ -1,0 +1,135 @@
+"""What a descent returns: the record types and the codes that appear in them."""
+
+from __future__ import annotations
+
+from enum import IntEnum, StrEnum
+from typing import Final
+
+import numpy as np
+
+# Kernels use the plain integers (an enum member would not be a compile-time constant); the enums below name them.
+RUNNING: Final = 0
+FINISH: Final = 1
+JAMMED: Final = 2
+TUMBLED: Final = 3
+TIMEOUT: Final = 4
+LOG_FULL: Final = 5
+STEP_BUDGET: Final = 6
+NON_FINITE: Final = 7
+
+ARC: Final = 1
+NOSE: Final = 2
+TAIL: Final = 3
+CHORD: Final = 4
+
+
+class Status(StrEnum):
+    """Why a descent ended; members are strings, ``STATUS_OF_CODE`` maps the kernel's codes to them."""
+
+    RUNNING = "running"  # never returned by a whole descent
+    FINISH = "finish"  # the mass centre reached the end of the slope
+    JAMMED = "jammed"  # at rest for good: full stick on the incline
+    TUMBLED = "tumbled"  # both corners touch: the body lies on its chord
+    TIMEOUT = "timeout"  # max_time elapsed
+    LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
+    STEP_BUDGET = "step_budget"  # max_steps integration steps were spent
+    NON_FINITE = "non_finite"  # a state overflowed or was not a number
+
+
+STATUS_OF_CODE: Final = tuple(Status)  # in the order of the codes above
+
+
+class Feature(IntEnum):
+    """Which part of the body touches."""
+
+    NONE = 0
+    ARC = ARC
+    NOSE = NOSE  # the downhill corner of an upright body
+    TAIL = TAIL  # the uphill corner
+    CHORD = CHORD  # both corners
+
+
+class Mode(IntEnum):
+    """How the contact ended, in the words of the paper's Table 1."""
+
+    SLIDE_ROLL = 1  # slips and spins as at entry
+    STOP_ROLL = 2  # slip has stopped, the body rolls
+    SLIDE = 3  # slips without rotation
+    STUCK = 4  # neither slips nor rotates
+    SPIN_REVERSAL = 5  # the spin has changed its sign
+    SLIP_REVERSAL = 6  # the slip has changed its sign
+    DOUBLE_REVERSAL = 7  # both have
+
+
+REBOUND = np.dtype(
+    [
+        ("t", "f8"),  # [s] at separation (or at the end of a descent that ends in contact)
+        ("x", "f8"),  # [m] mass centre at that time
+        ("phi", "f8"),  # [rad] at that time
+        ("duration", "f8"),  # [s] of the contact
+        ("feature", "i4"),  # Feature that touched first
+        ("mode", "i4"),  # Mode
+        ("normal_impulse", "f8"),  # [N s]
+        ("tangential_impulse", "f8"),  # [N s]
+        ("rolling_impulse", "f8"),  # [N m s]
+        ("u_before", "f8"),  # [m/s] at touchdown
+        ("v_before", "f8"),
+        ("omega_before", "f8"),  # [rad/s]
+        ("u_after", "f8"),  # [m/s] at separation
+        ("v_after", "f8"),
+        ("omega_after", "f8"),  # [rad/s]
+        ("loss_hysteresis", "f8"),  # [J]
+        ("loss_sliding", "f8"),  # [J]
+        ("loss_rolling", "f8"),  # [J]
+        ("stuck", "i4"),  # 0 no; 1 below 5 % of the entry speed; 2 exactly (u = 0 and omega = 0)
+    ],
+    align=True,
+)
+
+TRAJECTORY = np.dtype(
+    [
+        ("t", "f8"),  # [s]
+        ("x", "f8"),  # [m]
+        ("y", "f8"),  # [m]
+        ("phi", "f8"),  # [rad]
+        ("u", "f8"),  # [m/s]
+        ("v", "f8"),  # [m/s]
+        ("omega", "f8"),  # [rad/s]
+        ("normal", "f8"),  # [N] contact force along the outward normal
+        ("tangential", "f8"),  # [N] contact force along the slope
+        ("rolling", "f8"),  # [N m] rolling moment
+        ("feature", "i4"),  # Feature in contact, 0 in flight
+        ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
+        ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
+    ],
+    align=True,
+)
+
+LEDGER_FIELDS: Final = (
+    "initial",  # [J] kinetic + potential energy at launch
+    "kinetic",  # [J] at the end
+    "potential",  # [J] at the end; zero at x = 0, y = 0
+    "stored",  # [J] in the compressed contact at the end
+    "hysteresis",  # [J] lost between loading and unloading stiffness
+    "sliding",  # [J] lost to Coulomb friction
+    "rolling",  # [J] lost to rolling resistance
+    "supplied",  # [J] launch kinetic energy + drop height + slope descended
+)
+
+OUTCOME = np.dtype(
+    [
+        ("status", "i4"),  # Status
+        ("rebounds", "i4"),  # rows of the log that were filled
+        ("samples", "i8"),  # rows of the trajectory that were needed (more than its length: it was too short)
+        ("steps", "i8"),  # integration steps in contact
+        ("t", "f8"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("phi", "f8"),
+        ("u", "f8"),
+        ("v", "f8"),
+        ("omega", "f8"),
+        *((name, "f8") for name in LEDGER_FIELDS),
+    ],
+    align=True,
+)

@@ -1,0 +1,7 @@
+"""Places of the contact state in its array: contact coordinates, then what a contact accumulates."""
+
+from __future__ import annotations
+
+TIME, X, PHI, GAP, V_N, V_T, OMEGA = range(7)
+IMPULSE_N, IMPULSE_T, IMPULSE_R, HYSTERESIS, SLIDING, ROLLING = range(7, 13)
+STATE_SIZE = 13

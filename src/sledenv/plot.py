@@ -1,0 +1,376 @@
+"""The figures: descents as strobe pictures, one impact in time, one descent in time and energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sledenv.descent import Descent
+from sledenv.kernel.geometry import arms
+from sledenv.outline import (
+    arc_centre,
+    body_outline,
+    contact_spans,
+    drawable_rows,
+    heavy_side,
+    reach,
+    strobe_states,
+    to_world,
+)
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, which stay apart for colour-blind readers.
+_BLUE, _SKY, _GREEN, _ORANGE, _RED, _PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
+_INK, _GROUND, _SHADE, _POTENTIAL = "#333333", "#E3E7EC", "#E9EDF2", "#BFC8D2"
+_STYLE: dict[str, Any] = {
+    "font.size": 11.0,
+    "axes.titlesize": 11.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": _INK,
+    "lines.linewidth": 1.6,
+    "legend.frameon": False,
+    "savefig.dpi": 110.0,
+}
+_DASHES = (0, (4, 3))
+_WIDTH = 9.0  # [in]
+
+
+def plot_strobe(
+    descents: Descent | Sequence[Descent],
+    *,
+    labels: Sequence[str] | None = None,
+    frames: int = 24,
+    whole: bool = True,
+) -> Figure:
+    """Draw descents as strobe pictures, one panel each, all to one scale.
+
+    The sled is drawn at equal intervals of time, the same in all panels, coloured by its speed; its darker half holds
+    the mass centre.
+
+    Parameters
+    ----------
+    descents : Descent or sequence of Descent
+        Simulated with ``record="trajectory"``.
+    labels : sequence of str, optional
+        One a panel, put in front of its title.
+    frames : int
+        About this many poses of the descent that lasts longest, >= 2; a sled that hardly moves is drawn less often.
+    whole : bool
+        Show the slope to its end, otherwise only where the sleds went.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If there is no descent, one has no trajectory, ``frames`` < 2 or the number of labels differs.
+    """
+    descents = [descents] if isinstance(descents, Descent) else list(descents)
+    if not descents:
+        raise ValueError("descents is empty: there is nothing to draw")
+    if labels is not None and len(labels) != len(descents):
+        raise ValueError(f"{len(labels)} labels for {len(descents)} descents")
+    if frames < 2:
+        raise ValueError(f"frames = {frames!r}: must be >= 2")
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+
+        tracks = [drawable_rows(descent) for descent in descents]
+        interval = _round_interval(max(float(rows["t"][-1]) for rows in tracks) / (frames - 1))
+        fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
+        speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
+        boxes = [_box(descent, rows, whole) for descent, rows in zip(descents, tracks, strict=True)]
+        low = min(box[0, 0] for box in boxes)
+        high = max(box[1, 0] for box in boxes)
+        heights = [float(np.clip(8.0 * (box[1, 1] - box[0, 1]) / (high - low), 1.0, 4.5)) for box in boxes]
+        figure = Figure(figsize=(_WIDTH, sum(heights) + 0.35 * len(descents) + 1.0), layout="constrained")
+        grid = figure.subplots(len(descents), 1, sharex=True, squeeze=False, height_ratios=heights)
+        axes: list[Axes] = list(grid[:, 0])
+        for i, (ax, descent, rows, box) in enumerate(zip(axes, descents, tracks, boxes, strict=True)):
+            ax.set_xlim(low, high)
+            ax.set_ylim(box[0, 1], box[1, 1])
+            ax.set_aspect("equal")
+            ax.set_ylabel("height [m]")
+            ax.set_title(_outcome(descent) if labels is None else f"{labels[i]}: {_outcome(descent)}", loc="left")
+            _draw_slope(ax, descent)
+            _draw_contacts(ax, descent)
+            _draw_poses(ax, descent, rows, interval, speed)
+        axes[-1].set_xlabel("horizontal distance [m]")
+        figure.colorbar(speed, ax=axes, label="speed [m/s]", shrink=0.9 if len(axes) == 1 else 0.6, aspect=24, pad=0.02)
+        handles: list[Artist] = [
+            Line2D([], [], color=_INK, lw=1.0, label="path of the mass centre"),
+            Line2D([], [], color=_RED, marker="^", ls="", label="touchdown"),
+            Line2D([], [], color=_RED, lw=4.0, label="contact"),
+            Line2D([], [], marker="o", mfc="none", mec=_INK, ms=9, ls="", label=f"pose every {interval:g} s"),
+            Line2D([], [], color=_INK, lw=1.2, ls=_DASHES, label="finish"),
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.3, handletextpad=0.5)
+    return figure
+
+
+def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) -> Figure:
+    """Plot forces, moment and kinetic energy over time: the paper's Fig. 7-10.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    start, stop : float
+        Interval of time [s].
+
+    Returns
+    -------
+    Figure
+        Normal force, tangential force, total moment about the mass centre, kinetic energy.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing or has fewer than two rows in the interval.
+    """
+    rows = drawable_rows(descent)
+    rows = rows[(rows["t"] >= start) & (rows["t"] <= stop)]
+    if len(rows) < 2:
+        raise ValueError(f"start = {start!r}, stop = {stop!r}: fewer than two rows of the trajectory lie in between")
+    a, b = _arms(descent, rows)
+    moment = -a * rows["normal"] + b * rows["tangential"] + rows["rolling"]
+    translation, rotation = _kinetic(descent, rows)
+    panels = (
+        ("N [N]\nnormal force", rows["normal"], _BLUE),
+        ("F [N]\ntangential force", rows["tangential"], _RED),
+        ("moment [N m]\nabout the mass centre", moment, _GREEN),
+        ("T [J]\nkinetic energy", translation + rotation, _INK),
+    )
+    brief = rows["t"][-1] - rows["t"][0] < 0.5
+    scale, unit = (1e3, "ms") if brief else (1.0, "s")
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(_WIDTH, 5.6), layout="constrained")
+        grid = figure.subplots(2, 2, sharex=True)
+        for ax, (label, values, colour) in zip(grid.flat, panels, strict=True):
+            _shade_contacts(ax, descent, scale)
+            ax.axhline(0.0, color=_INK, lw=0.6)
+            ax.plot(scale * rows["t"], values, color=colour)
+            ax.set_ylabel(label)
+            ax.set_xlim(scale * rows["t"][0], scale * rows["t"][-1])
+        for ax in grid[1]:
+            ax.set_xlabel(f"time [{unit}]")
+        figure.align_ylabels(grid)
+        figure.legend(handles=[_contact_key()], loc="outside lower center")
+    return figure
+
+
+def plot_descent(descent: Descent) -> Figure:
+    """Plot velocities (the paper's Fig. 12-14) and the energy ledger of a descent over time.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+
+    Returns
+    -------
+    Figure
+        Velocity along the slope, velocity normal to it, angular velocity, and where the energy of the launch has gone:
+        the layers add up to the same sum at all times.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing.
+    """
+    rows = drawable_rows(descent)
+    t = rows["t"]
+    layers = _energy_layers(descent, rows)
+    curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(_WIDTH, 8.0), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.9)))
+        for ax, (field, label) in zip(axes[:3], curves, strict=True):
+            _shade_contacts(ax, descent, 1.0)
+            ax.axhline(0.0, color=_INK, lw=0.6)
+            ax.plot(t, rows[field], color=_BLUE)
+            ax.set_ylabel(label)
+        colours = (_BLUE, _SKY, _POTENTIAL, _INK, _RED, _ORANGE, _PURPLE)
+        axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
+        axes[3].set_ylabel("energy [J]")
+        axes[3].set_xlabel("time [s]")
+        axes[3].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        axes[0].set_title(_outcome(descent), loc="left")
+        handles = [*axes[3].get_legend_handles_labels()[0], _contact_key()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        figure.align_ylabels(axes)
+    return figure
+
+
+def _matplotlib() -> ModuleType:
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise ImportError('figures need matplotlib: pip install "sledenv[plot]"') from error
+    return matplotlib
+
+
+def _outcome(descent: Descent) -> str:
+    jam = descent.jam
+    return (
+        f"{descent.status} after {descent.time:.2f} s, reward {float(jam.reward):.2f}, "
+        f"jam index {float(jam.jam_index):.2f}"
+    )
+
+
+def _round_interval(interval: float) -> float:
+    """Return the number 1, 2, 2.5 or 5 times a power of ten that is nearest to an interval, 1 for none."""
+    if interval <= 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(interval))
+    return min((factor * power for factor in (1.0, 2.0, 2.5, 5.0, 10.0)), key=lambda nice: abs(nice - interval))
+
+
+def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
+    """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
+    size = reach(descent.body)
+    path = np.stack([rows["x"], rows["y"]], axis=-1)
+    below = path * (1.0, 0.0)
+    ends = [(0.0, 0.0), (descent.slope.length, 0.0)] if whole and math.isfinite(descent.slope.length) else path[:1]
+    world = to_world(np.concatenate([path, below, ends]), descent.slope.angle)
+    low, high = world.min(axis=0), world.max(axis=0)
+    sides = 1.1 * size
+    # Below the surface there is room for the marks of the contacts.
+    return np.stack([low - (sides, 0.4 * size + 0.02 * (high[0] - low[0])), high + sides])
+
+
+def _draw_slope(ax: Axes, descent: Descent) -> None:
+    low, high = np.array(ax.get_xlim())
+    steepness = math.tan(descent.slope.angle)
+    surface = np.array([-low * steepness, -high * steepness])
+    ax.fill_between([low, high], surface, ax.get_ylim()[0] - abs(high - low), color=_GROUND, lw=0.0, zorder=0)
+    ax.plot([low, high], surface, color=_INK, lw=1.0, zorder=1)
+    if math.isfinite(descent.slope.length):
+        foot, top = to_world([(descent.slope.length, 0.0), (descent.slope.length, 1e3)], descent.slope.angle)
+        ax.plot(*np.stack([foot, top], axis=-1), color=_INK, lw=1.2, ls=_DASHES, zorder=1, scalex=False, scaley=False)
+
+
+def _draw_contacts(ax: Axes, descent: Descent) -> None:
+    spans = contact_spans(descent)
+    segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
+    world = to_world(segments, descent.slope.angle)
+    for begin_end in world:
+        ax.plot(*begin_end.T, color=_RED, lw=4.0, solid_capstyle="butt", zorder=2)
+    ax.plot(*world[:, 0].T, color=_RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
+
+
+def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, speed: ScalarMappable) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    body, angle = descent.body, descent.slope.angle
+    states = strobe_states(body, rows, interval)
+    colours = speed.to_rgba(np.hypot(states[:, 3], states[:, 4]))
+    places = states[:, :3].tolist()
+    outlines = [to_world(body_outline(body, *place), angle) for place in places]
+    heavy = [to_world(heavy_side(body, *place), angle) for place in places]
+    spokes = [to_world([arc_centre(body, *place), place[:2]], angle) for place in places]
+    ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.15, zorder=4))
+    ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
+    ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=1.3, zorder=6))
+    ax.add_collection(LineCollection(spokes, colors=_INK, linewidths=1.0, zorder=7))
+    path = to_world(np.stack([rows["x"], rows["y"]], axis=-1), angle)
+    ax.plot(*path.T, color=_INK, lw=0.8, zorder=8)
+    ax.plot(*to_world(states[:, :2], angle).T, color=_INK, marker="o", ms=2.5, ls="", zorder=9)
+
+
+def _shade_contacts(ax: Axes, descent: Descent, scale: float) -> None:
+    """Shade the times of contact; ``scale`` is that of the time axis."""
+    for rebound in descent.rebounds:
+        end = scale * rebound["t"]
+        ax.axvspan(end - scale * rebound["duration"], end, facecolor=_SHADE, edgecolor=_SHADE, lw=0.8, zorder=0)
+
+
+def _contact_key() -> Artist:
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=_SHADE, label="in contact")
+
+
+def _arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Arms [m] of the touching feature in each row, zero in flight."""
+    a, b = np.zeros(len(rows)), np.zeros(len(rows))
+    for i in np.flatnonzero(rows["feature"]):
+        a[i], b[i] = arms(descent.body, rows["feature"][i], rows["phi"][i])
+    return a, b
+
+
+def _kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Energy [J] of translation and of rotation in each row."""
+    speed_squared = np.square(rows["u"]) + np.square(rows["v"])
+    return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
+
+
+def _energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
+    translation, rotation = _kinetic(descent, rows)
+    height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
+    potential = descent.body.mass * descent.slope.gravity * (height - height.min())
+    _, b = _arms(descent, rows)
+    squeezed = np.where(rows["feature"] > 0, np.minimum(rows["y"] - b, 0.0), 0.0)
+    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * np.square(squeezed)
+    hysteresis, sliding, rolling = _losses(descent, rows)
+    return {
+        "translation": translation,
+        "rotation": rotation,
+        "potential": potential,
+        "stored in the contact": stored,
+        "lost by hysteresis": hysteresis,
+        "lost by sliding": sliding,
+        "lost by rolling": rolling,
+    }
+
+
+def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Cumulative losses [J] by hysteresis, sliding and rolling, shape (3, m).
+
+    The rebounds say how much each contact lost; the power of the contact forces says when.
+    """
+    a, b = _arms(descent, rows)
+    power = np.stack(
+        [
+            rows["normal"] * np.maximum(rows["v"] - a * rows["omega"], 0.0),  # lost while the gap opens
+            np.abs(rows["tangential"] * (rows["u"] + b * rows["omega"])),
+            np.abs(rows["rolling"] * rows["omega"]),
+        ]
+    )
+    work = np.diff(rows["t"]) * 0.5 * (power[:, 1:] + power[:, :-1])
+    total = np.zeros(power.shape)
+    for rebound in descent.rebounds:
+        first, last = np.searchsorted(rows["t"], [rebound["t"] - rebound["duration"], rebound["t"]])
+        losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
+        done = np.cumsum(work[:, first:last], axis=1)
+        spread = np.divide(done, done[:, -1:], out=np.ones_like(done), where=done[:, -1:] > 0.0)
+        total[:, first + 1 : last + 1] += losses[:, None] * spread
+        total[:, last + 1 :] += losses[:, None]
+    return total

@@ -1,0 +1,467 @@
+"""Scenarios: validated YAML, its units, the contexts sampled from it and what it hands to the simulator."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import re
+import reprlib
+import sys
+from difflib import get_close_matches
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
+
+from sledenv.kernel.geometry import support_height
+from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+
+Pair = tuple[float, float]
+
+
+class ScenarioError(ValueError):
+    """A scenario that does not exist or is not valid; one line of the message for each problem."""
+
+
+class _Quantity:
+    """What a key accepts: a number in an interval that is written with its unit, as in ``"(0, 90] deg"``."""
+
+    form: ClassVar[str] = "a number"
+
+    def __init__(self, interval: str) -> None:
+        parsed = re.fullmatch(r"([\[(])(\S+), (\S+)([\])]).*", interval)
+        if parsed is None:
+            raise ValueError(f"not an interval: {interval!r}")
+        self.allowed = f"{self.form} in {interval}"
+        self._open = parsed[1] == "(", parsed[4] == ")"
+        # An infinite end admits every finite number.
+        self._ends = max(float(parsed[2]), -sys.float_info.max), min(float(parsed[3]), sys.float_info.max)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def read(self, value: Any) -> Any:
+        return self.number(value)
+
+    def number(self, value: Any) -> float:
+        (low, high), (low_open, high_open) = self._ends, self._open
+        if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+            raise ValueError(f"must be {self.allowed}")
+        if not low <= value <= high or (low_open and value == low) or (high_open and value == high):
+            raise ValueError(f"must be {self.allowed}")
+        return float(value) + 0.0  # -0.0 becomes 0.0
+
+
+class _Whole(_Quantity):
+    form = "a whole number"
+
+    def read(self, value: Any) -> int:
+        if self.number(value) != int(value):
+            raise ValueError(f"must be {self.allowed}")
+        return int(value)
+
+
+class _Bounds(_Quantity):
+    form = "a pair [low, high] of numbers"
+
+    def read(self, value: Any) -> Pair:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise ValueError(f"must be {self.allowed}")
+        low, high = self.number(value[0]), self.number(value[1])
+        self.compare(low, high)
+        return low, high
+
+    def compare(self, low: float, high: float) -> None:
+        if low >= high:
+            raise ValueError(f"low must be below high; must be {self.allowed}")
+
+
+class _Range(_Bounds):
+    form = "a number, or a pair [low, high] to sample,"
+
+    def read(self, value: Any) -> Pair:
+        return super().read(value if isinstance(value, list | tuple) else (value, value))
+
+    def compare(self, low: float, high: float) -> None:
+        if low > high:
+            raise ValueError(f"low must not exceed high; must be {self.allowed}")
+
+
+class Section(BaseModel):
+    """A mapping of a scenario: immutable, and without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True)
+
+
+class DiscBody(Section):
+    """A full disc whose mass centre lies off its axis."""
+
+    kind: Literal["disc"]
+    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, _Quantity("(0, inf) m")]
+    eccentricity_m: Annotated[float, _Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]  # about the mass centre
+
+    @field_validator("eccentricity_m")
+    @classmethod
+    def _mass_centre_inside(cls, eccentricity: float, info: ValidationInfo) -> float:
+        radius = info.data.get("radius_m", math.inf)
+        if eccentricity >= radius:
+            raise ValueError(f"must be a number in [0, radius_m) = [0, {radius:g}) m")
+        return eccentricity
+
+    @field_validator("inertia_kg_m2")
+    @classmethod
+    def _mass_within_the_rim(cls, inertia: float, info: ValidationInfo) -> float:
+        if {"mass_kg", "radius_m", "eccentricity_m"} <= info.data.keys():
+            mass, radius, eccentricity = (info.data[key] for key in ("mass_kg", "radius_m", "eccentricity_m"))
+            highest = mass * (radius**2 - eccentricity**2)
+            if inertia > highest * (1.0 + 1e-9):
+                raise ValueError(f"must be a number in (0, m (r^2 - h^2)] = (0, {highest:g}] kg m^2")
+        return inertia
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2)
+
+
+class SegmentBody(Section):
+    """A uniform lamina bounded by an arc and its chord."""
+
+    kind: Literal["segment"]
+    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, _Quantity("(0, inf) m")]
+    half_angle_deg: Annotated[float, _Quantity("[1, 180] deg")]  # of the arc; the inertia loses its digits below 1
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return circular_segment(self.mass_kg, self.radius_m, math.radians(self.half_angle_deg))
+
+
+class CustomBody(Section):
+    """Any body of the simulator, a rod (``radius_m: 0``) included."""
+
+    kind: Literal["custom"]
+    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, _Quantity("[0, inf) m")]
+    eccentricity_m: Annotated[float, _Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]  # about the mass centre
+    half_angle_deg: Annotated[float, _Quantity("(0, 180] deg")] = 180.0
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        half_angle = math.radians(self.half_angle_deg)
+        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
+
+
+class SlopeSection(Section):
+    """The incline."""
+
+    angle_deg: Annotated[Pair, _Range("(-90, 90) deg")]  # positive downhill
+    length_m: Annotated[float, _Quantity("(0, inf) m")]
+    gravity_m_s2: Annotated[float, _Quantity("[0, inf) m/s^2")] = 9.81
+
+
+class ContactSection(Section):
+    """How the body touches the slope; either ``restitution`` or ``asymmetry``."""
+
+    stiffness_n_m: Annotated[float, _Quantity("(0, inf) N/m")]
+    restitution: Annotated[Pair, _Range("(0, 1]")] | None = None
+    asymmetry: Annotated[float, _Quantity("[0, 1)")] | None = None
+    friction: Annotated[Pair, _Range("[0, inf)")]
+    rolling_arm_m: Annotated[float, _Quantity("[0, inf) m")]
+    corner_rolling_arm_m: Annotated[float, _Quantity("[0, inf) m")] = 0.0
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.restitution is None) == (self.asymmetry is None):
+            have = "both are given" if self.asymmetry is not None else "both are missing"
+            raise ValueError(f"must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}")
+        return self
+
+    @property
+    def restitution_range(self) -> Pair:
+        """Lowest and highest coefficient of restitution [-], whichever key gave it."""
+        if self.restitution is not None:
+            return self.restitution
+        assert self.asymmetry is not None  # by _one_of_two
+        restitution = math.sqrt((1.0 - self.asymmetry) / (1.0 + self.asymmetry))
+        return restitution, restitution
+
+
+class LaunchSection(Section):
+    """How the body is let go."""
+
+    speed_m_s: Annotated[Pair, _Range("[0, inf) m/s")]  # along the slope, downhill
+    drop_m: Annotated[Pair, _Range("[0, inf) m")]  # clearance of the lowest point of the body
+    fall_m_s: Annotated[Pair, _Range("[0, inf) m/s")] = (0.0, 0.0)  # towards the slope
+    orientation_deg: Annotated[Pair, _Range("[-360, 360] deg")] = (0.0, 0.0)  # unless the agent chooses it
+    spin_rad_s: Annotated[Pair, _Range("(-inf, inf) rad/s")] = (0.0, 0.0)  # unless the agent chooses it
+
+
+class ControlSection(Section):
+    """The bounds of what an agent may choose."""
+
+    orientation_deg: Annotated[Pair, _Bounds("[-360, 360] deg")]
+    spin_rad_s: Annotated[Pair, _Bounds("(-inf, inf) rad/s")]
+
+
+class LimitsSection(Section):
+    """Where a descent is given up."""
+
+    max_time_s: Annotated[float, _Quantity("(0, inf) s")]
+    max_rebounds: Annotated[int, _Whole("[1, 1000000]")]
+
+
+class Context(NamedTuple):
+    """One draw from the ranges of a scenario: all that differs between two of its descents."""
+
+    angle: float  # [rad] of the slope
+    friction: float  # [-] f
+    restitution: float  # [-] e
+    speed: float  # [m/s] along the slope
+    drop: float  # [m] clearance of the lowest point of the body
+    fall: float  # [m/s] towards the slope
+    orientation: float  # [rad] phi at launch
+    spin: float  # [rad/s] omega at launch
+
+
+class Scenario(Section):
+    """A family of descents: one body, one slope and the ranges that a context is drawn from.
+
+    The keys are those of the YAML file, with their units; ``slope``, ``body`` and ``launch`` are read as
+    ``slope_section``, ``body_section`` and ``launch_section``. Instances are immutable, hashable and picklable.
+    """
+
+    id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    title: str
+    description: str = ""
+    sources: str = ""  # where the numbers come from
+    tags: tuple[str, ...] = ()
+    slope_section: Annotated[SlopeSection, Field(alias="slope")]
+    body_section: Annotated[DiscBody | SegmentBody | CustomBody, Field(alias="body", discriminator="kind")]
+    contact: ContactSection
+    launch_section: Annotated[LaunchSection, Field(alias="launch")]
+    control: ControlSection
+    limits: LimitsSection
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Build a scenario from a mapping that has the keys of the YAML file.
+
+        Raises
+        ------
+        ScenarioError
+            Naming every wrong key, its value and what is allowed.
+        """
+        name = obj.get("id", "without id") if isinstance(obj, dict) else "without id"
+        return cls._read(obj, f"scenario {name}", options)
+
+    @classmethod
+    def _read(cls, obj: Any, source: str, options: dict[str, Any]) -> Self:
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            problems = [f"{source}: {_explain(details)}" for details in error.errors()]
+        raise ScenarioError("\n".join(problems))
+
+    @property
+    def ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest value of each field of ``Context``: two new arrays of shape (8,), in its units."""
+        low, high = np.array(self._pairs()).T.copy()
+        return low, high
+
+    @property
+    def hash(self) -> str:
+        """Identity of what is simulated, 16 hex digits: title, description, sources and tags do not count."""
+        content = self.model_dump(mode="json", exclude={"title", "description", "sources", "tags"})
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    def sample(self, rng: np.random.Generator) -> Context:
+        """Draw a context, uniform in the ranges; every call takes eight doubles from ``rng``."""
+        draws = rng.random(len(Context._fields)).tolist()
+        pairs = zip(draws, self._pairs(), strict=True)
+        return Context(*(min(low + (high - low) * draw, high) for draw, (low, high) in pairs))
+
+    def _pairs(self) -> tuple[Pair, ...]:
+        """Range of each field of ``Context``."""
+        launch = self.launch_section
+        return (
+            _radians(self.slope_section.angle_deg),
+            self.contact.friction,
+            self.contact.restitution_range,
+            launch.speed_m_s,
+            launch.drop_m,
+            launch.fall_m_s,
+            _radians(launch.orientation_deg),
+            launch.spin_rad_s,
+        )
+
+    def body(self) -> Body:
+        """Return the body of every context."""
+        return self.body_section.build()
+
+    def law(self, context: Context) -> ContactLaw:
+        """Return the contact law of a context."""
+        return ContactLaw.from_restitution(
+            context.restitution,
+            stiffness=self.contact.stiffness_n_m,
+            friction=context.friction,
+            rolling_arm=self.contact.rolling_arm_m,
+            corner_rolling_arm=self.contact.corner_rolling_arm_m,
+        )
+
+    def slope(self, context: Context) -> Slope:
+        """Return the slope of a context."""
+        return Slope(context.angle, self.slope_section.length_m, self.slope_section.gravity_m_s2)
+
+    def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
+        """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
+
+        Parameters
+        ----------
+        context : Context
+            The draw.
+        orientation : float, optional
+            phi [rad] in place of the context's.
+        spin : float, optional
+            omega [rad/s] in place of the context's.
+
+        Returns
+        -------
+        State
+            With x = 0.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If ``orientation`` or ``spin`` is not a finite number.
+        """
+        phi = context.orientation if orientation is None else orientation
+        omega = context.spin if spin is None else spin
+        upright = State(0.0, 0.0, phi, context.speed, 0.0 - context.fall, omega)
+        return upright._replace(y=context.drop + support_height(self.body(), upright.phi))
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Return the names of the shipped scenarios, sorted."""
+    files = (entry.name for entry in _shipped().iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+
+
+def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
+    """Read a scenario.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        A name out of ``scenario_names()``, or the path of a file that ends in ``.yaml``.
+
+    Returns
+    -------
+    Scenario
+        Validated.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such scenario, or naming every wrong key of the file, its value and what is allowed.
+    """
+    name = os.fspath(name_or_path)
+    file: Traversable
+    if name.endswith((".yaml", ".yml")):
+        source, file = name, Path(name)
+    elif name in (known := scenario_names()):
+        source, file = f"{name}.yaml", _shipped() / f"{name}.yaml"
+    else:
+        raise ScenarioError(
+            f"unknown scenario {name!r}{_hint(name, known)}; known: {', '.join(known)}; a file ends in .yaml"
+        )
+    try:
+        content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ScenarioError(f"{source}: cannot be read: {' '.join(str(error).split())}") from error
+    return Scenario._read(content, source, {})
+
+
+def _shipped() -> Traversable:
+    """Folder of the shipped scenarios: in the installed package, or in the checkout it is edited in."""
+    installed = resources.files("sledenv") / "scenarios"
+    return installed if installed.is_dir() else Path(__file__).parents[2] / "configs" / "scenarios"
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML in which ``1e7`` is a number, as in YAML 1.2, and a repeated key is an error."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        seen = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"repeated key {key.value!r}", key.start_mark)
+            seen.add(key.value)
+        return node
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
+)
+
+_BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "custom": CustomBody}
+_SECTIONS = _BODIES | {
+    field.alias or name: field.annotation
+    for name, field in Scenario.model_fields.items()
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
+}
+_WORDING = {
+    "model_type": "must be a mapping of keys to values",
+    "model_attributes_type": "must be a mapping of keys to values",
+    "string_type": "must be text",
+    "string_pattern_mismatch": "must be lower-case letters, digits and underscores",
+    "tuple_type": "must be a list of words",
+}
+
+
+def _explain(error: ErrorDetails) -> str:
+    """Return one line for one validation error: the dotted key, its value and what is allowed."""
+    location = error["loc"]
+    path = ".".join(str(part) for i, part in enumerate(location) if not (i == 1 and location[0] == "body"))
+    owner = Scenario if len(location) < 2 else _SECTIONS.get(str(location[-2]), Scenario)
+    fields = {field.alias or name: field for name, field in owner.model_fields.items()}
+    value = reprlib.repr(error["input"])
+    match error["type"]:
+        case "missing":
+            quantities = [item for item in fields[str(location[-1])].metadata if isinstance(item, _Quantity)]
+            return f"{path}: missing" + "".join(f"; must be {quantity.allowed}" for quantity in quantities)
+        case "extra_forbidden":
+            return f"{path} = {value}: unknown key{_hint(str(location[-1]), fields)}; known: {', '.join(fields)}"
+        case "union_tag_not_found":
+            return f"{path}.kind: missing; must be one of {', '.join(_BODIES)}"
+        case "union_tag_invalid":
+            tag = str(error["ctx"]["tag"])
+            return f"{path}.kind = {tag!r}: must be one of {', '.join(_BODIES)}{_hint(tag, _BODIES)}"
+        case "value_error":
+            text = str(error["ctx"]["error"])
+        case other:
+            text = _WORDING.get(other, error["msg"])
+    if isinstance(error["input"], dict) or not path:
+        return f"{path or 'the file'}: {text}"
+    return f"{path} = {value}: {text}"
+
+
+def _hint(word: str, known: Any) -> str:
+    """Return a suggestion for a misspelt word, empty if nothing is near."""
+    nearest = get_close_matches(word, known, n=1)
+    return f" (did you mean {nearest[0]!r}?)" if nearest else ""
+
+
+def _radians(degrees: Pair) -> Pair:
+    return math.radians(degrees[0]), math.radians(degrees[1])

@@ -1,0 +1,672 @@
+"""Extended-precision reference for the compliant descent, from Newton's laws alone, sharing no code with sledenv.
+
+The body is a disc of radius r (or a rod end, r = 0) whose arc centre O lies at the distance h from the mass centre C:
+O = C + h (-sin phi, cos phi). It touches at the lowest point K of the arc, K - C = (-a, -b) with a = h sin phi and
+b = r - h cos phi, and the velocity of K is (v_t, v_n) = (u + b omega, v - a omega). In contact
+
+    m du/dt = F + m g sin(beta),    m dv/dt = N - m g cos(beta),    J domega/dt = -a N + b F + M,
+
+with the penetration p = r - y - h cos(phi) and three set-valued laws, each single-valued off its surface:
+
+    v_n:    N = c (1 + Delta) p while v_n < 0,  c (1 - Delta) p while v_n > 0,  anything between at v_n = 0
+    v_t:    F = -sgn(v_t) f N,      |F| <= f N at v_t = 0
+    omega:  M = -sgn(omega) d N,    |M| <= d N at omega = 0       (d is the rolling arm)
+
+A mode names, for each of v_t, omega, v_n, its sign, or 0 where it is locked. Within one mode the motion is analytic,
+so it is advanced by Taylor series whose coefficients come from recurrences: a row of a linear system for (N, F, M)
+says either what the law gives or that the locked velocity stays constant, and that system is solved order by order.
+Every condition that a mode rests on (sign of a free velocity, slack of a locked multiplier, p > 0) is then a
+polynomial, positive within the mode; its first root is isolated with Bernstein coefficients, which cannot step over
+a root.
+
+Sensitivity to the inputs: `reference_descent` uses exact decimals and exact pi/4 and pi/18. Rounding them to double
+precision first moves the 20 rebounds by 7e-17 to 1.2e-15 (relative to 1 or to the value if that is larger), so the
+digits change from the 16th on. The data file lists the shift of every rebound (`double_rounding_shift`) and the
+descent from the rounded inputs (`rebounds_from_double_inputs`).
+
+Run `python tests/oracles.py` to regenerate tests/data/reference_descent.json.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import time
+from collections.abc import Iterable
+from itertools import pairwise, product
+from pathlib import Path
+from typing import NamedTuple
+
+from mpmath import mp, mpf
+
+DATA_FILE = Path(__file__).parent / "data" / "reference_descent.json"
+SLIP, SPIN, NORMAL, SEPARATION = 0, 1, 2, 3  # the surfaces v_t = 0, omega = 0, v_n = 0, and p = 0
+Mode = tuple[int, int, int]  # the signs of (v_t, omega, v_n), 0 where that velocity is locked
+
+
+class OracleBody(NamedTuple):
+    """A disc or rod end, its contact law and its slope. Numbers may be mpf, decimal strings or (exact) floats."""
+
+    mass: mpf  # [kg]
+    radius: mpf  # [m] r of the arc, 0 for a rod
+    eccentricity: mpf  # [m] h, from the mass centre to the arc centre
+    inertia: mpf  # [kg m^2] about the mass centre
+    stiffness: mpf  # [N/m] c
+    asymmetry: mpf  # [-] Delta, 0 <= Delta < 1
+    friction: mpf  # [-] f
+    rolling_arm: mpf  # [m] d
+    slope: mpf  # [rad] beta
+    gravity: mpf  # [m/s^2] g
+
+
+class OracleState(NamedTuple):
+    """Position and velocity of the mass centre, in the frame of the slope."""
+
+    x: mpf  # [m] downhill
+    y: mpf  # [m] along the outward normal
+    phi: mpf  # [rad] counter-clockwise
+    u: mpf  # [m/s] dx/dt
+    v: mpf  # [m/s] dy/dt
+    omega: mpf  # [rad/s] dphi/dt
+
+
+class OracleRebound(NamedTuple):
+    """The state at one separation."""
+
+    time: mpf  # [s] of separation, since the start of the descent
+    x: mpf  # [m]
+    y: mpf  # [m]
+    phi: mpf  # [rad]
+    u: mpf  # [m/s]
+    v: mpf  # [m/s]
+    omega: mpf  # [rad/s]
+    duration: mpf  # [s] from touchdown to separation
+    segments: int  # [-] number of modes the contact went through
+
+
+class ContactSeries(NamedTuple):
+    """Taylor coefficients in time of everything that moves during one contact mode."""
+
+    x: list
+    y: list
+    phi: list
+    u: list
+    v: list
+    omega: list
+    penetration: list
+    slip: list  # v_t
+    approach: list  # v_n
+    normal: list  # N
+    friction: list  # F
+    moment: list  # M
+
+
+class Guard(NamedTuple):
+    """A condition of the present mode: a polynomial in time that is positive while the mode lasts."""
+
+    surface: int
+    coefficients: list
+    unit: mpf  # natural magnitude, against which a coefficient counts as zero
+    is_slack: bool  # slack of a locked multiplier (True) or a velocity or penetration (False)
+
+
+class NoUniqueModeError(ArithmeticError):
+    """The laws admit no contact mode, or more than one."""
+
+
+# --- small tools -----------------------------------------------------------------------------------------------------
+
+
+def convolve(left: list, right: list, order: int, first: int = 0) -> mpf:
+    """Coefficient `order` of left * right, leaving out the terms with left[k], k < first."""
+    last = min(order, len(left) - 1)
+    return mp.fdot((left[k], right[order - k]) for k in range(first, last + 1))
+
+
+def evaluate(coefficients: list, t: mpf) -> mpf:
+    """Sum of coefficients[k] t^k."""
+    return mp.polyval(coefficients[::-1], t)
+
+
+def natural_units(body: OracleBody, state: OracleState) -> tuple[mpf, mpf]:
+    """Natural velocity [m/s] and time [s] of a contact, the scales of every test for zero."""
+    period = mp.sqrt(body.mass / (body.stiffness * (1 + body.asymmetry)))
+    size = body.radius + body.eccentricity
+    return abs(state.u) + abs(state.v) + size * abs(state.omega) + body.gravity * period, period
+
+
+def zero_tolerance() -> mpf:
+    """Relative size below which a Taylor coefficient is rounding: far below any physical one, far above mp.eps."""
+    return mp.mpf(10) ** (-(6 * mp.dps) // 10)
+
+
+def first_root(coefficients: list, end: mpf) -> mpf | None:
+    """First root in [0, end] of a polynomial that is positive just after 0; None if there is none.
+
+    Bernstein coefficients without a sign change prove that there is no root, one sign change proves that there is
+    exactly one; anything else is halved.
+    """
+    scaled = [c * end**k for k, c in enumerate(coefficients)]
+    if scaled[0] <= 0:
+        return mpf(0)
+    if scaled[0] + mp.fsum(c for c in scaled if c < 0) > 0:
+        return None
+    degree = len(scaled) - 1
+    weighted = [c / math.comb(degree, k) for k, c in enumerate(scaled)]
+    bernstein = [mp.fdot((math.comb(j, k), weighted[k]) for k in range(j + 1)) for j in range(degree + 1)]
+    pieces = [(mpf(0), mpf(1), bernstein)]
+    while pieces:
+        low, high, control = pieces.pop()
+        if control[0] <= 0:
+            return low * end
+        signs = [c > 0 for c in control if c != 0]
+        changes = sum(s != t for s, t in pairwise(signs))
+        if changes == 0:
+            continue
+        if changes == 1:
+            return polish_root(scaled, low, high) * end
+        if high - low < mp.mpf(2) ** -100:
+            raise ArithmeticError("a grazing event that this precision cannot resolve")
+        left, right = halve(control)
+        middle = (low + high) / 2
+        pieces += [(middle, high, right), (low, middle, left)]
+    return None
+
+
+def halve(control: list) -> tuple[list, list]:
+    """De Casteljau: Bernstein coefficients on the left and on the right half."""
+    left, right, row = [], [], control
+    while row:
+        left.append(row[0])
+        right.append(row[-1])
+        row = [(p + q) / 2 for p, q in pairwise(row)]
+    return left, right[::-1]
+
+
+def polish_root(coefficients: list, low: mpf, high: mpf) -> mpf:
+    """The root between low, where the polynomial is positive, and high, where it is not: Newton kept in its bracket."""
+    backwards = coefficients[::-1]
+    t = (low + high) / 2
+    for _ in range(4 * mp.prec):
+        value, rate = mp.polyval(backwards, t, derivative=1)
+        if value > 0:
+            low = t
+        else:
+            high = t
+        newton = t - value / rate if rate != 0 else low
+        nearer = newton if low < newton < high else (low + high) / 2
+        if abs(nearer - t) <= 4 * mp.eps * abs(t) or high - low <= 4 * mp.eps * high:
+            return nearer
+        t = nearer
+    return t
+
+
+# --- free flight -----------------------------------------------------------------------------------------------------
+
+
+def fly(body: OracleBody, state: OracleState, t: mpf) -> OracleState:
+    """The ballistic state a time t [s] later."""
+    along, towards = body.gravity * mp.sin(body.slope), body.gravity * mp.cos(body.slope)
+    return OracleState(
+        state.x + state.u * t + along * t * t / 2,
+        state.y + state.v * t - towards * t * t / 2,
+        state.phi + state.omega * t,
+        state.u + along * t,
+        state.v - towards * t,
+        state.omega,
+    )
+
+
+def gap_and_rate(body: OracleBody, state: OracleState) -> tuple[mpf, mpf]:
+    """Height of the lowest arc point above the slope [m] and its rate v_n [m/s]."""
+    gap = state.y + body.eccentricity * mp.cos(state.phi) - body.radius
+    return gap, state.v - body.eccentricity * mp.sin(state.phi) * state.omega
+
+
+def touchdown_time(body: OracleBody, state: OracleState, leaving: bool) -> mpf:
+    """First t > 0 [s] with gap = 0; `leaving` says that the gap is zero now.
+
+    As d2gap/dt2 >= -B with B = g cos(beta) + h omega^2, the gap stays positive until gap + rate t - B t^2/2 = 0, and
+    a march by these certified steps converges on the first root from below, quadratically.
+    """
+    bound = body.gravity * mp.cos(body.slope) + body.eccentricity * state.omega**2
+    t = mpf(0)
+    while True:
+        gap, rate = gap_and_rate(body, fly(body, state, t))
+        if leaving and t == 0:
+            gap = mpf(0)
+        gap = max(gap, mpf(0))
+        root = mp.sqrt(rate * rate + 2 * bound * gap)
+        step = (rate + root) / bound if rate > 0 else 2 * gap / (root - rate)
+        t += step
+        if step <= 4 * mp.eps * t:
+            return t
+
+
+# --- contact ---------------------------------------------------------------------------------------------------------
+
+
+def set_valued_surfaces(body: OracleBody) -> list[int]:
+    """The surfaces on which a force jumps; without friction, rolling resistance or asymmetry there is no jump."""
+    return [k for k, jump in enumerate((body.friction, body.rolling_arm, body.asymmetry)) if jump > 0]
+
+
+def contact_velocities(body: OracleBody, state: OracleState) -> tuple[mpf, mpf, mpf]:
+    """(v_t [m/s], omega [rad/s], v_n [m/s])."""
+    a = body.eccentricity * mp.sin(state.phi)
+    b = body.radius - body.eccentricity * mp.cos(state.phi)
+    return state.u + b * state.omega, state.omega, state.v - a * state.omega
+
+
+def with_zero_velocities(body: OracleBody, state: OracleState, surfaces: Iterable[int]) -> OracleState:
+    """The state with the named contact velocities set to exact zero."""
+    surfaces = set(surfaces)
+    if SPIN in surfaces:
+        state = state._replace(omega=mpf(0))
+    if SLIP in surfaces:
+        state = state._replace(u=-(body.radius - body.eccentricity * mp.cos(state.phi)) * state.omega)
+    if NORMAL in surfaces:
+        state = state._replace(v=body.eccentricity * mp.sin(state.phi) * state.omega)
+    return state
+
+
+def contact_series(body: OracleBody, state: OracleState, mode: Mode, order: int) -> ContactSeries:
+    """Taylor coefficients 0..order of the motion in one contact mode.
+
+    The forces z = (N, F, M) solve A z = q. A row belongs to a velocity: a free one contributes its law, a locked one
+    the statement that its acceleration is zero,
+
+        v_t:    F + s f N = 0           or   -a b N/J + (1/m + b^2/J) F + b M/J = -g sin(beta) - a omega^2
+        omega:  M + s d N = 0           or   -a N + b F + M = 0
+        v_n:    N = c (1 -+ Delta) p    or   (1/m + a^2/J) N - a b F/J - a M/J = g cos(beta) + h cos(phi) omega^2
+    """
+    m, r, h, inertia = body.mass, body.radius, body.eccentricity, body.inertia
+    along, towards = body.gravity * mp.sin(body.slope), body.gravity * mp.cos(body.slope)
+    slip_sign, spin_sign, normal_sign = mode
+    stiffness = body.stiffness * (1 - normal_sign * body.asymmetry)
+
+    x, y, phi, u, v, omega = ([value] for value in state)
+    sine, cosine = [], []
+    a, b, spin_squared, centripetal_t, centripetal_n = [], [], [], [], []
+    aa, ab, bb = [], [], []
+    penetration, slip, approach = [], [], []
+    forces = ([], [], [])
+    normal, friction, moment = forces
+    matrix = [[None] * 3 for _ in range(3)]
+    one, zero = [mpf(1)], [mpf(0)]
+    slip_row = [[], [], []]
+    normal_row = [[], [], []]
+    matrix[SLIP] = slip_row if slip_sign == 0 else [[slip_sign * body.friction], one, zero]
+    matrix[SPIN] = [[], b, one] if spin_sign == 0 else [[spin_sign * body.rolling_arm], zero, one]
+    matrix[NORMAL] = normal_row if normal_sign == 0 else [one, zero, zero]
+    inverse = None
+
+    for n in range(order + 1):
+        sine.append(convolve(cosine, omega, n - 1) / n if n else mp.sin(state.phi))
+        cosine.append(-convolve(sine, omega, n - 1) / n if n else mp.cos(state.phi))
+        a.append(h * sine[n])
+        b.append((0 if n else r) - h * cosine[n])
+        spin_squared.append(convolve(omega, omega, n))
+        penetration.append((0 if n else r) - y[n] - h * cosine[n])
+        slip.append(u[n] + convolve(b, omega, n))
+        approach.append(v[n] - convolve(a, omega, n))
+
+        right = [mpf(0), mpf(0), stiffness * penetration[n]]
+        if slip_sign == 0 or normal_sign == 0:
+            ab.append(convolve(a, b, n))
+        if slip_sign == 0:
+            bb.append(convolve(b, b, n))
+            centripetal_t.append(convolve(a, spin_squared, n))
+            right[SLIP] = -centripetal_t[n] - (0 if n else along)
+            for column, entry in enumerate((-ab[n] / inertia, (0 if n else 1 / m) + bb[n] / inertia, b[n] / inertia)):
+                slip_row[column].append(entry)
+        if spin_sign == 0:
+            matrix[SPIN][0].append(-a[n])
+        if normal_sign == 0:
+            aa.append(convolve(a, a, n))
+            centripetal_n.append(h * convolve(cosine, spin_squared, n))
+            right[NORMAL] = centripetal_n[n] + (0 if n else towards)
+            for column, entry in enumerate(((0 if n else 1 / m) + aa[n] / inertia, -ab[n] / inertia, -a[n] / inertia)):
+                normal_row[column].append(entry)
+        if n == 0:
+            inverse = mp.inverse(mp.matrix([[entry[0] for entry in row] for row in matrix]))
+        for row in range(3):
+            right[row] -= sum(convolve(matrix[row][column], forces[column], n, first=1) for column in range(3))
+        for k in range(3):
+            forces[k].append(mp.fdot((inverse[k, row], right[row]) for row in range(3)))
+
+        if n < order:
+            torque = -convolve(a, normal, n) + convolve(b, friction, n) + moment[n]
+            x.append(u[n] / (n + 1))
+            y.append(v[n] / (n + 1))
+            phi.append(omega[n] / (n + 1))
+            u.append((friction[n] / m + (0 if n else along)) / (n + 1))
+            v.append((normal[n] / m - (0 if n else towards)) / (n + 1))
+            omega.append(torque / inertia / (n + 1))
+    return ContactSeries(x, y, phi, u, v, omega, penetration, slip, approach, normal, friction, moment)
+
+
+def mode_guards(body: OracleBody, series: ContactSeries, mode: Mode, units: tuple[mpf, mpf]) -> list[Guard]:
+    """Every condition that the mode rests on."""
+    speed, period = units
+    force, size = body.mass * speed / period, body.radius + body.eccentricity
+    friction, arm = body.friction, body.rolling_arm
+    least, most = body.stiffness * (1 - body.asymmetry), body.stiffness * (1 + body.asymmetry)
+
+    def combine(p: mpf, left: list, q: mpf, right: list) -> list:
+        return [p * s + q * t for s, t in zip(left, right, strict=True)]
+
+    velocities = (series.slip, series.omega, series.approach)
+    speeds = (speed, speed / size, speed)
+    slacks = (
+        [combine(friction, series.normal, side, series.friction) for side in (-1, 1)],
+        [combine(arm, series.normal, side, series.moment) for side in (-1, 1)],
+        [combine(most, series.penetration, -1, series.normal), combine(-least, series.penetration, 1, series.normal)],
+    )
+    slack_units = (force, force * (size + arm), force)
+    guards = [Guard(SEPARATION, series.penetration, speed * period, False)]
+    for k in set_valued_surfaces(body):
+        if mode[k]:
+            guards.append(Guard(k, [mode[k] * c for c in velocities[k]], speeds[k], False))
+        else:
+            guards += [Guard(k, slack, slack_units[k], True) for slack in slacks[k]]
+    return guards
+
+
+def leading_term(guard: Guard, period: mpf) -> int | None:
+    """Index of the first Taylor coefficient that is not zero up to rounding; None if all vanish."""
+    floor = zero_tolerance() * guard.unit
+    return next((k for k, c in enumerate(guard.coefficients) if abs(c) * period**k > floor), None)
+
+
+def choose_mode(body: OracleBody, state: OracleState, signs: Mode, zeros: set[int]) -> Mode:
+    """The one mode that the laws admit just after a state in which the velocities `zeros` vanish.
+
+    Each of them may stay locked or leave with either sign, all combinations are tried, and one is admitted if every
+    condition it rests on begins with a positive Taylor coefficient.
+    """
+    if not zeros:
+        return signs
+    units = natural_units(body, state)
+    admitted = []
+    for mode in product(*((0, 1, -1) if k in zeros else (signs[k],) for k in range(3))):
+        guards = mode_guards(body, contact_series(body, state, mode, order=8), mode, units)
+        leads = [(guard, leading_term(guard, units[1])) for guard in guards if guard.surface in zeros]
+        if all(guard.is_slack if lead is None else guard.coefficients[lead] > 0 for guard, lead in leads):
+            admitted.append(mode)
+    if len(admitted) != 1:
+        raise NoUniqueModeError(f"zeros {sorted(zeros)}, signs {signs}: {admitted}")
+    return admitted[0]
+
+
+def series_reach(body: OracleBody, series: ContactSeries, units: tuple[mpf, mpf]) -> mpf:
+    """Time [s] for which the truncated series is exact to the working precision; inf for an exact polynomial."""
+    speed, period = units
+    size = body.radius + body.eccentricity
+    order = len(series.u) - 1
+    reach = mp.inf
+    rows = ((series.u, 1), (series.v, 1), (series.omega, size), (series.normal, period / body.mass))
+    for coefficients, factor in rows:
+        for k in (order - 1, order):
+            if coefficients[k] != 0:
+                reach = min(reach, mp.root(mp.eps * speed / (factor * abs(coefficients[k])), k))
+    return reach
+
+
+def go_through_contact(
+    body: OracleBody, state: OracleState, start: mpf, horizon: mpf, order: int, step_fraction: mpf, trace: list | None
+) -> tuple[OracleState, mpf, int] | None:
+    """State at separation, its time [s] and the number of modes; None if the contact outlasts the horizon."""
+    units = natural_units(body, state)
+    velocities = contact_velocities(body, state)
+    speeds = (units[0], units[0] / (body.radius + body.eccentricity), units[0])
+    surfaces = set_valued_surfaces(body)
+    zeros = {k for k in surfaces if abs(velocities[k]) <= zero_tolerance() * speeds[k]}
+    mode = tuple(1 if w > 0 or k not in surfaces else -1 for k, w in enumerate(velocities))
+    now, segments, fresh = start, 0, True
+    while True:
+        if fresh:  # a new mode begins
+            state = with_zero_velocities(body, state, zeros)
+            mode = choose_mode(body, state, mode, zeros)
+            segments += 1
+            if trace is not None:
+                trace.append((now, mode))
+        locked = {k for k in surfaces if mode[k] == 0}
+        state = with_zero_velocities(body, state, locked)
+        units = natural_units(body, state)
+        series = contact_series(body, state, mode, order)
+        step = min(step_fraction * series_reach(body, series, units), horizon - now)
+        roots = []
+        for guard in mode_guards(body, series, mode, units):
+            coefficients = guard.coefficients
+            if fresh:  # the coefficients known to be zero must not be found again as a root
+                lead = leading_term(guard, units[1])
+                if lead is None:
+                    continue
+                coefficients = coefficients[lead:]
+            root = first_root(coefficients, step)
+            if root is not None:
+                roots.append((root, guard.surface))
+        elapsed = min((root for root, _ in roots), default=step)
+        state = OracleState(*(evaluate(c, elapsed) for c in series[:6]))
+        now += elapsed
+        met = {surface for root, surface in roots if root <= elapsed + zero_tolerance() * units[1]}
+        if SEPARATION in met:
+            return state, now, segments
+        fresh = bool(met)
+        zeros = locked | met
+        if not met and now >= horizon:
+            return None
+
+
+# --- the descent -----------------------------------------------------------------------------------------------------
+
+
+def compliant_descent(
+    body: OracleBody,
+    state: OracleState,
+    rebounds: int = 20,
+    dps: int = 50,
+    order: int = 44,
+    step_fraction: str = "0.9",
+    horizon: str = "20",
+    trace: list | None = None,
+) -> list[OracleRebound]:
+    """The first rebounds of a compliant descent that starts in free flight.
+
+    Parameters
+    ----------
+    body, state : OracleBody, OracleState
+        Numbers as mpf, as decimal strings (exact) or as floats (their exact binary value).
+    rebounds : int
+        How many to return.
+    dps, order, step_fraction : int, int, str
+        Decimal digits, order of the Taylor series, and the step as a fraction of what the series allows.
+    horizon : str
+        Give up at this time [s]: the body rests, rolls or slides on for good.
+    trace : list, optional
+        Collects (time, mode) at the beginning of every contact mode.
+
+    Returns
+    -------
+    list[OracleRebound]
+        Fewer than asked for if the body is still in contact at the horizon.
+    """
+    with mp.workdps(dps):
+        body = OracleBody(*(+mpf(value) for value in body))
+        state = OracleState(*(+mpf(value) for value in state))
+        now, done = mpf(0), []
+        while len(done) < rebounds:
+            flight = touchdown_time(body, state, leaving=bool(done))
+            state = fly(body, state, flight)
+            state = state._replace(y=body.radius - body.eccentricity * mp.cos(state.phi))
+            now += flight
+            contact = go_through_contact(body, state, now, mpf(horizon), order, mpf(step_fraction), trace)
+            if contact is None:
+                break
+            touchdown = now
+            state, now, segments = contact
+            done.append(OracleRebound(now, *state, now - touchdown, segments))
+        return done
+
+
+def largest_shift(first: list[OracleRebound], second: list[OracleRebound]) -> list[mpf]:
+    """Per rebound, the largest difference of two descents, relative to 1 or to the value if that is larger."""
+    return [
+        max(abs(p - q) / max(1, abs(p)) for p, q in zip(one[:8], other[:8], strict=True))
+        for one, other in zip(first, second, strict=True)
+    ]
+
+
+def verified_descent(
+    body: OracleBody, state: OracleState, rebounds: int, dps: int = 50, agreement: str = "1e-25"
+) -> tuple[list[OracleRebound], mpf]:
+    """A descent computed twice, with other digits, order and steps; returns it and the largest disagreement."""
+    coarse = compliant_descent(body, state, rebounds, dps, order=44, step_fraction="0.9")
+    fine = compliant_descent(body, state, rebounds, dps + 12, order=60, step_fraction="0.7")
+    disagreement = max(largest_shift(coarse, fine))
+    if disagreement > mpf(agreement) or any(p.segments != q.segments for p, q in zip(coarse, fine, strict=True)):
+        raise ArithmeticError(f"two descents disagree by {mp.nstr(disagreement, 3)}")
+    return fine, disagreement
+
+
+def reference_descent() -> tuple[OracleBody, OracleState]:
+    """The disc at rest on 10 degrees, phi = pi/4, arc centre .5 m + r above the slope; exact decimals."""
+    with mp.workdps(120):
+        radius, eccentricity, phi = mpf("0.1"), mpf("0.05"), mp.pi / 4
+        body = OracleBody(
+            mass=mpf(1),
+            radius=radius,
+            eccentricity=eccentricity,
+            inertia=mpf("0.0075"),
+            stiffness=mpf("1e6"),
+            asymmetry=mpf("0.5"),
+            friction=mpf("0.1"),
+            rolling_arm=mpf("0.001"),
+            slope=mp.pi / 18,
+            gravity=mpf("9.81"),
+        )
+        zero = mpf(0)
+        state = OracleState(zero, mpf("0.6") - eccentricity * mp.cos(phi), phi, zero, zero, zero)
+        return body, state
+
+
+# --- the data file ---------------------------------------------------------------------------------------------------
+
+
+def random_cases(seed: int = 5) -> list[tuple[str, OracleBody, OracleState, int]]:
+    """(name, body, state, rebounds) of bodies at the limits of the model; all numbers are floats, taken as exact."""
+    rng = random.Random(seed)
+    between = rng.uniform
+
+    def case(
+        name: str, rebounds: int, drop: tuple = (0.05, 0.5), tilt: tuple = (-3.1, 3.1), **special: float
+    ) -> tuple[str, OracleBody, OracleState, int]:
+        radius = special.pop("radius", round(between(0.05, 0.3), 4))
+        mass = round(between(0.2, 3.0), 4)
+        eccentricity = special.pop("eccentricity", round(radius * between(0.2, 0.9), 4))
+        size = max(radius, eccentricity)
+        drawn = {
+            "stiffness": round(10 ** between(4.5, 7.0), 1),
+            "asymmetry": round(between(0.1, 0.7), 4),
+            "friction": round(between(0.05, 0.6), 4),
+            "rolling_arm": round(between(0.0, 0.03) * size, 6),
+            "slope": round(between(0.0, 0.5), 4),
+        }
+        inertia = round(between(0.3, 0.9) * mass * size**2, 8)
+        phi = round(between(*tilt), 4)
+        moving = {"u": between(-1.0, 3.0), "v": between(-1.0, 0.5), "omega": between(-15.0, 15.0)}
+        moving = {key: special.pop(key, round(value, 4)) for key, value in moving.items()}
+        body = OracleBody(mass, radius, eccentricity, inertia, gravity=9.81, **(drawn | special))
+        height = radius - eccentricity * math.cos(phi) + between(*drop)
+        return name, body, OracleState(0.0, round(height, 4), phi, **moving), rebounds
+
+    return [
+        case("eccentric disc", 5),
+        case("rod", 4, tilt=(2.6, 3.6), radius=0.0, eccentricity=0.4),
+        case("wheel with topspin", 5, eccentricity=0.0, omega=-40.0),
+        case("wheel with backspin, arm", 5, eccentricity=0.0, omega=30.0, rolling_arm=0.02),
+        case("no friction", 4, friction=0.0),
+        case("no rolling resistance", 5, rolling_arm=0.0),
+        case("neither friction nor rolling resistance nor hysteresis", 4, friction=0.0, rolling_arm=0.0, asymmetry=0.0),
+        case("full friction", 5, friction=1.0),
+        case("full friction rod", 4, tilt=(2.4, 3.9), radius=0.0, eccentricity=0.3, friction=1.0, rolling_arm=0.03),
+        case("no hysteresis, spinning", 4, asymmetry=0.0, omega=25.0),
+        case("soft, strongly asymmetric", 4, stiffness=2.0e4, asymmetry=0.8, drop=(0.01, 0.05)),
+        case("arc centre outside the arc's disc", 4, radius=0.1, eccentricity=0.15),
+    ]
+
+
+def sensitivity(body: OracleBody, state: OracleState, rebounds: int, dps: int = 50) -> mpf:
+    """Shift of the last rebound per relative change of the parameters and the initial state, signs alternating."""
+    amount = mpf(10) ** (-dps // 2)
+
+    def changed(values: Iterable) -> list[mpf]:
+        return [mpf(value) * (1 + (-1) ** k * amount) for k, value in enumerate(values)]
+
+    with mp.workdps(dps):
+        moved = compliant_descent(OracleBody(*changed(body)), OracleState(*changed(state)), rebounds, dps)
+        return max(largest_shift(compliant_descent(body, state, rebounds, dps), moved)) / amount
+
+
+def as_text(rebound: OracleRebound, digits: int = 32) -> dict:
+    """A rebound as JSON: decimal strings, and the number of modes."""
+    with mp.workdps(60):
+        return {
+            key: value if isinstance(value, int) else mp.nstr(value, digits, strip_zeros=False)
+            for key, value in rebound._asdict().items()
+        }
+
+
+def reference_record(rebounds: int = 20) -> dict:
+    """The reference descent, verified, with the shift that double-precision inputs cause."""
+    body, state = reference_descent()
+    descent, disagreement = verified_descent(body, state, rebounds)
+    rounded_body = OracleBody(1.0, 0.1, 0.05, 7.5e-3, 1e6, 0.5, 0.1, 0.001, math.radians(10.0), 9.81)
+    rounded_state = OracleState(0.0, 0.6 - 0.05 * math.cos(math.pi / 4), math.pi / 4, 0.0, 0.0, 0.0)
+    shifted = compliant_descent(rounded_body, rounded_state, rebounds)
+    exact = OracleBody("1", "0.1", "0.05", "0.0075", "1e6", "0.5", "0.1", "0.001", "pi/18", "9.81")._asdict()
+    return {
+        "parameters_exact": exact,
+        "state_exact": {"x": "0", "y": "0.6 - 0.05 cos(pi/4)", "phi": "pi/4", "u": "0", "v": "0", "omega": "0"},
+        "parameters": rounded_body._asdict(),
+        "state": rounded_state._asdict(),
+        "disagreement": mp.nstr(disagreement, 3),
+        "double_rounding_shift": [mp.nstr(shift, 3) for shift in largest_shift(descent, shifted)],
+        "rebounds": [as_text(rebound) for rebound in descent],
+        "rebounds_from_double_inputs": [as_text(rebound) for rebound in shifted],
+    }
+
+
+def random_record(name: str, body: OracleBody, state: OracleState, rebounds: int) -> dict:
+    """One random case, verified, with its sensitivity."""
+    descent, disagreement = verified_descent(body, state, rebounds)
+    return {
+        "name": name,
+        "parameters": body._asdict(),
+        "state": state._asdict(),
+        "disagreement": mp.nstr(disagreement, 3),
+        "sensitivity": mp.nstr(sensitivity(body, state, rebounds), 3),
+        "rebounds": [as_text(rebound) for rebound in descent],
+    }
+
+
+def main() -> None:
+    """Compute and verify every descent and write the data file."""
+    began = time.perf_counter()
+    record = {"about": "Compliant descents in extended precision, SI units, written by python tests/oracles.py"}
+    record["reference"] = reference_record()
+    print(f"reference: {time.perf_counter() - began:.0f} s, disagreement {record['reference']['disagreement']}")
+    record["random_cases"] = []
+    for case in random_cases():
+        record["random_cases"].append(random_record(*case))
+        latest = record["random_cases"][-1]
+        print({key: latest[key] for key in ("name", "disagreement", "sensitivity")})
+    DATA_FILE.parent.mkdir(exist_ok=True)
+    DATA_FILE.write_text(json.dumps(record, indent=1) + "\n")
+    print(f"{DATA_FILE}: {time.perf_counter() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
