@@ -114,12 +114,12 @@ class DescentBatch:
     @property
     def status(self) -> np.ndarray:
         """Status of each descent, an array of strings of shape (N,)."""
-        return np.array(STATUS_OF_CODE)[self.outcomes["status"]]
+        return np.asarray(np.array(STATUS_OF_CODE)[self.outcomes["status"]])
 
     @property
     def time(self) -> np.ndarray:
         """Duration [s], shape (N,)."""
-        return self.outcomes["t"]
+        return np.asarray(self.outcomes["t"])
 
     @property
     def states(self) -> np.ndarray:

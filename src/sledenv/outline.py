@@ -12,7 +12,7 @@ from sledenv.kernel.geometry import arms, feature_at, whole_turns
 from sledenv.kernel.params import Body, State
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
-_DISTINCT = 0.15  # of the size of the body: two poses that differ less are drawn as one
+_DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one
 
 
 def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
@@ -152,12 +152,13 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
     times = start + interval * np.arange(max(1, math.ceil((end - start) / interval - 1e-9)))
     states = states_at(rows, np.append(times, end))
     size = reach(body)
-    kept = [0]
-    for i in range(1, len(states)):
-        dx, dy, dphi = np.abs(states[i, :3] - states[kept[-1], :3])
-        if dx + dy + size * dphi > _DISTINCT * size:
+    weights = np.array([1.0, 1.0, size]) / max(size, 1e-9)
+    kept = [len(states) - 1]
+    for i in range(len(states) - 2, -1, -1):
+        shift = np.abs(states[kept, :3] - states[i, :3]) @ weights
+        if shift.min() > _DISTINCT:
             kept.append(i)
-    return states[kept]
+    return states[kept[::-1]]
 
 
 def contact_spans(descent: Descent, until: float = math.inf) -> np.ndarray:

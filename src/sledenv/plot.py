@@ -50,7 +50,7 @@ def plot_strobe(
     descents: Descent | Sequence[Descent],
     *,
     labels: Sequence[str] | None = None,
-    frames: int = 24,
+    frames: int = 14,
     whole: bool = True,
 ) -> Figure:
     """Draw descents as strobe pictures, one panel each, all to one scale.
@@ -65,7 +65,7 @@ def plot_strobe(
     labels : sequence of str, optional
         One a panel, put in front of its title.
     frames : int
-        About this many poses of the descent that lasts longest, >= 2; a sled that hardly moves is drawn less often.
+        About this many poses of the shortest descent, >= 2; poses that would lie on top of each other are left out.
     whole : bool
         Show the slope to its end, otherwise only where the sleds went.
 
@@ -94,7 +94,8 @@ def plot_strobe(
         from matplotlib.lines import Line2D
 
         tracks = [drawable_rows(descent) for descent in descents]
-        interval = _round_interval(max(float(rows["t"][-1]) for rows in tracks) / (frames - 1))
+        ends = [float(rows["t"][-1]) for rows in tracks]
+        interval = _round_interval(max(min(ends), max(ends) / 3.0) / (frames - 1))
         fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
         speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
         boxes = [_box(descent, rows, whole) for descent, rows in zip(descents, tracks, strict=True)]
@@ -120,8 +121,9 @@ def plot_strobe(
             Line2D([], [], color=_RED, marker="^", ls="", label="touchdown"),
             Line2D([], [], color=_RED, lw=4.0, label="contact"),
             Line2D([], [], marker="o", mfc="none", mec=_INK, ms=9, ls="", label=f"pose every {interval:g} s"),
-            Line2D([], [], color=_INK, lw=1.2, ls=_DASHES, label="finish"),
         ]
+        if whole and any(math.isfinite(descent.slope.length) for descent in descents):
+            handles.append(Line2D([], [], color=_INK, lw=1.2, ls=_DASHES, label="finish"))
         figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.3, handletextpad=0.5)
     return figure
 
@@ -216,7 +218,7 @@ def plot_descent(descent: Descent) -> Figure:
             ax.axhline(0.0, color=_INK, lw=0.6)
             ax.plot(t, rows[field], color=_BLUE)
             ax.set_ylabel(label)
-        colours = (_BLUE, _SKY, _POTENTIAL, _INK, _RED, _ORANGE, _PURPLE)
+        colours = (_BLUE, _SKY, _POTENTIAL, _GREEN, _RED, _ORANGE, _PURPLE)
         axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
         axes[3].set_ylabel("energy [J]")
         axes[3].set_xlabel("time [s]")
@@ -245,11 +247,13 @@ def _outcome(descent: Descent) -> str:
 
 
 def _round_interval(interval: float) -> float:
-    """Return the number 1, 2, 2.5 or 5 times a power of ten that is nearest to an interval, 1 for none."""
+    """Return the round number that is nearest to an interval, 1 for none."""
     if interval <= 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(interval))
-    return min((factor * power for factor in (1.0, 2.0, 2.5, 5.0, 10.0)), key=lambda nice: abs(nice - interval))
+    return min(
+        (factor * power for factor in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0)), key=lambda nice: abs(nice - interval)
+    )
 
 
 def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
@@ -260,7 +264,7 @@ def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
     ends = [(0.0, 0.0), (descent.slope.length, 0.0)] if whole and math.isfinite(descent.slope.length) else path[:1]
     world = to_world(np.concatenate([path, below, ends]), descent.slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
-    sides = 1.1 * size
+    sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
     # Below the surface there is room for the marks of the contacts.
     return np.stack([low - (sides, 0.4 * size + 0.02 * (high[0] - low[0])), high + sides])
 
@@ -281,7 +285,7 @@ def _draw_contacts(ax: Axes, descent: Descent) -> None:
     segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
     world = to_world(segments, descent.slope.angle)
     for begin_end in world:
-        ax.plot(*begin_end.T, color=_RED, lw=4.0, solid_capstyle="butt", zorder=2)
+        ax.plot(*begin_end.T, color=_RED, lw=4.0, solid_capstyle="butt", zorder=10)
     ax.plot(*world[:, 0].T, color=_RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
 
 

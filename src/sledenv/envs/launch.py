@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -29,7 +29,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Ending
         Every episode terminates after its one step.
     Info
-        ``context``, ``rebounds`` (REBOUND array), ``jam``, ``is_success`` and ``descent`` (status, time, energy).
+        ``context``, ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent`` (status, time, energy).
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``reset(options={"context": Context(...)})`` fixes the context instead of drawing it.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
 
     def __init__(
         self,
@@ -104,7 +104,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info = self.task.info(self._context, descent)
         return self.task.observe(self._context), self.task.reward(descent), True, False, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the launch, or of the whole descent after the step: shape (H, W, 3), uint8."""
         if self._context is None:
             raise ResetNeeded("call reset before render")

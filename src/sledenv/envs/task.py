@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent, Record, simulate
 from sledenv.kernel.params import State
-from sledenv.kernel.records import Status
+from sledenv.kernel.records import REBOUND, Status
 from sledenv.scenario import Context, Scenario, load_scenario
 
 Control = Literal["both", "orientation", "spin"]
@@ -111,7 +111,8 @@ class Task:
         jam = descent.jam
         return {
             "context": context._asdict(),
-            "rebounds": descent.rebounds.copy(),
+            # Columns, not a structured array: Gymnasium's checker compares infos and knows no structured types.
+            "rebounds": {name: descent.rebounds[name].copy() for name in REBOUND.names or ()},
             "jam": {
                 "progress": float(jam.progress),
                 "retention": float(jam.retention),

@@ -1,0 +1,1 @@
+"""Agents and baselines that choose the launch of a sled, one file each, and the scripts that train and judge them."""

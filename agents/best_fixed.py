@@ -1,0 +1,57 @@
+"""The best single launch for all contexts: what can be had without looking at the context."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
+from tqdm import tqdm
+
+from agents.problem import Problem
+
+_FILE = "action.yaml"
+
+
+class BestFixed:
+    """Always takes the one action that did best on the training contexts."""
+
+    def __init__(self, action: ArrayLike) -> None:
+        self.action = np.asarray(action, np.float32)
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Try candidates on the same training contexts.
+
+        Parameters
+        ----------
+        problem : Problem
+        settings : dict
+            ``contexts`` (training contexts) and ``n_timesteps`` (budget in descents).
+        seed : int
+            Of the contexts and the candidates.
+        folder : Path
+            Where the action is kept.
+        """
+        contexts = problem.contexts("train", settings["contexts"], seed)
+        count = settings["n_timesteps"] // len(contexts)
+        sequence = qmc.Sobol(problem.actions, rng=np.random.default_rng(seed))
+        candidates = 2.0 * sequence.random_base2(max(1, (count - 1).bit_length()))[:count] - 1.0
+        rewards = [
+            float(problem.descend(contexts, np.tile(candidate, (len(contexts), 1))).jam.reward.mean())
+            for candidate in tqdm(candidates, desc="best-fixed", unit="candidate")
+        ]
+        agent = cls(candidates[int(np.argmax(rewards))])
+        (folder / _FILE).write_text(yaml.safe_dump({"action": agent.action.tolist()}))
+        return agent
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the action of a run."""
+        return cls(yaml.safe_load((folder / _FILE).read_text())["action"])
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.tile(self.action, (len(observations), 1))

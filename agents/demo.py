@@ -1,0 +1,93 @@
+"""The whole story in one command: train on brake_mat, judge four agents, draw a launch before and after learning."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
+from agents.problem import Agent, Problem
+from agents.sac import Sac
+from agents.train import load_run, run_folder, train
+from sledenv import Context, Descent, simulate
+from sledenv.plot import plot_strobe
+
+SCENARIO = "brake_mat"
+ALGORITHMS = ("zero", "random", "best_fixed", "sac")
+
+
+def strobe(problem: Problem, before: Agent, after: Agent, context: Context, path: Path) -> None:
+    """Draw the descents that two agents choose for the same context, one above the other."""
+    scenario = problem.task.scenario
+
+    def descend(agent: Agent) -> Descent:
+        action = agent.act(problem.observe([context]))[0]
+        return simulate(
+            problem.task.body,
+            scenario.law(context),
+            scenario.slope(context),
+            problem.task.launch(context, action),
+            max_time=scenario.limits.max_time_s,
+            max_rebounds=scenario.limits.max_rebounds,
+            record="trajectory",
+        )
+
+    figure = plot_strobe([descend(before), descend(after)], labels=["before learning", "after learning"])
+    figure.savefig(path, dpi=130)
+
+
+def telling_context(problem: Problem, before: Score, after: Score) -> Context:
+    """Return the held-out context whose gain from learning is the median of those that did not finish before."""
+    gain = after.rewards - before.rewards
+    failed = np.flatnonzero(before.status != "finish")
+    candidates = failed if failed.size else np.arange(gain.size)
+    middle = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
+    return problem.contexts("test", gain.size)[int(middle)]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the demo; runs that exist already are judged as they are."""
+    parser = argparse.ArgumentParser(prog="python -m agents.demo", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("runs/demo"))
+    parser.add_argument("--steps", type=int, help="budget of each agent in descents (default: as configured)")
+    given = parser.parse_args(arguments)
+    mpl.use("Agg")
+    start = time.perf_counter()
+    given.out.mkdir(parents=True, exist_ok=True)
+    for algo in ALGORITHMS:
+        if run_folder(given.out, algo, SCENARIO, "both", given.seed).exists():
+            print(f"[{algo}] already trained", flush=True)
+            continue
+        print(f"[{algo}] training on {SCENARIO}", flush=True)
+        train(algo, SCENARIO, seed=given.seed, runs=given.out, steps=given.steps)
+
+    print(f"\nJudging on {CONTEXTS} held-out contexts of {SCENARIO}, the same for all\n", flush=True)
+    scores = []
+    for algo in ALGORITHMS:
+        problem, agent, _ = load_run(run_folder(given.out, algo, SCENARIO, "both", given.seed))
+        scores.append(evaluate(problem, agent, algo))
+    text = table(scores)
+    print(text)
+    (given.out / "table.txt").write_text(text + "\n")
+    (given.out / "scores.json").write_text(json.dumps(as_json(scores)))
+
+    sac_run = run_folder(given.out, "sac", SCENARIO, "both", given.seed)
+    untrained = Sac.load_untrained(sac_run)
+    before = evaluate(problem, untrained, "untrained")
+    picture = given.out / "before_after.png"
+    strobe(problem, untrained, agent, telling_context(problem, before, scores[-1]), picture)
+    print(f"\nSAC before any learning: {before.mean:.4f}")
+    print(f"Table, scores and picture: {given.out}/table.txt, scores.json, {picture.name}")
+    print(f"Done in {time.perf_counter() - start:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""Judge trained agents on the same held-out contexts: ``python -m agents.evaluate RUN [RUN ...]``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import bootstrap
+
+from agents.problem import Agent, Problem
+from agents.train import load_run
+from sledenv import ScenarioError
+
+CONTEXTS = 400
+
+
+class Score(NamedTuple):
+    """How an agent did on the held-out contexts."""
+
+    name: str
+    rewards: NDArray[np.float64]  # (n,)
+    status: NDArray[np.str_]  # (n,)
+
+    @property
+    def mean(self) -> float:
+        """Mean reward."""
+        return float(self.rewards.mean())
+
+
+def interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """95 % bootstrap interval (BCa) of the mean over contexts."""
+    if np.ptp(values) == 0.0:
+        return float(values[0]), float(values[0])
+    result = bootstrap((values,), np.mean, n_resamples=2000, rng=np.random.default_rng(0))
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
+    """Simulate the agent's launches on ``count`` held-out contexts, the same for every agent."""
+    batch = problem.judge(agent, problem.contexts("test", count))
+    return Score(name, np.asarray(batch.jam.reward), batch.status)
+
+
+def table(scores: list[Score]) -> str:
+    """Return the scores as text; the last column compares each with the last score, context by context."""
+    best = scores[-1]
+    header = f"{'agent':<12} {'mean reward':>11}  {'95 % interval':>16}  {'finish':>6} {'jam':>5} {'tumble':>6}"
+    lines = [f"{header}   {best.name} minus agent (95 %)", "-" * 98]
+    for score in scores:
+        low, high = interval(score.rewards)
+        share = {status: float(np.mean(score.status == status)) for status in ("finish", "jammed", "tumbled")}
+        line = f"{score.name:<12} {score.mean:>11.4f}  [{low:.4f}, {high:.4f}]"
+        line += f"  {share['finish']:>6.0%} {share['jammed']:>5.0%} {share['tumbled']:>6.0%}"
+        if score is not best:
+            difference = best.rewards - score.rewards
+            low, high = interval(difference)
+            line += f"   {difference.mean():+.4f} [{low:+.4f}, {high:+.4f}]"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def as_json(scores: list[Score]) -> list[dict[str, Any]]:
+    """Return the scores as plain data."""
+    return [
+        {"agent": s.name, "mean": s.mean, "interval": interval(s.rewards), "rewards": s.rewards.tolist()}
+        for s in scores
+    ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m agents.evaluate", description=__doc__)
+    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder written by agents.train")
+    parser.add_argument("--contexts", type=int, default=CONTEXTS, help="number of held-out contexts")
+    parser.add_argument("--json", type=Path, help="also write the rewards to this file")
+    given = parser.parse_args(arguments)
+    if given.contexts < 2:
+        parser.error(f"--contexts {given.contexts}: must be >= 2")
+    try:
+        loaded = [load_run(folder) for folder in given.runs]
+        problems = {(problem.task.scenario.hash, problem.control) for problem, _, _ in loaded}
+        if len(problems) > 1:
+            raise ValueError("the runs have different scenarios or controls: judge them apart")
+        scores = [evaluate(problem, agent, config["algo"], given.contexts) for problem, agent, config in loaded]
+    except (ScenarioError, ValueError, FileNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(table(scores))
+    if given.json:
+        given.json.write_text(json.dumps(as_json(scores)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

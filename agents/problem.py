@@ -1,0 +1,68 @@
+"""What an agent is given: a scenario, what it controls, and contexts to train, to validate and to be judged on."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sledenv import Context, DescentBatch, simulate_batch
+from sledenv.envs.task import Control, Task
+
+Split = Literal["train", "validation", "test"]
+
+# Each split draws from its own seed streams, so no context of one ever shows up in another.
+_STREAMS: dict[Split, int] = {"train": 1, "validation": 2, "test": 3}
+
+
+class Agent(Protocol):
+    """What can be judged: a map from observations to actions."""
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 8)."""
+        ...
+
+
+class Problem:
+    """A scenario with what the agent controls of its launch.
+
+    Parameters
+    ----------
+    scenario : str
+        As for :func:`sledenv.load_scenario`.
+    control : {"both", "orientation", "spin"}
+        What the agent chooses.
+    """
+
+    def __init__(self, scenario: str, control: Control = "both") -> None:
+        self.task = Task(scenario, control)
+        self.scenario = scenario
+        self.control = control
+        self.actions: int = self.task.action_space.shape[0]
+
+    def contexts(self, split: Split, count: int, seed: int = 0) -> list[Context]:
+        """Draw ``count`` contexts of a split; context i does not depend on ``count``."""
+        generators = (np.random.default_rng([_STREAMS[split], seed, i]) for i in range(count))
+        return [self.task.scenario.sample(generator) for generator in generators]
+
+    def observe(self, contexts: list[Context]) -> NDArray[np.float32]:
+        """Return the observations of contexts, shape (n, 8)."""
+        return np.stack([self.task.observe(context) for context in contexts])
+
+    def descend(self, contexts: list[Context], actions: ArrayLike) -> DescentBatch:
+        """Simulate one descent a context with actions of shape (n, k), on all cores."""
+        scenario = self.task.scenario
+        launches = [self.task.launch(*pair) for pair in zip(contexts, np.asarray(actions), strict=True)]
+        return simulate_batch(
+            self.task.body,
+            [scenario.law(context) for context in contexts],
+            [scenario.slope(context) for context in contexts],
+            launches,
+            max_time=scenario.limits.max_time_s,
+            max_rebounds=scenario.limits.max_rebounds,
+        )
+
+    def judge(self, agent: Agent, contexts: list[Context]) -> DescentBatch:
+        """Simulate the launches that an agent chooses for contexts."""
+        return self.descend(contexts, agent.act(self.observe(contexts)))

@@ -1,0 +1,214 @@
+"""SledLaunch keeps Gymnasium's and stable-baselines3's contracts and adds no physics of its own."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stable_baselines3.common.env_checker import check_env as check_env_sb3
+
+import sledenv
+from sledenv.envs import LAUNCH_ID, register
+
+SCENARIOS = sledenv.scenario_names()
+CONTROLS = ("both", "orientation", "spin")
+
+
+@pytest.fixture(autouse=True)
+def _no_screen(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
+
+def make(**kwargs):
+    return gym.make(LAUNCH_ID, **kwargs)
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_both_checkers_pass_without_a_warning(scenario, control):
+    """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
+    env = make(scenario=scenario, control=control)
+    check_env(env.unwrapped, skip_render_check=scenario != "brake_mat")
+    check_env_sb3(env.unwrapped)
+
+
+def test_the_spec_survives_json_and_a_second_registration_is_silent():
+    env = make(scenario="ice_drop", control="spin")
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.task.scenario.id == "ice_drop"
+    register()
+
+
+def test_importing_by_the_module_prefix_needs_no_import_of_the_package():
+    """Oracle: a fresh interpreter."""
+    code = "import gymnasium as gym; print(gym.make('sledenv:sledenv/SledLaunch-v0').spec.id)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == LAUNCH_ID
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_equal_seeds_give_equal_episodes_and_different_seeds_differ(scenario):
+    first, second = make(scenario=scenario), make(scenario=scenario)
+    varies = bool(np.ptp(np.stack(first.unwrapped.task.scenario.ranges), axis=0)[:6].any())
+    seen = []
+    for seed in (3, 3, 4):
+        a, _ = first.reset(seed=seed)
+        b, _ = second.reset(seed=seed)
+        assert np.array_equal(a, b)
+        action = np.array([0.3, -0.7], np.float32)
+        one, two = first.step(action), second.step(action)
+        assert one[1] == two[1]
+        assert all(np.array_equal(one[4]["rebounds"][name], column) for name, column in two[4]["rebounds"].items())
+        seen.append((a.tolist(), one[1]))
+    assert seen[0] == seen[1]
+    assert (seen[0] != seen[2]) == varies
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    action=st.tuples(st.floats(-1, 1, width=32), st.floats(-1, 1, width=32)),
+    scenario=st.sampled_from(SCENARIOS),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
+    """Oracle: simulate() of the launch that the action asks for, built from the scenario's bounds by hand."""
+    env = make(scenario=scenario)
+    observation, info = env.reset(seed=seed)
+    assert env.observation_space.contains(observation)
+    _, reward, terminated, truncated, after = env.step(np.array(action, np.float32))
+    assert terminated is True
+    assert truncated is False
+    pack = sledenv.load_scenario(scenario)
+    context = sledenv.Context(**info["context"])
+    low, high = np.radians(pack.control.orientation_deg[0]), np.radians(pack.control.orientation_deg[1])
+    orientation = low + 0.5 * (float(np.float32(action[0])) + 1.0) * (high - low)
+    low, high = pack.control.spin_rad_s
+    spin = low + 0.5 * (float(np.float32(action[1])) + 1.0) * (high - low)
+    descent = sledenv.simulate(
+        pack.body(), pack.law(context), pack.slope(context), pack.launch(context, orientation, spin),
+        max_time=pack.limits.max_time_s, max_rebounds=pack.limits.max_rebounds,
+    )  # fmt: skip
+    assert reward == descent.jam.reward
+    assert 0.0 <= reward <= 1.0
+    assert after["rebounds"].keys() == set(descent.rebounds.dtype.names)
+    assert all(np.array_equal(column, descent.rebounds[name]) for name, column in after["rebounds"].items())
+    assert after["is_success"] == (descent.status == "finish")
+    assert after["descent"]["status"] == descent.status
+    assert after["descent"]["energy"] == descent.energy._asdict()
+    assert after["jam"]["jam_index"] == 1.0 - reward
+
+
+def test_a_context_out_of_options_replaces_the_draw_and_leaves_the_random_stream_alone():
+    env = make(scenario="ice_drop")
+    context = sledenv.load_scenario("ice_drop").sample(np.random.default_rng(5))
+    env.reset(seed=1)
+    plain = env.reset()[1]["context"]
+    env.reset(seed=1)
+    fixed = env.reset(options={"context": context})[1]["context"]
+    assert fixed == context._asdict()
+    assert env.reset()[1]["context"] == plain
+
+
+def test_what_the_agent_controls_does_not_show_in_the_observation():
+    pack = sledenv.load_scenario("brake_mat")
+    context = pack.sample(np.random.default_rng(0))
+    orientation, spin = sledenv.Context._fields.index("orientation"), sledenv.Context._fields.index("spin")
+    seen = {c: make(scenario="brake_mat", control=c).reset(options={"context": context})[0] for c in CONTROLS}
+    assert seen["both"][orientation] == seen["both"][spin] == 0.0
+    assert seen["orientation"][orientation] == 0.0
+    assert seen["orientation"][spin] != 0.0
+    assert seen["spin"][spin] == 0.0
+    assert seen["spin"][orientation] != 0.0
+
+
+def test_what_is_returned_is_not_kept():
+    """A caller that writes into what it got must not change what the next one gets."""
+    env = make(scenario="brake_mat").unwrapped
+    observation, info = env.reset(seed=0)
+    observation[:] = 9.0
+    info["context"]["speed"] = -1.0
+    again, _, _, _, after = env.step(np.zeros(2, np.float32))
+    assert env.observation_space.contains(again)
+    assert after["context"]["speed"] > 0.0
+
+
+@pytest.mark.parametrize("action", [[2.0, 0.0], [np.nan, 0.0], [0.0], [[0.0, 0.0]], 0.0])
+def test_a_wrong_action_is_refused_and_the_episode_goes_on(action):
+    env = make(scenario="brake_mat", disable_env_checker=True)
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match="action"):
+        env.step(np.array(action, np.float32))
+    assert env.step(np.zeros(2, np.float32))[2] is True
+
+
+def test_a_step_needs_a_reset_before_and_after_each_episode():
+    env = make(scenario="brake_mat", disable_env_checker=True).unwrapped
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2, np.float32))
+    with pytest.raises(ResetNeeded):
+        env.render()
+    env.reset(seed=0)
+    env.step(np.zeros(2, np.float32))
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2, np.float32))
+    env.reset()
+    env.step(np.zeros(2, np.float32))
+
+
+def test_bad_arguments_name_the_argument_and_what_is_allowed():
+    with pytest.raises(sledenv.ScenarioError, match="brake_mat"):
+        make(scenario="brake_mta")
+    with pytest.raises(ValueError, match="control = 'roll': must be one of 'both', 'orientation', 'spin'"):
+        make(control="roll")
+    with pytest.raises(ValueError, match="render_mode"):
+        sledenv.envs.launch.SledLaunch(render_mode="ascii")
+    with pytest.raises(ValueError, match="unknown option 'contxt'"):
+        make().reset(options={"contxt": None})
+
+
+def test_a_pickled_env_goes_on_identically():
+    env = make(scenario="brake_mat").unwrapped
+    env.reset(seed=2)
+    twin = pickle.loads(pickle.dumps(env))
+    action = np.array([0.1, 0.2], np.float32)
+    assert env.step(action)[1] == twin.step(action)[1]
+    assert np.array_equal(env.reset()[0], twin.reset()[0])
+
+
+def test_the_picture_shows_the_launch_and_then_the_descent():
+    env = make(scenario="ice_drop", render_mode="rgb_array")
+    env.reset(seed=0)
+    launch = env.render()
+    env.step(np.zeros(2, np.float32))
+    descent = env.render()
+    assert launch.shape == descent.shape == (540, 960, 3)
+    assert launch.dtype == np.uint8
+    assert not np.array_equal(launch, descent)
+    assert np.array_equal(descent, env.render())
+    env.close()
+
+
+def test_human_rendering_plays_the_descent_in_a_window():
+    """Oracle: SDL's dummy driver shows nothing but runs the same code."""
+    env = make(scenario="paper_impact", render_mode="human")
+    env.reset(seed=0)
+    env.step(np.zeros(2, np.float32))
+    assert env.render() is None
+    env.close()
+
+
+def test_info_can_be_logged_as_json_but_for_its_arrays():
+    env = make(scenario="brake_mat")
+    env.reset(seed=0)
+    info = env.step(np.zeros(2, np.float32))[4]
+    info["rebounds"] = {name: column.tolist() for name, column in info["rebounds"].items()}
+    json.dumps(info)

@@ -1,0 +1,317 @@
+"""Figures and the geometry behind them: outlines, interpolation, what is drawn where and labelled how."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import sledenv
+from sledenv import outline, plot
+from sledenv.descent import Descent, simulate
+from sledenv.kernel.geometry import arms, support_height
+from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+
+mpl.use("agg")
+
+DISC = Body(100.0, 0.5, 0.25, 18.75)
+SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
+SLED = circular_segment(100.0, 0.5, math.radians(110.0))
+ROD = Body(2.0, 0.0, 0.5, 0.17)
+POINT = Body(1.0, 0.0, 0.0, 1.0)
+ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
+MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
+HILL = Slope(0.15, 10.0)
+
+
+def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
+    """Simulate a launch whose second entry is the clearance of the lowest point [m]."""
+    x, clearance, phi, *rates = launch
+    state = State(x, clearance + support_height(body, phi), phi, *rates)
+    return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def slides() -> Descent:
+    return run(SEGMENT, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+
+
+@pytest.fixture(scope="module")
+def jams() -> Descent:
+    descent = run(DISC, MAT, Slope(0.1, 10.0), (0.0, 0.4, 0.4, 1.0, 0.0, 0.5))
+    assert descent.status == "jammed"
+    return descent
+
+
+@pytest.fixture(scope="module")
+def impact() -> Descent:
+    law = ContactLaw(9810.0, 0.5, 0.1, 0.001)
+    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    return run(body, law, Slope(0.0, 1.0, 0.0), (0.0, 0.005, math.pi / 4, 0.0, -10.0, 0.0), max_time=0.04)
+
+
+def shoelace(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Area and centroid of a closed polygon."""
+    (x, y), (x1, y1) = points[:-1].T, points[1:].T
+    cross = x * y1 - x1 * y
+    area = 0.5 * cross.sum()
+    return area, np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / (6.0 * area)
+
+
+@pytest.mark.parametrize("half_angle", [0.3, 1.0, math.pi / 2, 2.5, math.pi])
+@pytest.mark.parametrize("phi", [0.0, 0.7, -2.0, 11.0])
+def test_an_outline_is_the_segment_between_an_arc_and_its_chord(half_angle: float, phi: float) -> None:
+    """Oracle: area r^2 (alpha - sin alpha cos alpha) and centroid of a circular segment, which is its mass centre."""
+    body = circular_segment(1.0, 0.4, half_angle)
+    points = outline.body_outline(body, 3.0, 2.0, phi, 2001)
+    area, centroid = shoelace(points)
+    assert area == pytest.approx(0.16 * (half_angle - math.sin(half_angle) * math.cos(half_angle)), rel=1e-4)
+    assert centroid == pytest.approx([3.0, 2.0], abs=1e-6)
+    centre = outline.arc_centre(body, 3.0, 2.0, phi)
+    assert np.hypot(*(points - centre).T) == pytest.approx(0.4)
+    chord = math.dist(points[-2], points[-1])
+    assert chord == pytest.approx(0.8 * math.sin(half_angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED])
+def test_the_lowest_point_of_an_outline_touches_where_the_kernel_says(body: Body) -> None:
+    """Oracle: the support height and the arms of sledenv.kernel.geometry."""
+    for phi in np.linspace(-7.0, 7.0, 57).tolist():
+        points = outline.body_outline(body, 0.0, 1.0, phi, 4001)
+        assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
+
+
+def test_a_rod_is_drawn_from_its_end_to_its_mass_centre() -> None:
+    assert outline.body_outline(ROD, 1.0, 2.0, math.pi / 2) == pytest.approx(np.array([(0.5, 2.0), (1.0, 2.0)]))
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD])
+def test_reach_is_the_distance_of_the_farthest_point(body: Body) -> None:
+    distances = np.hypot(*outline.body_outline(body, 0.0, 0.0, 1.2, 4001).T)
+    assert outline.reach(body) == pytest.approx(distances.max(), rel=1e-5)
+
+
+def test_the_heavy_side_holds_the_mass_centre() -> None:
+    _, centroid = shoelace(outline.heavy_side(DISC, 2.0, 1.0, 0.8))
+    centre = np.array(outline.arc_centre(DISC, 2.0, 1.0, 0.8))
+    assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
+
+
+def test_the_slope_descends_to_the_right_in_the_world() -> None:
+    """Oracle: a point L down a slope of angle beta lies L cos(beta) to the right and L sin(beta) lower."""
+    assert outline.to_world([(2.0, 0.0)], 0.3)[0] == pytest.approx([2.0 * math.cos(0.3), -2.0 * math.sin(0.3)])
+    normal = outline.to_world([(0.0, 1.0)], 0.3)[0]
+    assert normal == pytest.approx([math.sin(0.3), math.cos(0.3)])
+
+
+def test_states_between_sparse_rows_follow_the_parabola() -> None:
+    """Oracle: a body in free flight."""
+    descent = run(DISC, ICE, Slope(0.2, math.inf), (1.0, 50.0, 0.3, 2.0, 5.0, -4.0), max_time=2.0, sample_interval=10.0)
+    rows = outline.drawable_rows(descent)
+    assert len(rows) == 2
+    t = np.linspace(0.0, 2.0, 9)
+    x, y, phi, u, v, omega = outline.states_at(rows, t).T
+    assert x == pytest.approx(1.0 + 2.0 * t + 0.5 * 9.81 * math.sin(0.2) * t**2)
+    assert y == pytest.approx(descent.launch.y + 5.0 * t - 0.5 * 9.81 * math.cos(0.2) * t**2)
+    assert phi == pytest.approx(0.3 - 4.0 * t)
+    assert u == pytest.approx(2.0 + 9.81 * math.sin(0.2) * t)
+    assert v == pytest.approx(5.0 - 9.81 * math.cos(0.2) * t)
+    assert omega == pytest.approx(-4.0)
+
+
+def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
+    rows = slides.trajectory
+    states = outline.states_at(rows, rows["t"])
+    assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
+    outside = outline.states_at(rows, [-1.0, 1e9])
+    assert outside == pytest.approx(states[[0, -1]])
+
+
+def test_contacts_begin_under_the_touching_feature(slides: Descent) -> None:
+    """Oracle: the contact point lies at -a from the mass centre in the first row of the trajectory in contact."""
+    rows = slides.trajectory
+    spans = outline.contact_spans(slides)
+    assert len(spans) == len(slides.rebounds) > 2
+    for rebound, (begin, _) in zip(slides.rebounds, spans, strict=True):
+        row = rows[np.argmin(np.abs(rows["t"] - (rebound["t"] - rebound["duration"])))]
+        assert row["feature"] == rebound["feature"]
+        assert begin == pytest.approx(row["x"] - arms(SEGMENT, rebound["feature"], row["phi"])[0], abs=1e-6)
+
+
+def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
+    second = slides.rebounds[1]
+    middle = float(second["t"] - 0.5 * second["duration"])
+    spans, whole = outline.contact_spans(slides, middle), outline.contact_spans(slides)
+    assert len(spans) == 2
+    assert spans[0] == pytest.approx(whole[0])
+    assert whole[1, 0] <= spans[1, 1] <= whole[1, 1]
+    assert outline.contact_spans(slides, 0.0).shape == (0, 2)
+
+
+def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:
+    moving = outline.strobe_states(SEGMENT, slides.trajectory, 0.2)
+    times = np.append(np.arange(0.0, slides.time, 0.2), slides.time)
+    expected = outline.states_at(slides.trajectory, times)
+    assert moving[-1] == pytest.approx(expected[-1])
+    assert all(np.abs(expected - state).max(axis=1).min() < 1e-9 for state in moving)
+    assert len(moving) > 5
+    still = outline.strobe_states(DISC, jams.trajectory, jams.time / 1000.0)
+    assert len(still) < 60
+
+
+def test_a_descent_without_trajectory_is_refused() -> None:
+    descent = simulate(DISC, ICE, HILL, State(0.0, 1.0, 0.0))
+    with pytest.raises(ValueError, match='record="trajectory"'):
+        plot.plot_strobe(descent)
+
+
+def test_rows_that_overflowed_are_not_drawn(slides: Descent) -> None:
+    trajectory = slides.trajectory.copy()
+    trajectory["x"][5], trajectory["u"][7], trajectory["y"][9] = math.nan, math.inf, 1e300
+    assert len(outline.drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
+    lost = outline.drawable_rows(replace(slides, trajectory=trajectory[5:6]))
+    assert np.isfinite(outline.states_at(lost, [0.0])).all()
+
+
+def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Descent, jams: Descent) -> None:
+    figure = plot.plot_strobe([jams, slides], labels=["mat", "ice"])
+    panels = figure.axes[:2]
+    for ax, name, descent in zip(panels, ("mat", "ice"), (jams, slides), strict=True):
+        title = ax.get_title(loc="left")
+        assert title.startswith(f"{name}: {descent.status} after {descent.time:.2f} s")
+        assert f"reward {float(descent.jam.reward):.2f}" in title
+        assert ax.get_aspect() == 1.0
+    assert panels[0].get_xlim() == panels[1].get_xlim()
+    low, high = panels[0].get_xlim()
+    assert low < 0.0
+    assert high > 10.0 * math.cos(0.1)  # the finish
+    assert figure.axes[2].get_ylabel() == "speed [m/s]"
+
+
+def test_a_strobe_figure_without_the_slope_shows_where_the_sled_went(impact: Descent) -> None:
+    assert plot.plot_strobe(impact).axes[0].get_xlim()[1] > 1.0
+    assert plot.plot_strobe(impact, whole=False).axes[0].get_xlim()[1] < 0.5
+
+
+def test_wrong_arguments_of_a_strobe_figure_are_named(slides: Descent) -> None:
+    with pytest.raises(ValueError, match="empty"):
+        plot.plot_strobe([])
+    with pytest.raises(ValueError, match="2 labels for 1"):
+        plot.plot_strobe(slides, labels=["a", "b"])
+    with pytest.raises(ValueError, match="frames"):
+        plot.plot_strobe(slides, frames=1)
+
+
+def curve(figure: Figure, panel: int) -> tuple[np.ndarray, np.ndarray]:
+    line = figure.axes[panel].lines[-1]
+    return np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+
+
+def test_the_moment_of_an_impact_turns_the_body(impact: Descent) -> None:
+    """Oracle: Euler's law, J domega = moment dt, and T = 50 J at launch; times are in milliseconds."""
+    figure = plot.plot_impact(impact)
+    t, moment = curve(figure, 2)
+    turned = np.trapezoid(moment, 1e-3 * t)
+    assert turned == pytest.approx(impact.body.inertia * impact.state.omega, rel=0.02)
+    _, force = curve(figure, 0)
+    assert np.trapezoid(force, 1e-3 * t) == pytest.approx(impact.state.v + 10.0, rel=0.02)
+    _, kinetic = curve(figure, 3)
+    assert kinetic[0] == pytest.approx(50.0)
+    assert kinetic[-1] == pytest.approx(impact.energy.kinetic)
+    assert figure.axes[2].get_xlabel() == "time [ms]"
+
+
+def test_an_impact_figure_keeps_to_its_interval(slides: Descent) -> None:
+    first = slides.rebounds[0]
+    figure = plot.plot_impact(slides, float(first["t"] - first["duration"]), float(first["t"]))
+    t, force = curve(figure, 0)
+    assert np.ptp(t) == pytest.approx(1e3 * first["duration"], rel=1e-6)
+    assert np.trapezoid(force, 1e-3 * t) == pytest.approx(first["normal_impulse"], rel=0.1)
+    with pytest.raises(ValueError, match="start = 5"):
+        plot.plot_impact(slides, 5.0, 4.0)
+
+
+@pytest.mark.parametrize("name", ["slides", "jams", "impact"])
+def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: pytest.FixtureRequest) -> None:
+    """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns."""
+    descent: Descent = request.getfixturevalue(name)
+    figure = plot.plot_descent(descent)
+    top = figure.axes[3].collections[-1].get_paths()[0].vertices
+    t = descent.trajectory["t"]
+    sums = np.array([top[top[:, 0] == when, 1].max() for when in t])
+    assert sums == pytest.approx(sums[0], rel=0.02)
+    assert [ax.get_ylabel().split()[0] for ax in figure.axes] == ["u", "v", "ω", "energy"]
+
+
+def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
+    layers = plot._energy_layers(slides, slides.trajectory)
+    for kind in ("hysteresis", "sliding", "rolling"):
+        assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(slides.energy, kind))
+        assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()
+    assert layers["translation"][-1] + layers["rotation"][-1] == pytest.approx(slides.energy.kinetic)
+
+
+def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> None:
+    """Titles, axis labels, tick labels and legends keep apart at the width of a README."""
+    figures = [plot.plot_strobe([jams, slides, jams]), plot.plot_impact(impact), plot.plot_descent(jams)]
+    for figure in figures:
+        figure.canvas.draw()
+        boxes = [legend.get_window_extent() for legend in figure.legends]
+        for ax in figure.axes:
+            shown = [*ax.yaxis.get_ticklabels(), ax.yaxis.label, ax.xaxis.label, ax._left_title]  # type: ignore[attr-defined]
+            boxes += [text.get_window_extent() for text in shown if text.get_text()]
+        assert figure.dpi * figure.get_figwidth() == pytest.approx(900.0)
+        for one, other in itertools.combinations(boxes, 2):
+            assert not one.overlaps(other), (one, other)
+
+
+UGLY = {
+    "no time passed": (DISC, ICE, HILL, (0.0, 1.0, 0.0, 1.0, 0.0, 1.0), {"max_time": 1e-9}),
+    "jammed at launch": (DISC, MAT, Slope(0.0, 10.0), (0.0, 0.0, 0.0), {}),
+    "no end": (DISC, ICE, Slope(0.2), (0.0, 1.0, 0.0, 5.0, 0.0, 0.0), {"max_time": 5.0, "sample_interval": 1.0}),
+    "far away": (DISC, ICE, Slope(0.0), (0.0, 1e3, 0.0, 1e9, 1e9, 0.0), {"max_time": 100.0}),
+    "uphill": (SLED, ICE, Slope(0.3, 5.0), (0.0, 1.0, 0.0, -8.0, 0.0, 0.0), {"max_time": 3.0}),
+    "ascent": (SLED, ICE, Slope(-0.3, 5.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
+    "overflow": (
+        DISC,
+        ICE,
+        Slope(0.0),
+        (0.0, 1.0, 0.0, 1e300, 1e300, 0.0),
+        {"max_time": 1e12, "sample_interval": 1e11},
+    ),
+    "rod": (ROD, ICE, HILL, (0.0, 0.5, 0.4, 1.0, 0.0, 0.0), {"max_time": 2.0}),
+    "point": (POINT, ICE, Slope(0.1, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0, 0.0, 0.0), {}),
+    "weightless": (DISC, ICE, Slope(0.1, 10.0, 0.0), (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), {"max_time": 1.0}),
+}
+
+
+@pytest.mark.parametrize("name", UGLY)
+def test_ugly_descents_are_drawn(name: str) -> None:
+    body, law, slope, launch, options = UGLY[name]
+    descent = run(body, law, slope, launch, **options)
+    for figure in (plot.plot_strobe(descent), plot.plot_strobe(descent, whole=False), plot.plot_descent(descent)):
+        figure.savefig(io.BytesIO(), dpi=40)
+
+
+def test_a_missing_matplotlib_is_named(slides: Descent, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for draw in (plot.plot_strobe, plot.plot_impact, plot.plot_descent):
+        with pytest.raises(ImportError, match=r"sledenv\[plot\]"):
+            draw(slides)
+
+
+def test_importing_the_package_needs_neither_matplotlib_nor_pygame() -> None:
+    program = "import sys; sys.modules.update(matplotlib=None, pygame=None); import sledenv.plot, sledenv.envs.render"
+    paths = [str(Path(sledenv.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
