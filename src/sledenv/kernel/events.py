@@ -114,7 +114,7 @@ def first_event(
     friction, arm : float
         Coulomb coefficient [-] and rolling arm [m] of the feature.
     closing_normal, opening_normal : float
-        Bounds of the normal force [N] where the gap is locked.
+        Bounds of the normal force [N] where the gap is locked; inf and 0 if the contact is rigid.
     length : float
         End of the slope [m].
     branch : tuple of int
@@ -138,9 +138,10 @@ def first_event(
     released = 0
     # Each event found shortens the interval in which the next one is sought.
     if gap_rate == 0:
-        at = _normal_root(c, 1, closing_normal, step)
-        if at < math.inf:
-            step, event, released = at, RATE_RELEASED, -1
+        if closing_normal < math.inf:
+            at = _normal_root(c, 1, closing_normal, step)
+            if at < math.inf:
+                step, event, released = at, RATE_RELEASED, -1
         at = _normal_root(c, -1, opening_normal, step)
         if at < math.inf:
             step, event, released = at, RATE_RELEASED, 1

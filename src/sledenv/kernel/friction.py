@@ -7,6 +7,8 @@ either sign. The branch of least violation is the answer: docs/physics.md, secti
 
 from __future__ import annotations
 
+import math
+
 from sledenv.kernel.jit import kernel
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
@@ -89,7 +91,8 @@ def resolve(
     length : float
         Size of the body [m], which makes the violation of a moment comparable with that of a force.
     closing_normal, opening_normal : float
-        Normal force [N] while the gap closes and while it opens; where ``v_n`` is locked it lies between them.
+        Normal force [N] while the gap closes and while it opens; where ``v_n`` is locked it lies between them. A rigid
+        contact has inf and 0: its gap cannot close.
     gap_rate, slip, spin : int
         Signs of ``v_n``, ``v_t`` and ``omega``; 0 where the velocity is exactly zero.
 
@@ -102,7 +105,7 @@ def resolve(
     best = (gap_rate, slip, spin)
     least = 1e300
     for normal_branch in (0, -1, 1):
-        if gap_rate != 0 and normal_branch != gap_rate:
+        if (gap_rate != 0 and normal_branch != gap_rate) or (normal_branch < 0 and closing_normal == math.inf):
             continue
         given = closing_normal if normal_branch < 0 else opening_normal
         for slip_branch in (0, 1, -1):
@@ -114,7 +117,8 @@ def resolve(
                 force, moment, normal = branch_forces(
                     w, drive_t, drive_n, friction, arm, given, normal_branch == 0, slip_branch, spin_branch
                 )
-                scale = max(abs(normal), closing_normal)
+                reference = closing_normal if closing_normal < math.inf else abs(drive_n) / w_nn
+                scale = max(abs(normal), reference)
                 violation = 0.0
                 if slip == 0:
                     if slip_branch == 0:

@@ -180,6 +180,16 @@ class ContactLaw(_ContactLawFields):
         return cls(stiffness, (1.0 - squared) / (1.0 + squared), friction, rolling_arm, corner_rolling_arm)
 
 
+class RigidLaw(NamedTuple):
+    """The stiff limit of a contact law: docs/physics.md, sections 4 and 6."""
+
+    restitution: float  # [-] energetic
+    friction: float  # [-] f, Coulomb
+    rolling_arm: float  # [m] delta of the arc
+    corner_rolling_arm: float  # [m] delta of a corner
+    settle_speed: float  # [m/s] of approach, below which an impact is plastic
+
+
 class _SlopeFields(NamedTuple):
     angle: float  # [rad] beta, positive downhill
     length: float  # [m] where the descent finishes; may be inf

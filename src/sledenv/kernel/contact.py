@@ -1,4 +1,7 @@
-"""Contact by the paper's two-stiffness law, event-driven, in power series of high order: docs/physics.md, section 5.
+"""Contact with extent in time, event-driven, in power series of high order: docs/physics.md, sections 5 and 6.
+
+One loop serves the paper's two-stiffness law and the sustained contact of rigid surfaces, where the normal force is
+unbounded and the gap stays closed until that force would become negative.
 
 Between events the forces are analytic, so a step is a power series of the state and every event the first root of one.
 The state is kept in contact coordinates (gap, v_n, v_t, omega, phi, x): a locked velocity is then exactly zero, and the
@@ -8,6 +11,7 @@ gap suffers no cancellation.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +32,7 @@ from sledenv.kernel.events import (
 from sledenv.kernel.friction import compliance, resolve
 from sledenv.kernel.geometry import arms, feature_at, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope
+from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
@@ -51,6 +55,7 @@ from sledenv.kernel.state import (
     PHI,
     ROLLING,
     SLIDING,
+    STORED,
     TIME,
     V_N,
     V_T,
@@ -58,8 +63,20 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.trajectory import add_sample
 
+INCONSISTENT = -1
 MOST_STALLED = 60  # events in a row without any progress in time
 NO_DEPTH = 1e-12  # of the size of the body: a shallower contact is resolved in the limit of a vanishing normal force
+
+
+class Pair(NamedTuple):
+    """How two surfaces meet while they touch."""
+
+    k_closing: float  # [N/m] while the gap closes; inf if rigid
+    k_opening: float  # [N/m] while it opens; 0 if rigid
+    friction: float  # [-] f
+    rolling_arm: float  # [m] delta of the arc
+    corner_rolling_arm: float  # [m] delta of a corner
+    most_normal: float  # [N] above which a rigid contact counts as having no finite normal force
 
 
 @kernel
@@ -69,7 +86,7 @@ def _sign(value: float) -> int:
 
 @kernel
 def _choose_branch(
-    body: Body, law: ContactLaw, slope: Slope, feature: int, arm: float, state: np.ndarray
+    body: Body, pair: Pair, slope: Slope, feature: int, arm: float, state: np.ndarray
 ) -> tuple[int, int, int]:
     """Signs of v_n, v_t and omega from here on, by the box rule."""
     h, _, shift = feature_geometry(body, feature)
@@ -81,11 +98,11 @@ def _choose_branch(
         compliance(body.mass, body.inertia, a, b),
         slope.gravity * math.sin(slope.angle) + a * square,
         -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square,
-        law.friction,
+        pair.friction,
         arm,
         size,
-        law.stiffness * (1.0 + law.asymmetry) * depth,
-        law.stiffness * (1.0 - law.asymmetry) * depth,
+        pair.k_closing * depth,
+        pair.k_opening * depth,
         _sign(state[V_N]),
         _sign(state[V_T]),
         _sign(state[OMEGA]),
@@ -177,7 +194,7 @@ def _sample_step(
 @kernel
 def contact(
     body: Body,
-    law: ContactLaw,
+    pair: Pair,
     slope: Slope,
     limits: Limits,
     state: np.ndarray,
@@ -190,8 +207,10 @@ def contact(
 
     Parameters
     ----------
-    body, law, slope, limits
+    body, slope, limits
         See :mod:`sledenv.kernel.params`.
+    pair : Pair
+        How the two surfaces meet; a rigid pair starts at rest, without gap or gap rate.
     state : ndarray, shape (STATE_SIZE,)
         Contact state at touchdown; overwritten by the state at the end. Impulses and losses are accumulated.
     c : ndarray, shape (ROWS, ORDER + 1)
@@ -206,16 +225,16 @@ def contact(
     Returns
     -------
     tuple of int
-        Status (RUNNING after a separation), steps and samples.
+        Status (RUNNING after a separation, INCONSISTENT where a rigid sliding contact admits no finite normal force),
+        steps and samples.
     """
     turns = whole_turns(state[PHI])
     state[PHI] -= turns
     feature = feature_at(body, state[PHI])
     geometry = feature_geometry(body, feature)
-    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
     size = body.radius + body.eccentricity
-    k_closing = law.stiffness * (1.0 + law.asymmetry)
-    k_opening = law.stiffness * (1.0 - law.asymmetry)
+    rigid = pair.k_closing == math.inf
     scale = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
     gap_rate, slip, spin = 0, 0, 0
     gap_zeros, slip_zeros, spin_zeros, at_edge = 0, 0, 0, 0  # leading coefficients that are zero by construction
@@ -223,7 +242,7 @@ def contact(
     stalled = 0
     while True:
         if choose:
-            gap_rate, slip, spin = _choose_branch(body, law, slope, feature, arm, state)
+            gap_rate, slip, spin = _choose_branch(body, pair, slope, feature, arm, state)
             gap_zeros = 1 if state[V_N] == 0.0 else 0
             slip_zeros = 1 if state[V_T] == 0.0 else 0
             spin_zeros = 1 if state[OMEGA] == 0.0 else 0
@@ -231,12 +250,18 @@ def contact(
         if gap_rate == 0 and slip == 0 and spin == 0:
             status = JAMMED
             break
+        if rigid and gap_rate > 0:
+            status = RUNNING
+            break
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET
             break
         steps += 1
-        stiffness = k_closing if gap_rate < 0 else k_opening
-        expand(body, geometry, law.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
+        stiffness = pair.k_closing if gap_rate < 0 else pair.k_opening
+        expand(body, geometry, pair.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
+        if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
+            status = INCONSISTENT
+            break
         # A velocity released at the bound of its force starts without acceleration: drop the rounding error of it.
         if gap_zeros == 2:
             c[V_N, 1] = 0.0
@@ -244,7 +269,7 @@ def contact(
             c[V_T, 1] = 0.0
         if spin_zeros == 2:
             c[OMEGA, 1] = 0.0
-        step = _longest_step(body, feature, law.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
+        step = _longest_step(body, feature, pair.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
         step = min(step, left)
@@ -256,10 +281,10 @@ def contact(
             body,
             feature,
             geometry[2],
-            law.friction,
+            pair.friction,
             arm,
-            k_closing * depth,
-            k_opening * depth,
+            math.inf if rigid else pair.k_closing * depth,
+            pair.k_opening * depth,
             slope.length,
             (gap_rate, slip, spin),
             (gap_zeros, slip_zeros, spin_zeros),
@@ -287,7 +312,7 @@ def contact(
         if event == SEPARATION:
             state[GAP] = 0.0
         if gap_rate > 0:
-            state[HYSTERESIS] += 0.5 * (k_closing - k_opening) * (depth * depth - state[GAP] * state[GAP])
+            state[HYSTERESIS] += 0.5 * (pair.k_closing - pair.k_opening) * (depth * depth - state[GAP] * state[GAP])
         at_edge = 0
         if step > 0.0:
             gap_zeros, slip_zeros, spin_zeros = 0, 0, 0
@@ -324,6 +349,9 @@ def contact(
             state[OMEGA] = 0.0
             choose = True
         elif event == RATE_RELEASED:
+            if rigid:
+                status = RUNNING
+                break
             gap_rate = released
             gap_zeros = 2
         elif event == SLIP_RELEASED:
@@ -339,8 +367,10 @@ def contact(
                 feature = ARC
             state[PHI] = math.copysign(body.half_angle, state[PHI])
             geometry = feature_geometry(body, feature)
-            arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+            arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
             at_edge = 1
             choose = True
     state[PHI] += turns
+    if not rigid:
+        state[STORED] = 0.5 * pair.k_closing * state[GAP] * state[GAP]
     return status, steps, samples
