@@ -40,7 +40,6 @@ _STYLE: dict[str, Any] = {
     "axes.edgecolor": _INK,
     "lines.linewidth": 1.6,
     "legend.frameon": False,
-    "savefig.dpi": 110.0,
 }
 _DASHES = (0, (4, 3))
 _WIDTH = 9.0  # [in]

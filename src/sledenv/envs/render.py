@@ -193,11 +193,11 @@ class DescentRenderer:
     def _whole(self, slope: Slope, rows: np.ndarray) -> Camera:
         """Camera that shows the slope, if it ends, and every place of the sled."""
         width, height = self.size[0], self.size[1] - _panel_height(self.size)
-        ends = [(0.0, 0.0), (0.0, 2.0 * self._reach)]  # room for a launch, so that most descents share one picture
-        if math.isfinite(slope.length):
-            ends.append((slope.length, 0.0))
+        ends = [0.0] + ([slope.length] if math.isfinite(slope.length) else [])
+        # Room for a sled at either end, so that launch and descent share one picture as a rule.
+        room = [(x, y) for x in ends for y in (0.0, 2.0 * self._reach)]
         path = np.stack([rows["x"], rows["y"]], axis=-1)
-        world = to_world(np.concatenate([path, path * (1.0, 0.0), ends]), slope.angle)
+        world = to_world(np.concatenate([path, path * (1.0, 0.0), room]), slope.angle)
         margin = max(1.2 * self._reach, 0.03 * float(np.ptp(world, axis=0).max()))
         low, high = world.min(axis=0) - margin, world.max(axis=0) + margin
         right, up = 0.5 * (low + high)

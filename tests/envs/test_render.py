@@ -1,0 +1,276 @@
+"""Pictures of a descent: what stands where in them, that they repeat, and that no descent is too ugly to draw."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pygame
+import pytest
+from gymnasium.error import DependencyNotInstalled
+
+from sledenv.descent import Descent, simulate
+from sledenv.envs.render import HEAVY, SHELL, Camera, DescentRenderer
+from sledenv.kernel.geometry import support_height
+from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.outline import arc_centre, states_at
+
+DISC = Body(100.0, 0.5, 0.25, 18.75)
+SLED = circular_segment(100.0, 0.5, math.radians(110.0))
+ROD = Body(2.0, 0.0, 0.5, 0.17)
+POINT = Body(1.0, 0.0, 0.0, 1.0)
+ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
+MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
+HILL = Slope(0.15, 10.0)
+PANEL = 486  # first row of the panel in a picture of 960 x 540
+
+
+def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
+    """Simulate a launch whose second entry is the clearance of the lowest point [m]."""
+    x, clearance, phi, *rates = launch
+    state = State(x, clearance + support_height(body, phi), phi, *rates)
+    return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def descent() -> Descent:
+    return run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+
+
+@pytest.fixture
+def renderer(monkeypatch: pytest.MonkeyPatch) -> Iterator[DescentRenderer]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    renderer = DescentRenderer(DISC)
+    yield renderer
+    renderer.close()
+
+
+def drawn_in(image: np.ndarray, *colours: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels of these colours."""
+    away = np.min([np.abs(image.astype(int) - colour).max(axis=-1) for colour in colours], axis=0)
+    return np.nonzero(away <= 2)
+
+
+def is_picture(image: np.ndarray, width: int = 960, height: int = 540) -> bool:
+    return image.shape == (height, width, 3) and image.dtype == np.uint8 and image.flags.writeable
+
+
+@pytest.mark.parametrize("size", [(960, 540), (160, 90), (401, 700), (1920, 1080)])
+def test_pictures_have_the_size_that_was_asked_for(size: tuple[int, int], descent: Descent) -> None:
+    renderer = DescentRenderer(DISC, size=size)
+    for image in (
+        renderer.frame(descent, 1.0),
+        renderer.strobe(descent),
+        renderer.launch_frame(descent.slope, descent.launch),
+    ):
+        assert is_picture(image, *size)
+
+
+def test_a_camera_maps_the_slope_to_scale_and_downhill_to_the_right(
+    renderer: DescentRenderer, descent: Descent
+) -> None:
+    """Oracle: the slope of length L at angle beta lies L cos(beta) to the right and L sin(beta) down, to scale."""
+    camera = renderer.camera(descent, 1.0)
+    (top, bottom) = camera.pixels(np.array([(0.0, 0.0), (10.0, 0.0)]))
+    assert bottom - top == pytest.approx(10.0 * camera.scale * np.array([math.cos(0.15), math.sin(0.15)]))
+    above = camera.pixels(np.array([0.0, 1.0]))
+    assert above - top == pytest.approx(camera.scale * np.array([math.sin(0.15), -math.cos(0.15)]))
+    for column, row in (top, bottom):
+        assert 0.0 < column < 960.0
+        assert 0.0 < row < PANEL
+
+
+@pytest.mark.parametrize("time", [0.0, 0.3, 1.1, 2.0])
+def test_the_sled_is_drawn_where_the_camera_projects_it(
+    time: float, renderer: DescentRenderer, descent: Descent
+) -> None:
+    """Oracle: the bounding box of a disc is that of its centre and radius."""
+    state = states_at(descent.trajectory, [time])[0]
+    camera = renderer.camera(descent, time)
+    column, row = camera.pixels(np.array(arc_centre(DISC, *state[:3].tolist())))
+    radius = DISC.radius * camera.scale
+    rows, columns = drawn_in(renderer.frame(descent, time), HEAVY, SHELL)
+    assert [columns.min(), columns.max()] == pytest.approx([column - radius, column + radius], abs=4.0)
+    assert [rows.min(), rows.max()] == pytest.approx([row - radius, row + radius], abs=4.0)
+
+
+def test_the_heavy_side_is_drawn_around_the_mass_centre(renderer: DescentRenderer, descent: Descent) -> None:
+    """Oracle: the centroid of a half disc lies 4 r / (3 pi) from the centre of the disc, towards the mass centre."""
+    for time in (0.0, 0.4, 1.5):
+        x, y, phi = states_at(descent.trajectory, [time])[0, :3].tolist()
+        centre = np.array(arc_centre(DISC, x, y, phi))
+        towards = (np.array([x, y]) - centre) / DISC.eccentricity
+        camera = renderer.camera(descent, time)
+        expected = camera.pixels(centre + towards * 4.0 * DISC.radius / (3.0 * math.pi))
+        rows, columns = drawn_in(renderer.frame(descent, time), HEAVY)
+        assert [columns.mean(), rows.mean()] == pytest.approx(expected, abs=3.0)
+
+
+def test_frames_differ_in_time_and_repeat(renderer: DescentRenderer, descent: Descent) -> None:
+    first = renderer.frame(descent, 0.5)
+    kept = first.copy()
+    second = renderer.frame(descent, 0.6)
+    assert (first != second).any()
+    assert (first == kept).all()
+    assert (DescentRenderer(DISC).frame(descent, 0.5) == first).all()
+
+
+def test_a_frame_is_clipped_to_the_duration(renderer: DescentRenderer, descent: Descent) -> None:
+    assert (renderer.frame(descent, -1.0) == renderer.frame(descent, 0.0)).all()
+    assert (renderer.frame(descent, math.inf) == renderer.frame(descent, descent.time)).all()
+
+
+def test_the_launch_is_framed_as_the_first_moment_of_its_descent(renderer: DescentRenderer, descent: Descent) -> None:
+    launch = renderer.launch_frame(descent.slope, descent.launch)
+    assert (launch[:PANEL] == renderer.frame(descent, 0.0)[:PANEL]).all()
+
+
+def test_the_panel_tells_the_outcome_at_the_end_alone(renderer: DescentRenderer, descent: Descent) -> None:
+    before = renderer.frame(descent, descent.time - 1e-9)[PANEL:]
+    end = renderer.frame(descent, descent.time)[PANEL:]
+    other = renderer.frame(replace(descent, status=type(descent.status).TIMEOUT), descent.time)[PANEL:]
+    assert (before[:, :640] == end[:, :640]).all()  # the motion
+    assert (before[:, 640:800] != end[:, 640:800]).any()  # the status
+    assert (before[:, 800:] != end[:, 800:]).any()  # the reward
+    assert (other[:, 640:800] != end[:, 640:800]).any()
+    assert (other[:, 800:] == end[:, 800:]).all()
+
+
+def test_the_camera_stands_still_on_a_short_slope_and_follows_on_a_long_one(renderer: DescentRenderer) -> None:
+    short = run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+    long = run(DISC, ICE, Slope(0.15, 2000.0), (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), max_time=20.0)
+    assert renderer.camera(short, 0.0) == renderer.camera(short, 1.5)
+    for time in (0.0, 5.0, 20.0):
+        state = states_at(long.trajectory, [time])[0]
+        camera = renderer.camera(long, time)
+        assert camera.x == pytest.approx(state[0])
+        assert camera.scale * DISC.radius > 15.0
+        rows, columns = drawn_in(renderer.frame(long, time), HEAVY, SHELL)
+        assert 0 < columns.min() <= columns.max() < 959
+        assert 0 < rows.min() <= rows.max() < PANEL
+
+
+def test_a_camera_keeps_its_digits_far_down_the_slope() -> None:
+    camera = Camera(1e9, 0.25, 0.15, 50.0, 960, 486)
+    assert camera.pixels(np.array([1e9 + 1.0, 0.25])) == pytest.approx(
+        [480.0 + 50.0 * math.cos(0.15), 243.0 + 50.0 * math.sin(0.15)]
+    )
+
+
+def test_a_strobe_shows_many_poses_and_repeats(renderer: DescentRenderer, descent: Descent) -> None:
+    strobe = renderer.strobe(descent)
+    assert (strobe == renderer.strobe(descent)).all()
+    sky = renderer.frame(descent, 0.0)[0, 0]
+    covered = (strobe[:PANEL] != sky).any(axis=-1).sum()
+    single = (renderer.frame(descent, descent.time)[:PANEL] != sky).any(axis=-1).sum()
+    assert covered > single + 5 * math.pi * (DISC.radius * renderer.camera(descent, 0.0).scale) ** 2 * 0.5
+    _, columns = drawn_in(strobe, HEAVY, SHELL)  # only the last pose has the full colours
+    assert columns.min() > 800
+
+
+UGLY = {
+    "no time passed": (DISC, ICE, HILL, (0.0, 1.0, 0.0, 1.0, 0.0, 1.0), {"max_time": 1e-9}),
+    "jammed at launch": (DISC, MAT, Slope(0.0, 10.0), (0.0, 0.0, 0.0), {}),
+    "no end": (DISC, ICE, Slope(0.2), (0.0, 1.0, 0.0, 5.0, 0.0, 0.0), {"max_time": 5.0, "sample_interval": 1.0}),
+    "far away": (DISC, ICE, Slope(0.0), (0.0, 1e3, 0.0, 1e9, 1e9, 0.0), {"max_time": 100.0}),
+    "far launch": (DISC, ICE, Slope(0.0), (1e15, 1.0, 0.0, 1.0, 0.0, 0.0), {"max_time": 0.1}),
+    "uphill": (SLED, ICE, Slope(0.3, 5.0), (0.0, 1.0, 0.0, -8.0, 0.0, 0.0), {"max_time": 3.0}),
+    "ascent": (SLED, ICE, Slope(-0.3, 5.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
+    "steep": (SLED, ICE, Slope(1.5, 50.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
+    "endless slope": (SLED, ICE, Slope(0.2, 1e300), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 1.0}),
+    "overflow": (
+        DISC,
+        ICE,
+        Slope(0.0, 10.0),
+        (0.0, 1.0, 0.0, -1e300, 1e300, 0.0),
+        {"max_time": 1e12, "sample_interval": 1e11},
+    ),
+    "rod": (ROD, ICE, HILL, (0.0, 0.5, 0.4, 1.0, 0.0, 0.0), {"max_time": 2.0}),
+    "point": (POINT, ICE, Slope(0.1, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0, 0.0, 0.0), {}),
+    "weightless": (DISC, ICE, Slope(0.1, 10.0, 0.0), (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), {"max_time": 1.0}),
+}
+
+
+@pytest.mark.parametrize("name", UGLY)
+def test_ugly_descents_are_drawn(name: str) -> None:
+    body, law, slope, launch, options = UGLY[name]
+    descent = run(body, law, slope, launch, **options)
+    renderer = DescentRenderer(body)
+    images = [renderer.frame(descent, share * descent.time) for share in (0.0, 0.4, 1.0)]
+    images += [renderer.strobe(descent), renderer.launch_frame(slope, descent.launch)]
+    for image in images:
+        assert is_picture(image)
+    if body.radius > 0.0 and name != "overflow":
+        for image in (images[1], images[-1]):
+            assert len(drawn_in(image[:PANEL], HEAVY)[0]) > 100
+
+
+def test_rows_that_are_not_numbers_are_not_drawn(renderer: DescentRenderer, descent: Descent) -> None:
+    trajectory = descent.trajectory.copy()
+    trajectory["x"][10:], trajectory["phi"][20:] = math.nan, math.inf
+    broken = replace(descent, trajectory=trajectory)
+    assert is_picture(renderer.frame(broken, descent.time))
+    assert is_picture(renderer.strobe(broken))
+
+
+def test_a_window_shows_pictures_until_it_is_closed(renderer: DescentRenderer, descent: Descent) -> None:
+    image = renderer.frame(descent, 1.0)
+    assert renderer.show(image)
+    window = pygame.display.get_surface()
+    assert window.get_size() == (960, 540)
+    shown = np.frombuffer(pygame.image.tobytes(window, "RGB"), np.uint8).reshape(image.shape)
+    assert (shown == image).all()
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    assert not renderer.show(image)
+    assert not renderer.show(image)
+    assert not pygame.display.get_init()
+    renderer.close()
+    assert renderer.show(image)
+    renderer.close()
+    assert not pygame.display.get_init()
+
+
+def test_a_descent_is_played_to_its_end(
+    renderer: DescentRenderer, descent: Descent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[np.ndarray] = []
+    monkeypatch.setattr(renderer, "show", lambda image: shown.append(image) is None)
+    renderer.play(descent, speed=20.0)
+    assert len(shown) == math.ceil(descent.time * 30 / 20.0) + 1
+    assert (shown[0] == renderer.frame(descent, 0.0)).all()
+    assert (shown[-1] == renderer.frame(descent, descent.time)).all()
+
+
+def test_playing_stops_when_the_window_is_closed(renderer: DescentRenderer, descent: Descent) -> None:
+    renderer.show(renderer.frame(descent, 0.0))
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    renderer.play(descent, speed=0.001)  # an hour otherwise
+
+
+def test_a_renderer_without_window_can_be_pickled(descent: Descent) -> None:
+    renderer = DescentRenderer(DISC, size=(320, 200))
+    copy = pickle.loads(pickle.dumps(renderer))
+    assert (copy.frame(descent, 1.0) == renderer.frame(descent, 1.0)).all()
+
+
+def test_wrong_arguments_are_named(renderer: DescentRenderer, descent: Descent) -> None:
+    with pytest.raises(ValueError, match="size"):
+        DescentRenderer(DISC, size=(100, 90))
+    with pytest.raises(ValueError, match="fps"):
+        DescentRenderer(DISC, fps=0)
+    with pytest.raises(ValueError, match="time"):
+        renderer.frame(descent, math.nan)
+    with pytest.raises(ValueError, match="speed"):
+        renderer.play(descent, speed=0.0)
+    with pytest.raises(ValueError, match='record="trajectory"'):
+        renderer.frame(simulate(DISC, ICE, HILL, descent.launch), 0.0)
+
+
+def test_a_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(DependencyNotInstalled, match=r"sledenv\[render\]"):
+        DescentRenderer(DISC)
