@@ -29,7 +29,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Ending
         Every episode terminates after its one step.
     Info
-        ``context``, ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent`` (status, time, energy).
+        ``context``, ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent``
+        (status, time, energy).
 
     Parameters
     ----------

@@ -143,8 +143,9 @@ def _advance(state: np.ndarray, c: np.ndarray, step: float) -> None:
     state[IMPULSE_N] += integral(c[R_NORMAL], step)
     state[IMPULSE_T] += integral(c[R_FORCE], step)
     state[IMPULSE_R] += integral(c[R_MOMENT], step)
-    state[SLIDING] += integral(c[R_POWER_SLIDING], step)
-    state[ROLLING] += integral(c[R_POWER_ROLLING], step)
+    # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
+    state[SLIDING] += max(integral(c[R_POWER_SLIDING], step), 0.0)
+    state[ROLLING] += max(integral(c[R_POWER_ROLLING], step), 0.0)
 
 
 @kernel

@@ -89,7 +89,7 @@ def impact(
     e2 = restitution * restitution
     entry = v_n
     impulse, tangential, rolling = 0.0, 0.0, 0.0
-    normal_work, sliding, rolled = 0.0, 0.0, 0.0
+    closing_work, opening_work, sliding, rolled = 0.0, 0.0, 0.0, 0.0
     stored = 0.0  # elastic energy, counted as the work of compression
     compressed = 0.0  # impulse at the end of the first compression, 0 before
     count = 0
@@ -98,7 +98,7 @@ def impact(
     opening = False
     while True:
         if count >= MOST_PHASES:
-            return v_t, omega, v_n, impulse, tangential, rolling, -normal_work, sliding, rolled, MOST_PHASES + 1
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
         _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, _sign(v_t), _sign(omega))
         mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
         rate_t = 0.0 if slip == 0 else w_tt * mu + w_tw * rho + w_tn
@@ -138,7 +138,7 @@ def impact(
             if end <= span:
                 span, event = end, 4
         if event == 0:
-            return v_t, omega, v_n, impulse, tangential, rolling, -normal_work, sliding, rolled, MOST_PHASES + 1
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
         if count < phases.shape[0]:
             phase = phases[count]
             phase["start"] = impulse
@@ -152,7 +152,10 @@ def impact(
         w1 = 0.0 if event == 2 else omega + rate_w * span
         n1 = 0.0 if event == 3 else v_n + rate_n * span
         work = 0.5 * (v_n + n1) * span
-        normal_work += work
+        if opening:
+            opening_work += work
+        else:
+            closing_work -= work
         sliding -= 0.5 * mu * (v_t + t1) * span
         rolled -= 0.5 * rho * (omega + w1) * span
         stored = 0.0 if event == 4 else max(stored - (work / e2 if opening and e2 > 0.0 else work), 0.0)
@@ -162,7 +165,9 @@ def impact(
         v_t, omega, v_n = t1, w1, n1
         if event == 4:
             break
-    return v_t, omega, v_n, impulse, tangential, rolling, -normal_work, sliding, rolled, count
+    # Of an energetic impact the loss is known without the cancellation in its two works.
+    hysteresis = (1.0 - e2) * closing_work if hypothesis == ENERGETIC else closing_work - opening_work
+    return v_t, omega, v_n, impulse, tangential, rolling, hysteresis, sliding, rolled, count
 
 
 @kernel
