@@ -237,16 +237,22 @@ def simulate(
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
     )
-    loop = descend_euler if euler else descend
     touching: Law = _rigid(body, law, slope, settle_speed) if solver == "rigid" else law
     rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
-    loop(body, touching, slope, launch, limits, rebounds, trajectory, outcomes[0])
-    if record == "trajectory" and outcomes[0]["samples"] > len(trajectory):
-        trajectory = np.zeros(outcomes[0]["samples"], TRAJECTORY)
-        loop(body, touching, slope, launch, limits, rebounds, trajectory, outcomes[0])
     outcome = outcomes[0]
+
+    def run() -> None:
+        if euler:
+            descend_euler(body, law, slope, launch, limits, rebounds, trajectory, outcome)
+        else:
+            descend(body, touching, slope, launch, limits, rebounds, trajectory, outcome)
+
+    run()
+    if record == "trajectory" and outcome["samples"] > len(trajectory):
+        trajectory = np.zeros(outcome["samples"], TRAJECTORY)
+        run()
     return Descent(
         body=body,
         law=law,

@@ -86,9 +86,17 @@ def _sign(value: float) -> int:
 
 @kernel
 def _choose_branch(
-    body: Body, pair: Pair, slope: Slope, feature: int, arm: float, state: np.ndarray
+    body: Body,
+    pair: Pair,
+    slope: Slope,
+    feature: int,
+    arm: float,
+    state: np.ndarray,
+    left_gap: int,
+    left_slip: int,
+    left_spin: int,
 ) -> tuple[int, int, int]:
-    """Signs of v_n, v_t and omega from here on, by the box rule."""
+    """Signs of v_n, v_t and omega from here on, by the box rule; ``left_...``: just released with that sign."""
     h, _, shift = feature_geometry(body, feature)
     a, b = arms(body, feature, state[PHI])
     square = state[OMEGA] * state[OMEGA]
@@ -103,9 +111,9 @@ def _choose_branch(
         size,
         pair.k_closing * depth,
         pair.k_opening * depth,
-        _sign(state[V_N]),
-        _sign(state[V_T]),
-        _sign(state[OMEGA]),
+        2 * left_gap if left_gap != 0 else _sign(state[V_N]),
+        2 * left_slip if left_slip != 0 else _sign(state[V_T]),
+        2 * left_spin if left_spin != 0 else _sign(state[OMEGA]),
     )
 
 
@@ -240,13 +248,20 @@ def contact(
     gap_rate, slip, spin = 0, 0, 0
     gap_zeros, slip_zeros, spin_zeros, at_edge = 0, 0, 0, 0  # leading coefficients that are zero by construction
     choose = True
+    left_gap, left_slip, left_spin = 0, 0, 0  # signs with which velocities have just been released
     stalled = 0
     while True:
         if choose:
-            gap_rate, slip, spin = _choose_branch(body, pair, slope, feature, arm, state)
-            gap_zeros = 1 if state[V_N] == 0.0 else 0
-            slip_zeros = 1 if state[V_T] == 0.0 else 0
-            spin_zeros = 1 if state[OMEGA] == 0.0 else 0
+            locked = (gap_rate, slip, spin)
+            gap_rate, slip, spin = _choose_branch(
+                body, pair, slope, feature, arm, state, left_gap, left_slip, left_spin
+            )
+            # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
+            jumps = (gap_rate != locked[0]) + (slip != locked[1]) + (spin != locked[2])
+            leaving = 2 if jumps == 1 else 1
+            gap_zeros = (leaving if left_gap != 0 else 1) if state[V_N] == 0.0 else 0
+            slip_zeros = (leaving if left_slip != 0 else 1) if state[V_T] == 0.0 else 0
+            spin_zeros = (leaving if left_spin != 0 else 1) if state[OMEGA] == 0.0 else 0
             choose = False
         if gap_rate == 0 and slip == 0 and spin == 0:
             status = JAMMED
@@ -263,7 +278,7 @@ def contact(
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break
-        # A velocity released at the bound of its force starts without acceleration: drop the rounding error of it.
+        # Drop the rounding error of an acceleration that vanishes by construction.
         if gap_zeros == 2:
             c[V_N, 1] = 0.0
         if slip_zeros == 2:
@@ -278,7 +293,7 @@ def contact(
             status = NON_FINITE
             break
         depth = -state[GAP]
-        step, event, released = first_event(
+        step, event, sign_after = first_event(
             body,
             feature,
             geometry[2],
@@ -317,6 +332,7 @@ def contact(
         at_edge = 0
         if step > 0.0:
             gap_zeros, slip_zeros, spin_zeros = 0, 0, 0
+            left_gap, left_slip, left_spin = 0, 0, 0
             # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
             for row, sign in ((V_N, gap_rate), (V_T, slip), (OMEGA, spin)):
                 if sign * state[row] < 0.0:
@@ -342,25 +358,28 @@ def contact(
             break
         elif event == RATE_ZERO:
             state[V_N] = 0.0
+            left_gap = 0
             choose = True
         elif event == SLIP_ZERO:
             state[V_T] = 0.0
+            left_slip = 0
             choose = True
         elif event == SPIN_ZERO:
             state[OMEGA] = 0.0
+            left_spin = 0
             choose = True
         elif event == RATE_RELEASED:
             if rigid:
                 status = RUNNING
                 break
-            gap_rate = released
-            gap_zeros = 2
+            left_gap = sign_after
+            choose = True
         elif event == SLIP_RELEASED:
-            slip = released
-            slip_zeros = 2
+            left_slip = sign_after
+            choose = True
         elif event == SPIN_RELEASED:
-            spin = released
-            spin_zeros = 2
+            left_spin = sign_after
+            choose = True
         elif event == FEATURE_ENDS:
             if feature == ARC:
                 feature = TAIL if state[PHI] > 0.0 else NOSE

@@ -153,10 +153,12 @@ def first_event(
             at = _velocity_root(c, GAP, -1, step, 0)
             if at < math.inf:
                 step, event = at, SEPARATION
+    # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
+    before = step * (1.0 - 1e-12) if event == SEPARATION else math.inf
     if slip == 0:
         for sign in (1, -1):
             at = _bound_root(c, R_FORCE, sign, friction, step)
-            if at < math.inf:
+            if at < before:
                 step, event, released = at, SLIP_RELEASED, -sign
     else:
         at = _velocity_root(c, V_T, slip, step, vanishing[1])
@@ -165,7 +167,7 @@ def first_event(
     if spin == 0:
         for sign in (1, -1):
             at = _bound_root(c, R_MOMENT, sign, arm, step)
-            if at < math.inf:
+            if at < before:
                 step, event, released = at, SPIN_RELEASED, -sign
     else:
         at = _velocity_root(c, OMEGA, spin, step, vanishing[2])
