@@ -30,10 +30,10 @@ from sledenv.kernel.events import (
     first_event,
 )
 from sledenv.kernel.friction import compliance, resolve
-from sledenv.kernel.geometry import arms, feature_at, feature_geometry, whole_turns
+from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
-from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
+from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
     R_FORCE,
@@ -46,6 +46,7 @@ from sledenv.kernel.series import (
     step_size,
 )
 from sledenv.kernel.state import (
+    FEATURE,
     GAP,
     HYSTERESIS,
     IMPULSE_N,
@@ -63,7 +64,8 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.trajectory import add_sample
 
-INCONSISTENT = -1
+INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
+BOTH_CORNERS = -2  # status: the second corner has come down
 MOST_STALLED = 60  # events in a row without any progress in time
 NO_DEPTH = 1e-12  # of the size of the body: a shallower contact is resolved in the limit of a vanishing normal force
 
@@ -80,7 +82,8 @@ class Pair(NamedTuple):
 
 
 @kernel
-def _sign(value: float) -> int:
+def sign_of(value: float) -> int:
+    """-1, 0 or 1."""
     return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
 
 
@@ -111,9 +114,9 @@ def _choose_branch(
         size,
         pair.k_closing * depth,
         pair.k_opening * depth,
-        2 * left_gap if left_gap != 0 else _sign(state[V_N]),
-        2 * left_slip if left_slip != 0 else _sign(state[V_T]),
-        2 * left_spin if left_spin != 0 else _sign(state[OMEGA]),
+        2 * left_gap if left_gap != 0 else sign_of(state[V_N]),
+        2 * left_slip if left_slip != 0 else sign_of(state[V_T]),
+        2 * left_spin if left_spin != 0 else sign_of(state[OMEGA]),
     )
 
 
@@ -234,12 +237,16 @@ def contact(
     Returns
     -------
     tuple of int
-        Status (RUNNING after a separation, INCONSISTENT where a rigid sliding contact admits no finite normal force),
-        steps and samples.
+        Status (RUNNING after a separation, or one of the two above), steps and samples.
     """
     turns = whole_turns(state[PHI])
     state[PHI] -= turns
-    feature = feature_at(body, state[PHI])
+    feature = int(state[FEATURE])
+    # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
+    wrong = (feature == TAIL and state[PHI] < 0.0) or (feature == NOSE and state[PHI] > 0.0)
+    shift_turn = math.copysign(2.0 * math.pi, state[PHI]) if wrong else 0.0
+    turns += shift_turn
+    state[PHI] -= shift_turn
     geometry = feature_geometry(body, feature)
     arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
     size = body.radius + body.eccentricity
@@ -354,7 +361,7 @@ def contact(
             status = FINISH
             break
         elif event == CHORD_DOWN:
-            status = TUMBLED
+            status = BOTH_CORNERS
             break
         elif event == RATE_ZERO:
             state[V_N] = 0.0
@@ -391,6 +398,7 @@ def contact(
             at_edge = 1
             choose = True
     state[PHI] += turns
+    state[FEATURE] = feature
     if not rigid:
         state[STORED] = 0.5 * pair.k_closing * state[GAP] * state[GAP]
     return status, steps, samples

@@ -12,15 +12,17 @@ from sledenv.kernel.geometry import arms, feature_at, lowest_support, whole_turn
 from sledenv.kernel.jit import kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
+from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
 from sledenv.kernel.series import ORDER, ROWS
 from sledenv.kernel.state import (
+    FEATURE,
     GAP,
     HYSTERESIS,
     IMPULSE_N,
     IMPULSE_R,
     IMPULSE_T,
     OMEGA,
+    ON_CHORD,
     PHI,
     ROLLING,
     SLIDING,
@@ -171,7 +173,7 @@ def write_rebound(
     rebound["x"] = state[X]
     rebound["phi"] = state[PHI]
     rebound["duration"] = state[TIME] - before[TIME]
-    rebound["feature"] = feature
+    rebound["feature"] = CHORD if state[ON_CHORD] != 0.0 else feature
     rebound["mode"] = contact_mode(before[V_T], before[OMEGA], state[V_T], state[OMEGA])
     rebound["normal_impulse"] = state[IMPULSE_N]
     rebound["tangential_impulse"] = state[IMPULSE_T]
@@ -262,10 +264,10 @@ def descend(
         state[V_N] = v - a * omega
         state[V_T] = u + b * omega
         state[OMEGA] = omega
+        state[FEATURE] = feature
         before[:] = state
         status, steps, samples = touch(body, law, slope, limits, state, c, steps, trajectory, samples)
-        local = state[PHI] - whole_turns(state[PHI])
-        a, b = arms(body, feature_at(body, local), local)
+        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebounds[count], before, state, feature, b, a, u, v)
         u = rebounds[count]["u_after"]
         v = rebounds[count]["v_after"]

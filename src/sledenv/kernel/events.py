@@ -76,7 +76,7 @@ def _chord_down(body: Body, feature: int, shift: float, c: np.ndarray, step: flo
     q = c[R_SCRATCH]
     for k in range(ORDER + 1):
         q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
-    return first_root(q, step, 0, 0.0)
+    return first_root(q, step, 0, 4e-16 * abs(reach))
 
 
 @kernel

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from sledenv.kernel.contact import Pair, contact
+from sledenv.kernel.chord import ONE_CORNER, chord_contact
+from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
 from sledenv.kernel.rigid import strike
+from sledenv.kernel.state import ON_CHORD
 
 Law = ContactLaw | RigidLaw
 
@@ -36,7 +38,15 @@ def _compliant_touch(
         law.corner_rolling_arm,
         np.inf,
     )
-    return contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+    while True:
+        status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        if status != BOTH_CORNERS:
+            break
+        state[ON_CHORD] = 1.0
+        status, steps, samples = chord_contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        if status != ONE_CORNER:
+            break
+    return status, steps, samples
 
 
 def touch(

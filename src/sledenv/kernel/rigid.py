@@ -10,18 +10,20 @@ import math
 
 import numpy as np
 
-from sledenv.kernel.contact import INCONSISTENT, Pair, contact
+from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
 from sledenv.kernel.friction import branch_forces, compliance, resolve
-from sledenv.kernel.geometry import arms, feature_at, feature_geometry, whole_turns
+from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
-from sledenv.kernel.records import ARC, PHASE, RUNNING, STEP_BUDGET
+from sledenv.kernel.records import ARC, NOSE, PHASE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
 from sledenv.kernel.state import (
+    FEATURE,
     HYSTERESIS,
     IMPULSE_N,
     IMPULSE_R,
     IMPULSE_T,
     OMEGA,
+    ON_CHORD,
     PHI,
     ROLLING,
     SLIDING,
@@ -31,7 +33,10 @@ from sledenv.kernel.state import (
 
 ENERGETIC, POISSON, NEWTON = range(3)  # what ends an impact
 MOST_PHASES = 32
-MOST_STRIKES = 16  # impacts without a flight between them
+MOST_STRIKES = 10000  # impacts without a flight between them
+MOST_CHORD_IMPACTS = 64
+FLAT = 1e-12  # of the size of the body: a corner this close to the slope counts as touching
+RESTING = -4  # status: one corner stays in contact
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 
@@ -171,6 +176,96 @@ def impact(
 
 
 @kernel
+def _hit(
+    body: Body,
+    law: RigidLaw,
+    feature: int,
+    restitution: float,
+    state: np.ndarray,
+) -> int:
+    """Follow one impact of a feature; ``state`` is that of the feature. Return the number of phases."""
+    local = state[PHI] - whole_turns(state[PHI])
+    a, b = arms(body, feature, local)
+    v_t, omega, v_n, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
+        body.mass,
+        body.inertia,
+        a,
+        b,
+        body.radius + body.eccentricity,
+        law.friction,
+        law.rolling_arm if feature == ARC else law.corner_rolling_arm,
+        restitution,
+        ENERGETIC,
+        state[V_T],
+        state[OMEGA],
+        state[V_N],
+        np.empty(0, PHASE),
+    )
+    state[V_T], state[OMEGA], state[V_N] = v_t, omega, v_n
+    state[IMPULSE_N] += p_n
+    state[IMPULSE_T] += p_t
+    state[IMPULSE_R] += p_r
+    state[HYSTERESIS] += hysteresis
+    state[SLIDING] += sliding
+    state[ROLLING] += rolling
+    return count
+
+
+@kernel
+def _change_corner(body: Body, old: int, new: int, state: np.ndarray) -> None:
+    """Turn the contact state of one corner into that of the other."""
+    local = state[PHI] - whole_turns(state[PHI])
+    a, b = arms(body, old, local)
+    v = state[V_N] + a * state[OMEGA]
+    u = state[V_T] - b * state[OMEGA]
+    a, b = arms(body, new, local)
+    state[V_N] = v - a * state[OMEGA]
+    state[V_T] = u + b * state[OMEGA]
+
+
+@kernel
+def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: np.ndarray) -> tuple[int, int]:
+    """Follow the impacts of a chord that lies on the slope, one corner at a time: docs/physics.md, section 8.
+
+    The corners are hit in turn, the faster first, with the restitution of the law. A body that still approaches after
+    MOST_CHORD_IMPACTS of them, or with both corners slower than ``law.settle_speed``, lies on its chord.
+
+    Returns
+    -------
+    tuple of int
+        TUMBLED, RUNNING (both corners leave), or RESTING where one corner stays; the corner that ``state`` is of.
+    """
+    for i in range(2 * MOST_CHORD_IMPACTS):
+        here = state[V_N]
+        other = NOSE if feature == TAIL else TAIL
+        _change_corner(body, feature, other, state)
+        there = state[V_N]
+        slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
+        if slow and min(here, there) < 0.0:
+            # What both corners have left is given up: the body lies on its chord.
+            local = state[PHI] - whole_turns(state[PHI])
+            a, b = arms(body, other, local)
+            v = there + a * state[OMEGA]
+            state[V_T] -= b * state[OMEGA]
+            state[HYSTERESIS] += 0.5 * (body.inertia * state[OMEGA] ** 2 + body.mass * v * v)
+            state[OMEGA], state[V_N] = 0.0, 0.0
+            return TUMBLED, other
+        if here <= there:
+            _change_corner(body, other, feature, state)
+            state[V_N] = here
+        else:
+            feature = other
+        if state[V_N] >= 0.0:
+            break
+        plastic = pressed and -state[V_N] < law.settle_speed
+        if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+            return STEP_BUDGET, feature
+    if state[V_N] > 0.0:
+        return RUNNING, feature
+    return RESTING, feature
+
+
+@kernel
 def strike(
     body: Body,
     law: RigidLaw,
@@ -198,41 +293,25 @@ def strike(
         law.corner_rolling_arm,
         MOST_NORMAL * body.mass * (gravity + size * state[OMEGA] * state[OMEGA] + state[V_T] * state[V_T] / size),
     )
-    no_phases = np.empty(0, PHASE)
     for _ in range(MOST_STRIKES):
         local = state[PHI] - whole_turns(state[PHI])
-        feature = feature_at(body, local)
-        a, b = arms(body, feature, local)
+        feature = int(state[FEATURE])
         h, _, shift = feature_geometry(body, feature)
         pressed = gravity + h * math.cos(local + shift) * state[OMEGA] * state[OMEGA] > 0.0
-        plastic = pressed and -state[V_N] < law.settle_speed
-        v_t, omega, v_n, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
-            body.mass,
-            body.inertia,
-            a,
-            b,
-            size,
-            law.friction,
-            law.rolling_arm if feature == ARC else law.corner_rolling_arm,
-            0.0 if plastic else law.restitution,
-            ENERGETIC,
-            state[V_T],
-            state[OMEGA],
-            state[V_N],
-            no_phases,
-        )
-        state[V_T], state[OMEGA], state[V_N] = v_t, omega, v_n
-        state[IMPULSE_N] += p_n
-        state[IMPULSE_T] += p_t
-        state[IMPULSE_R] += p_r
-        state[HYSTERESIS] += hysteresis
-        state[SLIDING] += sliding
-        state[ROLLING] += rolling
-        if count > MOST_PHASES:
-            return STEP_BUDGET, steps, samples
-        if v_n > 0.0:
-            return RUNNING, steps, samples
+        if feature != ARC and 2.0 * body.radius * math.sin(body.half_angle) * abs(math.sin(local)) <= FLAT * size:
+            state[ON_CHORD] = 1.0
+            state[PHI] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
+            status, feature = strike_chord(body, law, feature, pressed, state)
+            state[FEATURE] = feature
+            if status != RESTING:
+                return status, steps, samples
+        else:
+            plastic = pressed and -state[V_N] < law.settle_speed
+            if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+                return STEP_BUDGET, steps, samples
+            if state[V_N] > 0.0:
+                return RUNNING, steps, samples
         status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
-        if status != INCONSISTENT:
+        if status != INCONSISTENT and status != BOTH_CORNERS:
             return status, steps, samples
     return STEP_BUDGET, steps, samples
