@@ -2,6 +2,7 @@
 
 from sledenv.descent import Descent, DescentBatch, Energy, simulate, simulate_batch
 from sledenv.envs import register as _register
+from sledenv.impact import Phase, RigidImpact, rigid_impact
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Mode, Status
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
@@ -15,6 +16,8 @@ __all__ = [
     "Energy",
     "Feature",
     "Mode",
+    "Phase",
+    "RigidImpact",
     "Scenario",
     "ScenarioError",
     "Slope",
@@ -22,6 +25,7 @@ __all__ = [
     "Status",
     "circular_segment",
     "load_scenario",
+    "rigid_impact",
     "scenario_names",
     "simulate",
     "simulate_batch",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,15 +15,17 @@ from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.kernel.descend import descend, descend_batch
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
+from sledenv.kernel.laws import Law
+from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State, checked
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
-Solver = Literal["compliant", "euler"]
+Solver = Literal["compliant", "rigid", "euler"]
 Record = Literal["rebounds", "trajectory"]
 FrictionSign = Literal["dissipative", "printed"]
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _FIRST_TRAJECTORY = 4096
+_SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
 class Energy(NamedTuple):
@@ -176,6 +179,7 @@ def simulate(
     tolerance: float = 1e-16,
     step: float = 2.5e-7,
     friction_sign: FrictionSign = "dissipative",
+    settle_speed: float | None = None,
 ) -> Descent:
     """Simulate one descent until it finishes, jams, tumbles or meets a limit.
 
@@ -185,8 +189,10 @@ def simulate(
         What descends, how it touches and where.
     state : State
         Launch; the body must not lie below the surface.
-    solver : {"compliant", "euler"}
-        The two-stiffness contact, event-driven (docs/physics.md, section 5), or the paper's explicit Euler method.
+    solver : {"compliant", "rigid", "euler"}
+        The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
+        impulse and sustained contact (sections 4 and 6), which takes the restitution of ``law`` and ignores its
+        stiffness; or the paper's explicit Euler method.
     max_time : float
         Longest simulated time [s], > 0.
     max_rebounds : int
@@ -202,6 +208,9 @@ def simulate(
     friction_sign : {"dissipative", "printed"}
         "printed" gives the moment of friction the sign printed in the paper's (10), which creates energy; it exists to
         reproduce the paper and needs ``solver="euler"``.
+    settle_speed : float, optional
+        Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
+        1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
 
     Returns
     -------
@@ -228,15 +237,22 @@ def simulate(
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
     )
-    loop = descend_euler if euler else descend
+    touching: Law = _rigid(body, law, slope, settle_speed) if solver == "rigid" else law
     rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
-    loop(body, law, slope, launch, limits, rebounds, trajectory, outcomes[0])
-    if record == "trajectory" and outcomes[0]["samples"] > len(trajectory):
-        trajectory = np.zeros(outcomes[0]["samples"], TRAJECTORY)
-        loop(body, law, slope, launch, limits, rebounds, trajectory, outcomes[0])
     outcome = outcomes[0]
+
+    def run() -> None:
+        if euler:
+            descend_euler(body, law, slope, launch, limits, rebounds, trajectory, outcome)
+        else:
+            descend(body, touching, slope, launch, limits, rebounds, trajectory, outcome)
+
+    run()
+    if record == "trajectory" and outcome["samples"] > len(trajectory):
+        trajectory = np.zeros(outcome["samples"], TRAJECTORY)
+        run()
     return Descent(
         body=body,
         law=law,
@@ -250,6 +266,14 @@ def simulate(
         energy=Energy(*(float(outcome[name]) for name in LEDGER_FIELDS)),
         outcome=outcome,
     )
+
+
+def _rigid(body: Body, law: ContactLaw, slope: Slope, settle_speed: float | None) -> RigidLaw:
+    """Stiff limit of a contact law."""
+    if settle_speed is None:
+        settle_speed = _SETTLE * math.sqrt(slope.gravity * (body.radius + body.eccentricity))
+    settle = checked("simulate", "settle_speed", settle_speed, (lambda v: 0.0 <= v < math.inf, "in [0, inf) m/s"))
+    return RigidLaw(law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, settle)
 
 
 def _final_state(outcome: np.void) -> State:
@@ -274,10 +298,12 @@ def simulate_batch(
     slope: Slope | Sequence[Slope],
     states: ArrayLike,
     *,
+    solver: Literal["compliant", "rigid"] = "compliant",
     max_time: float = 60.0,
     max_rebounds: int = 1000,
     keep_rebounds: bool = False,
     tolerance: float = 1e-16,
+    settle_speed: float | None = None,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.
 
@@ -289,7 +315,7 @@ def simulate_batch(
         One for all lanes or one a lane.
     states : array_like, shape (N, 6)
         Launches, columns as in :class:`State`.
-    max_time, max_rebounds, tolerance
+    solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate`.
     keep_rebounds : bool
         Return the logs too, N * max_rebounds records of 152 bytes.
@@ -308,8 +334,14 @@ def simulate_batch(
         raise ValueError(f"states has shape {np.shape(states)}: must be (N, 6), columns {', '.join(State._fields)}")
     lanes = len(launches)
     body = Body(*body)
+    _choice("solver", solver, ("compliant", "rigid"))
     laws = _rows("law", ContactLaw, law, lanes)
     slopes = _rows("slope", Slope, slope, lanes)
+    like: Law = ContactLaw(*laws[0])
+    if solver == "rigid":
+        pairs = zip(laws, slopes if len(slopes) >= len(laws) else np.repeat(slopes, len(laws), 0), strict=False)
+        laws = np.array([_rigid(body, ContactLaw(*p), Slope(*q), settle_speed) for p, q in pairs])
+        like = RigidLaw(*laws[0])
     length = _count("max_rebounds", max_rebounds)
     limits = Limits(max_time=max_time, tolerance=tolerance)
     for i, row in enumerate(launches):
@@ -317,6 +349,6 @@ def simulate_batch(
         launches[i] = _check_launch(body, lane_slope, State(*row), f"states[{i}]")
     outcomes = np.zeros(lanes, OUTCOME)
     rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
-    descend_batch(body, laws, slopes, launches, limits, rebounds, length, outcomes)
+    descend_batch(body, like, laws, slopes, launches, limits, rebounds, length, outcomes)
     ends = slopes[:, 1] if len(slopes) > 1 else slopes[0, 1]
     return DescentBatch(outcomes, rebounds, descent_jam(outcomes, body.mass, ends))

@@ -55,6 +55,6 @@ def descent_jam(outcomes: np.ndarray | np.void, mass: float, length: np.ndarray 
     progress = np.clip(outcomes["x"] / length, 0.0, 1.0)
     kept = 0.5 * mass * np.square(np.maximum(outcomes["u"], 0.0))
     supplied = outcomes["supplied"]
-    ratio = np.divide(kept, supplied, out=np.zeros_like(kept), where=supplied > 0.0)
+    ratio = np.divide(kept, supplied, out=np.zeros_like(kept), where=(supplied > 0.0) & np.isfinite(kept))
     retention = np.where(finished, np.clip(ratio, 0.0, 1.0), 0.0)
     return DescentJam(progress, retention, 0.5 * progress + 0.5 * np.sqrt(retention))

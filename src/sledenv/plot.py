@@ -1,15 +1,16 @@
-"""The figures: descents as strobe pictures, one impact in time, one descent in time and energy."""
+"""The figures: descents as strobe pictures, impacts and descents in time, energies, and maps of how an impact ends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sledenv.descent import Descent
 from sledenv.kernel.geometry import arms
+from sledenv.kernel.records import Mode
 from sledenv.outline import (
     arc_centre,
     body_outline,
@@ -43,6 +44,25 @@ _STYLE: dict[str, Any] = {
 }
 _DASHES = (0, (4, 3))
 _WIDTH = 9.0  # [in]
+_MODE_COLOURS = {
+    "slide-roll": _SKY,
+    "stop-roll": _GREEN,
+    "slide": _ORANGE,
+    "stuck": _RED,
+    "spin-reversal": _PURPLE,
+    "slip-reversal": _BLUE,
+    "double-reversal": _INK,
+}
+_TABLE_1 = ("slide-roll", "stop-roll", "slide", "stuck")  # in the order of its rows
+_MODE_WORDS = {
+    "slide-roll": "slides and rotates",
+    "stop-roll": "sliding stops, rolls",
+    "slide": "slides without rotation",
+    "stuck": "stuck",
+    "spin-reversal": "spin reversed",
+    "slip-reversal": "slip reversed",
+    "double-reversal": "slip and spin reversed",
+}
 
 
 def plot_strobe(
@@ -229,6 +249,232 @@ def plot_descent(descent: Descent) -> Figure:
     return figure
 
 
+def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float, float] | None = None) -> Figure:
+    """Plot several computations of one impact over each other: the paper's Fig. 7-10.
+
+    Parameters
+    ----------
+    series : mapping of str to structured ndarray
+        Label to rows with the fields ``t`` [s], ``normal`` and ``tangential`` [N], ``moment`` [N m] about the mass
+        centre and ``kinetic`` [J]. The first is drawn as a broad line, the others over it.
+    paper : (float, float), optional
+        Time [s] and kinetic energy [J] of a published value to mark.
+
+    Returns
+    -------
+    Figure
+        Normal force, tangential force, total moment about the mass centre, kinetic energy.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If ``series`` is empty.
+    """
+    if not series:
+        raise ValueError("series is empty: there is nothing to draw")
+    panels = (
+        ("Fig. 7: normal force", "N [N]", "normal"),
+        ("Fig. 8: tangential force", "F [N]", "tangential"),
+        ("Fig. 9: moment about the mass centre", "moment [N m]", "moment"),
+        ("Fig. 10: kinetic energy", "T [J]", "kinetic"),
+    )
+    styles: tuple[dict[str, Any], ...] = (
+        {"color": _SKY, "lw": 4.5},
+        {"color": _INK, "lw": 1.2, "ls": _DASHES},
+        {"color": _RED, "lw": 1.4},
+        {"color": _PURPLE, "lw": 1.4},
+    )
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(_WIDTH, 6.6), layout="constrained")
+        grid = figure.subplots(2, 2, sharex=True)
+        for ax, (title, label, field) in zip(grid.flat, panels, strict=True):
+            ax.axhline(0.0, color=_INK, lw=0.6)
+            for i, (name, rows) in enumerate(series.items()):
+                ax.plot(1e3 * rows["t"], rows[field], label=name, **styles[min(i, len(styles) - 1)])
+            ax.set_title(title, loc="left")
+            ax.set_ylabel(label)
+        if paper is not None:
+            grid[1, 1].plot(
+                1e3 * paper[0], paper[1], color=_ORANGE, marker="X", ms=9.0, ls="", label=f"paper: {paper[1]:g} J"
+            )
+        last = max(float(rows["t"][-1]) for rows in series.values())
+        for ax in grid[1]:
+            ax.set_xlim(0.0, 1.02e3 * last)
+            ax.set_xlabel("time [ms]")
+        figure.align_ylabels(grid)
+        figure.legend(*grid[1, 1].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def plot_velocities(descent: Descent, *, note: str = "") -> Figure:
+    """Plot the velocity of the mass centre in the world, not along the slope, and the spin: the paper's Fig. 12-14.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    note : str
+        Written above the panels.
+
+    Returns
+    -------
+    Figure
+        Vertical velocity (upwards), horizontal velocity (in the sense of the descent) and angular velocity.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing.
+    """
+    rows = drawable_rows(descent)
+    world = to_world(np.stack([rows["u"], rows["v"]], axis=-1), descent.slope.angle)
+    panels = (
+        ("Fig. 12: vertical velocity", "[m/s]", world[:, 1]),
+        ("Fig. 13: horizontal velocity", "[m/s]", world[:, 0]),
+        ("Fig. 14: angular velocity", "[rad/s]", rows["omega"]),
+    )
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(_WIDTH, 7.4), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(3, 1, sharex=True))
+        for ax, (title, unit, values) in zip(axes, panels, strict=True):
+            _shade_contacts(ax, descent, 1.0)
+            ax.axhline(0.0, color=_INK, lw=0.6)
+            ax.plot(rows["t"], values, color=_BLUE)
+            ax.set_title(title, loc="left")
+            ax.set_ylabel(unit)
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(rows["t"][0], rows["t"][-1])
+        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.align_ylabels(axes)
+        figure.legend(handles=[_contact_key()], loc="outside lower center")
+    return figure
+
+
+def plot_table_1(
+    speed_ratio: np.ndarray, friction: np.ndarray, scenario: np.ndarray, printed: np.ndarray, *, note: str = ""
+) -> Figure:
+    """Draw Table 1 as a map: which collision scenario of a wheel holds, and which the printed rules admit.
+
+    Parameters
+    ----------
+    speed_ratio : ndarray, shape (n,)
+        Tangential over normal speed of approach u0/v0 [-], ascending.
+    friction : ndarray, shape (m,)
+        f [-], ascending.
+    scenario : ndarray of str, shape (m, n)
+        The scenario that holds, as :func:`sledenv.wheel.collide_wheel` names it.
+    printed : ndarray of str, shape (m, n)
+        The rows of Table 1 whose printed rules hold, as in "1 + 3"; hatched where there are several.
+    note : str
+        Written above the panels.
+
+    Returns
+    -------
+    Figure
+        The scenarios on the left, the printed rules over them on the right.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the shapes do not agree.
+    """
+    for name, cells in (("scenario", scenario), ("printed", printed)):
+        if cells.shape != (len(friction), len(speed_ratio)):
+            raise ValueError(f"{name} has shape {cells.shape}: must be {(len(friction), len(speed_ratio))}")
+    found = [name for name in _MODE_COLOURS if (scenario == name).any()]
+    rows = {name: f"{_TABLE_1.index(name) + 1}  " if name in _TABLE_1 else "" for name in found}
+    with _matplotlib().rc_context(_STYLE | {"hatch.linewidth": 0.8, "hatch.color": _INK}):
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Patch
+
+        figure = Figure(figsize=(_WIDTH, 5.4), layout="constrained")
+        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+        left.set_title("corrected: one scenario everywhere", loc="left")
+        right.set_title("as printed: the rules that hold", loc="left")
+        for ax, alpha in ((left, 0.85), (right, 0.45)):
+            _draw_modes(ax, speed_ratio, friction, scenario, found, alpha)
+            ax.set_xlabel("$u_0/v_0$, tangential over normal speed [-]")
+        left.set_ylabel("friction coefficient $f$ [-]")
+        for name in found:
+            row, column = _inner_cell(scenario == name)
+            left.text(speed_ratio[column], friction[row], rows[name].strip(), ha="center", va="center", weight="bold")
+        many = np.char.find(printed.astype(str), "+") >= 0
+        if many.any():
+            right.contourf(speed_ratio, friction, many.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
+        for rules in np.unique(printed.astype(str)):
+            mask = printed == rules
+            right.contour(speed_ratio, friction, mask.astype(float), levels=[0.5], colors=_INK, linewidths=0.8)
+            row, column = _inner_cell(mask)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
+            place = speed_ratio[column], friction[row]
+            right.text(*place, rules, ha="center", va="center", weight="bold", bbox=box)
+        handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=rows[name] + _MODE_WORDS[name]) for name in found]
+        handles.append(Patch(facecolor="none", hatch="///", edgecolor=_INK, label="several printed rules hold"))
+        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return figure
+
+
+def plot_mode_map(phi: np.ndarray, speed_ratio: np.ndarray, panels: Mapping[str, np.ndarray]) -> Figure:
+    """Draw how one impact of an eccentric body ends, over its orientation and direction of approach.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (n,)
+        Orientation at touch [rad], ascending.
+    speed_ratio : ndarray, shape (m,)
+        Tangential over normal speed of approach u/|v| [-], ascending.
+    panels : mapping of str to ndarray of int, shape (m, n)
+        Title to :class:`sledenv.Mode` of each cell.
+
+    Returns
+    -------
+    Figure
+        One map for each title.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If there are no panels or the shapes do not agree.
+    """
+    if not panels:
+        raise ValueError("panels is empty: there is nothing to draw")
+    for title, modes in panels.items():
+        if modes.shape != (len(speed_ratio), len(phi)):
+            raise ValueError(f"{title!r} has shape {modes.shape}: must be {(len(speed_ratio), len(phi))}")
+    words = {mode: mode.name.lower().replace("_", "-") for mode in Mode}
+    found = [words[mode] for mode in Mode if any((modes == mode).any() for modes in panels.values())]
+    with _matplotlib().rc_context(_STYLE):
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Patch
+        from matplotlib.ticker import MultipleLocator
+
+        figure = Figure(figsize=(_WIDTH, 1.0 + 3.3 * len(panels)), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+        for ax, (title, modes) in zip(axes, panels.items(), strict=True):
+            names = np.array(["", *words.values()])[modes]
+            _draw_modes(ax, np.degrees(phi), speed_ratio, names, found, 0.85)
+            ax.set_title(title, loc="left")
+            ax.set_ylabel("$u/|v|$ at touch [-]")
+            ax.xaxis.set_major_locator(MultipleLocator(45.0))
+        axes[-1].set_xlabel("orientation $\\varphi$ at touch [deg]")
+        handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=_MODE_WORDS[name]) for name in found]
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), columnspacing=1.2)
+    return figure
+
+
 def _matplotlib() -> ModuleType:
     try:
         import matplotlib
@@ -377,3 +623,30 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
         total[:, first + 1 : last + 1] += losses[:, None] * spread
         total[:, last + 1 :] += losses[:, None]
     return total
+
+
+def _draw_modes(ax: Axes, x: np.ndarray, y: np.ndarray, names: np.ndarray, found: list[str], alpha: float) -> None:
+    """Colour the cells of a map by the name of their mode."""
+    from matplotlib.colors import ListedColormap
+
+    index = np.zeros(names.shape, dtype=int)
+    for i, name in enumerate(found):
+        index[names == name] = i
+    colours = ListedColormap([_MODE_COLOURS[name] for name in found])
+    ax.pcolormesh(
+        x, y, index, cmap=colours, vmin=-0.5, vmax=len(found) - 0.5, shading="nearest", alpha=alpha, rasterized=True
+    )
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+
+
+def _inner_cell(mask: np.ndarray) -> tuple[int, int]:
+    """Return a cell far from the border of a region: the last that survives peeling off its outermost cells."""
+    while True:
+        padded = np.pad(mask, 1)
+        inner = mask & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+        if not inner.any():
+            rows, columns = np.nonzero(mask)
+            middle = len(rows) // 2
+            return int(rows[middle]), int(columns[middle])
+        mask = inner

@@ -7,24 +7,27 @@ import math
 import numpy as np
 from numba import prange
 
-from sledenv.kernel.compliant import contact
 from sledenv.kernel.flight import finish_time, touchdown_time
 from sledenv.kernel.geometry import arms, feature_at, lowest_support, whole_turns
 from sledenv.kernel.jit import kernel, parallel_kernel
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
+from sledenv.kernel.laws import Law, law_of_row, touch
+from sledenv.kernel.params import Body, Limits, Slope, State
+from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
 from sledenv.kernel.series import ORDER, ROWS
 from sledenv.kernel.state import (
+    FEATURE,
     GAP,
     HYSTERESIS,
     IMPULSE_N,
     IMPULSE_R,
     IMPULSE_T,
     OMEGA,
+    ON_CHORD,
     PHI,
     ROLLING,
     SLIDING,
     STATE_SIZE,
+    STORED,
     TIME,
     V_N,
     V_T,
@@ -111,7 +114,6 @@ def energy(body: Body, slope: Slope, y: float, x: float, u: float, v: float, ome
 @kernel
 def close_books(
     body: Body,
-    law: ContactLaw,
     slope: Slope,
     launch: State,
     status: int,
@@ -122,7 +124,7 @@ def close_books(
     u: float,
     v: float,
     omega: float,
-    gap: float,
+    stored: float,
     hysteresis: float,
     sliding: float,
     rolling: float,
@@ -137,7 +139,7 @@ def close_books(
         drop * math.cos(slope.angle) + along * math.sin(slope.angle)
     )
     outcome["kinetic"], outcome["potential"] = energy(body, slope, y, x, u, v, omega)
-    outcome["stored"] = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(gap, 0.0) ** 2
+    outcome["stored"] = stored
     outcome["hysteresis"] = hysteresis
     outcome["sliding"] = sliding
     outcome["rolling"] = rolling
@@ -171,7 +173,7 @@ def write_rebound(
     rebound["x"] = state[X]
     rebound["phi"] = state[PHI]
     rebound["duration"] = state[TIME] - before[TIME]
-    rebound["feature"] = feature
+    rebound["feature"] = CHORD if state[ON_CHORD] != 0.0 else feature
     rebound["mode"] = contact_mode(before[V_T], before[OMEGA], state[V_T], state[OMEGA])
     rebound["normal_impulse"] = state[IMPULSE_N]
     rebound["tangential_impulse"] = state[IMPULSE_T]
@@ -191,7 +193,7 @@ def write_rebound(
 @kernel
 def descend(
     body: Body,
-    law: ContactLaw,
+    law: Law,
     slope: Slope,
     launch: State,
     limits: Limits,
@@ -199,12 +201,12 @@ def descend(
     trajectory: np.ndarray,
     outcome: np.ndarray,
 ) -> None:
-    """Simulate one descent with the compliant contact.
+    """Simulate one descent.
 
     Parameters
     ----------
     body, law, slope, launch, limits
-        See :mod:`sledenv.kernel.params`.
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
     rebounds : ndarray of REBOUND, shape (max_rebounds,)
         The log; a descent that fills it ends with status LOG_FULL.
     trajectory : ndarray of TRAJECTORY
@@ -219,7 +221,7 @@ def descend(
     before = np.zeros(STATE_SIZE)
     t = 0.0
     x, y, phi, u, v, omega = launch.x, launch.y, launch.phi, launch.u, launch.v, launch.omega
-    gap = 0.0
+    stored = 0.0
     hysteresis, sliding, rolling = 0.0, 0.0, 0.0
     count, steps, samples = 0, 0, 0
     status = RUNNING
@@ -262,16 +264,17 @@ def descend(
         state[V_N] = v - a * omega
         state[V_T] = u + b * omega
         state[OMEGA] = omega
+        state[FEATURE] = feature
         before[:] = state
-        status, steps, samples = contact(body, law, slope, limits, state, c, steps, trajectory, samples)
-        local = state[PHI] - whole_turns(state[PHI])
-        a, b = arms(body, feature_at(body, local), local)
+        status, steps, samples = touch(body, law, slope, limits, state, c, steps, trajectory, samples)
+        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebounds[count], before, state, feature, b, a, u, v)
         u = rebounds[count]["u_after"]
         v = rebounds[count]["v_after"]
         count += 1
-        t, x, phi, omega, gap = state[TIME], state[X], state[PHI], state[OMEGA], state[GAP]
-        y = b + gap
+        t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
+        y = b + state[GAP]
+        stored = state[STORED]
         hysteresis += state[HYSTERESIS]
         sliding += state[SLIDING]
         rolling += state[ROLLING]
@@ -282,12 +285,13 @@ def descend(
     outcome["rebounds"] = count
     outcome["samples"] = samples
     outcome["steps"] = steps
-    close_books(body, law, slope, launch, status, t, x, y, phi, u, v, omega, gap, hysteresis, sliding, rolling, outcome)
+    close_books(body, slope, launch, status, t, x, y, phi, u, v, omega, stored, hysteresis, sliding, rolling, outcome)
 
 
 @parallel_kernel
 def descend_batch(
     body: Body,
+    like: Law,
     laws: np.ndarray,
     slopes: np.ndarray,
     launches: np.ndarray,
@@ -302,8 +306,10 @@ def descend_batch(
     ----------
     body, limits
         Shared by all lanes.
+    like : ContactLaw or RigidLaw
+        Of which kind the rows of ``laws`` are.
     laws, slopes : ndarray, shapes (N or 1, 5) and (N or 1, 3)
-        Fields of ContactLaw and Slope; one row serves all lanes.
+        Fields of the law and of Slope; one row serves all lanes.
     launches : ndarray, shape (N, 6)
         Fields of State.
     rebounds : ndarray of REBOUND, shape (N, log_length) or (0, 0)
@@ -318,7 +324,7 @@ def descend_batch(
         p = laws[i] if laws.shape[0] > 1 else laws[0]
         q = slopes[i] if slopes.shape[0] > 1 else slopes[0]
         z = launches[i]
-        law = ContactLaw(p[0], p[1], p[2], p[3], p[4])
+        law = law_of_row(like, p)
         slope = Slope(q[0], q[1], q[2])
         launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
         descend(body, law, slope, launch, limits, log, np.empty(0, TRAJECTORY), outcomes[i])

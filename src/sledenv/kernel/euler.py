@@ -141,9 +141,10 @@ def descend_euler(
         v += dt * (normal / body.mass - inward)
         omega += dt * (-a * normal + moment_sign * b * force + moment) / body.inertia
         index += 1
+    stored = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(gap, 0.0) ** 2
     outcome["rebounds"] = count
     outcome["samples"] = samples
     outcome["steps"] = index
     close_books(
-        body, law, slope, launch, status, index * dt, x, y, phi, u, v, omega, gap, hysteresis, sliding, rolling, outcome
+        body, slope, launch, status, index * dt, x, y, phi, u, v, omega, stored, hysteresis, sliding, rolling, outcome
     )

@@ -76,7 +76,7 @@ def _chord_down(body: Body, feature: int, shift: float, c: np.ndarray, step: flo
     q = c[R_SCRATCH]
     for k in range(ORDER + 1):
         q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
-    return first_root(q, step, 0, 0.0)
+    return first_root(q, step, 0, 4e-16 * abs(reach))
 
 
 @kernel
@@ -114,7 +114,7 @@ def first_event(
     friction, arm : float
         Coulomb coefficient [-] and rolling arm [m] of the feature.
     closing_normal, opening_normal : float
-        Bounds of the normal force [N] where the gap is locked.
+        Bounds of the normal force [N] where the gap is locked; inf and 0 if the contact is rigid.
     length : float
         End of the slope [m].
     branch : tuple of int
@@ -138,9 +138,10 @@ def first_event(
     released = 0
     # Each event found shortens the interval in which the next one is sought.
     if gap_rate == 0:
-        at = _normal_root(c, 1, closing_normal, step)
-        if at < math.inf:
-            step, event, released = at, RATE_RELEASED, -1
+        if closing_normal < math.inf:
+            at = _normal_root(c, 1, closing_normal, step)
+            if at < math.inf:
+                step, event, released = at, RATE_RELEASED, -1
         at = _normal_root(c, -1, opening_normal, step)
         if at < math.inf:
             step, event, released = at, RATE_RELEASED, 1
@@ -152,10 +153,12 @@ def first_event(
             at = _velocity_root(c, GAP, -1, step, 0)
             if at < math.inf:
                 step, event = at, SEPARATION
+    # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
+    before = step * (1.0 - 1e-12) if event == SEPARATION else math.inf
     if slip == 0:
         for sign in (1, -1):
             at = _bound_root(c, R_FORCE, sign, friction, step)
-            if at < math.inf:
+            if at < before:
                 step, event, released = at, SLIP_RELEASED, -sign
     else:
         at = _velocity_root(c, V_T, slip, step, vanishing[1])
@@ -164,7 +167,7 @@ def first_event(
     if spin == 0:
         for sign in (1, -1):
             at = _bound_root(c, R_MOMENT, sign, arm, step)
-            if at < math.inf:
+            if at < before:
                 step, event, released = at, SPIN_RELEASED, -sign
     else:
         at = _velocity_root(c, OMEGA, spin, step, vanishing[2])

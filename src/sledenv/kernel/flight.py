@@ -81,11 +81,15 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
             gap = 0.0
             if rate == 0.0:
                 h, _, shift = feature_geometry(body, feature)
-                lift = -gravity - h * math.cos(local + shift) * omega * omega
-                if lift <= 0.0:
+                square = omega * omega
+                lift = -gravity - h * math.cos(local + shift) * square
+                jerk = h * math.sin(local + shift) * square * omega
+                if lift > 1e-9 * bound:
+                    t = 1.5 * lift / (h_most * abs(omega) ** 3)  # gap''' >= -h |omega|^3 keeps the gap open this long
+                elif lift > -1e-9 * bound and jerk > 0.0:
+                    t = (600.0 * noise / jerk) ** (1.0 / 3.0)  # lifted off where the normal force vanished
+                else:
                     return 0.0
-                # gap''' <= h |omega|^3 keeps the gap open this long
-                t = 1.5 * lift / (h_most * abs(omega) ** 3)
                 continue
         elif gap <= noise and rate <= 0.0:
             return max(0.0, t - gap / rate) if rate < 0.0 else t

@@ -7,6 +7,8 @@ either sign. The branch of least violation is the answer: docs/physics.md, secti
 
 from __future__ import annotations
 
+import math
+
 from sledenv.kernel.jit import kernel
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
@@ -63,6 +65,12 @@ def branch_forces(
 
 
 @kernel
+def _excluded(sign: int, branch: int) -> bool:
+    """Whether a velocity of this sign cannot follow the branch."""
+    return sign != 0 and (branch == 0 or (sign > 0) != (branch > 0))
+
+
+@kernel
 def resolve(
     w: tuple[float, float, float, float, float, float],
     drive_t: float,
@@ -89,9 +97,11 @@ def resolve(
     length : float
         Size of the body [m], which makes the violation of a moment comparable with that of a force.
     closing_normal, opening_normal : float
-        Normal force [N] while the gap closes and while it opens; where ``v_n`` is locked it lies between them.
+        Normal force [N] while the gap closes and while it opens; where ``v_n`` is locked it lies between them. A rigid
+        contact has inf and 0: its gap cannot close.
     gap_rate, slip, spin : int
-        Signs of ``v_n``, ``v_t`` and ``omega``; 0 where the velocity is exactly zero.
+        Signs of ``v_n``, ``v_t`` and ``omega``; 0 where the velocity is exactly zero, 2 or -2 where it is zero but has
+        just been released with that sign, its force at the bound.
 
     Returns
     -------
@@ -99,36 +109,37 @@ def resolve(
         Signs (gap rate, slip, spin) of the branch to follow, 0 where the velocity stays locked.
     """
     w_tt, w_tw, w_tn, w_ww, w_wn, w_nn = w
-    best = (gap_rate, slip, spin)
+    best = (0, 0, 0)
     least = 1e300
     for normal_branch in (0, -1, 1):
-        if gap_rate != 0 and normal_branch != gap_rate:
+        if _excluded(gap_rate, normal_branch) or (normal_branch < 0 and closing_normal == math.inf):
             continue
         given = closing_normal if normal_branch < 0 else opening_normal
         for slip_branch in (0, 1, -1):
-            if slip != 0 and slip_branch != slip:
+            if _excluded(slip, slip_branch):
                 continue
             for spin_branch in (0, 1, -1):
-                if spin != 0 and spin_branch != spin:
+                if _excluded(spin, spin_branch):
                     continue
                 force, moment, normal = branch_forces(
                     w, drive_t, drive_n, friction, arm, given, normal_branch == 0, slip_branch, spin_branch
                 )
-                scale = max(abs(normal), closing_normal)
+                reference = closing_normal if closing_normal < math.inf else abs(drive_n) / w_nn
+                scale = max(abs(normal), reference)
                 violation = 0.0
-                if slip == 0:
+                if abs(slip) != 1:
                     if slip_branch == 0:
                         violation += max(0.0, abs(force) - friction * normal) / scale
                     else:
                         rate = w_tt * force + w_tw * moment + w_tn * normal + drive_t
                         violation += max(0.0, -slip_branch * rate) / (w_tt * scale)
-                if spin == 0:
+                if abs(spin) != 1:
                     if spin_branch == 0:
                         violation += max(0.0, abs(moment) - arm * normal) / (length * scale)
                     else:
                         rate = w_tw * force + w_ww * moment + w_wn * normal
                         violation += max(0.0, -spin_branch * rate) / (w_ww * length * scale)
-                if gap_rate == 0:
+                if abs(gap_rate) != 1:
                     if normal_branch == 0:
                         violation += max(0.0, normal - closing_normal, opening_normal - normal) / scale
                     else:

@@ -13,7 +13,7 @@ _POSITIVE: Rule = (lambda v: 0.0 < v < math.inf, "in (0, inf)")
 _NOT_NEGATIVE: Rule = (lambda v: 0.0 <= v < math.inf, "in [0, inf)")
 _HALF_ANGLE: Rule = (lambda v: 0.0 < v <= math.pi, "in (0, pi] rad")
 _FRACTION: Rule = (lambda v: 0.0 <= v < 1.0, "in [0, 1)")
-_CLOSED_FRACTION: Rule = (lambda v: 0.0 <= v <= 1.0, "in [0, 1]")
+CLOSED_FRACTION: Rule = (lambda v: 0.0 <= v <= 1.0, "in [0, 1]")
 _STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
 
@@ -180,6 +180,16 @@ class ContactLaw(_ContactLawFields):
         return cls(stiffness, (1.0 - squared) / (1.0 + squared), friction, rolling_arm, corner_rolling_arm)
 
 
+class RigidLaw(NamedTuple):
+    """The stiff limit of a contact law: docs/physics.md, sections 4 and 6."""
+
+    restitution: float  # [-] energetic
+    friction: float  # [-] f, Coulomb
+    rolling_arm: float  # [m] delta of the arc
+    corner_rolling_arm: float  # [m] delta of a corner
+    settle_speed: float  # [m/s] of approach, below which an impact is plastic
+
+
 class _SlopeFields(NamedTuple):
     angle: float  # [rad] beta, positive downhill
     length: float  # [m] where the descent finishes; may be inf
@@ -274,5 +284,5 @@ class Limits(_LimitsFields):
             checked("Limits", "tolerance", tolerance, tolerance_rule),
             checked("Limits", "sample_interval", sample_interval, _POSITIVE),
             checked("Limits", "step", step, _POSITIVE),
-            checked("Limits", "printed_sign", printed_sign, _CLOSED_FRACTION),
+            checked("Limits", "printed_sign", printed_sign, CLOSED_FRACTION),
         )

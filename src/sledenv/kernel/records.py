@@ -86,6 +86,17 @@ REBOUND = np.dtype(
     align=True,
 )
 
+PHASE = np.dtype(
+    [
+        ("start", "f8"),  # [N s] normal impulse at its start
+        ("impulse", "f8"),  # [N s] normal impulse of the phase
+        ("slip", "i4"),  # sign of the slip velocity, 0 sticking
+        ("spin", "i4"),  # sign of the angular velocity, 0 stopped
+        ("restitution", "i4"),  # 1 while the gap opens, 0 while it closes
+    ],
+    align=True,
+)
+
 TRAJECTORY = np.dtype(
     [
         ("t", "f8"),  # [s]

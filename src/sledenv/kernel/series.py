@@ -19,7 +19,7 @@ ROWS = 23
 
 
 @kernel
-def _product(p: np.ndarray, q: np.ndarray, k: int) -> float:
+def product(p: np.ndarray, q: np.ndarray, k: int) -> float:
     """Coefficient ``k`` of the product of two series."""
     total = 0.0
     for i in range(k + 1):
@@ -82,9 +82,9 @@ def expand(
         one = 1.0 if k == 0 else 0.0
         a[k] = h * sine[k]
         b[k] = r * one - h * cosine[k]
-        square[k] = _product(omega, omega, k)
-        drive_t[k] = downhill * one + _product(a, square, k)  # vdot_t without contact forces and spin rate
-        drive_n[k] = inward * one + h * _product(cosine, square, k)  # minus the same of v_n
+        square[k] = product(omega, omega, k)
+        drive_t[k] = downhill * one + product(a, square, k)  # vdot_t without contact forces and spin rate
+        drive_n[k] = inward * one + h * product(cosine, square, k)  # minus the same of v_n
         if gap_rate != 0:
             normal[k] = -stiffness * gap[k]
         if spin == 0:
@@ -92,45 +92,45 @@ def expand(
             if gap_rate == 0:
                 normal[k] = m * drive_n[k]
             force[k] = -m * drive_t[k] if slip == 0 else mu * normal[k]
-            moment[k] = _product(a, normal, k) - _product(b, force, k)
+            moment[k] = product(a, normal, k) - product(b, force, k)
         else:
             if slip == 0:
                 lever[k] = rho * one - a[k]
-                divisor[k] = inertia * one + m * _product(b, b, k)
-                rest = -m * _product(b, drive_t, k)
+                divisor[k] = inertia * one + m * product(b, b, k)
+                rest = -m * product(b, drive_t, k)
                 if gap_rate == 0:
-                    divisor[k] -= m * _product(a, lever, k)
-                    rest += m * _product(lever, drive_n, k)
+                    divisor[k] -= m * product(a, lever, k)
+                    rest += m * product(lever, drive_n, k)
                 else:
-                    rest += _product(lever, normal, k)
+                    rest += product(lever, normal, k)
                 for i in range(k):
                     rest -= spin_rate[i] * divisor[k - i]
                 spin_rate[k] = rest / divisor[0]
                 if gap_rate == 0:
-                    normal[k] = m * (_product(a, spin_rate, k) + drive_n[k])
-                force[k] = -m * (_product(b, spin_rate, k) + drive_t[k])
+                    normal[k] = m * (product(a, spin_rate, k) + drive_n[k])
+                force[k] = -m * (product(b, spin_rate, k) + drive_t[k])
             else:
                 lever[k] = rho * one - a[k] + mu * b[k]
                 if gap_rate == 0:
-                    divisor[k] = one - m / inertia * _product(a, lever, k)
+                    divisor[k] = one - m / inertia * product(a, lever, k)
                     rest = m * drive_n[k]
                     for i in range(k):
                         rest -= normal[i] * divisor[k - i]
                     normal[k] = rest / divisor[0]
-                spin_rate[k] = _product(lever, normal, k) / inertia
+                spin_rate[k] = product(lever, normal, k) / inertia
                 force[k] = mu * normal[k]
             moment[k] = rho * normal[k]
         after = 1.0 / (k + 1)
         omega[k + 1] = spin_rate[k] * after
-        v_t[k + 1] = 0.0 if slip == 0 else (force[k] / m + drive_t[k] + _product(b, spin_rate, k)) * after
-        v_n[k + 1] = 0.0 if gap_rate == 0 else (normal[k] / m - drive_n[k] - _product(a, spin_rate, k)) * after
+        v_t[k + 1] = 0.0 if slip == 0 else (force[k] / m + drive_t[k] + product(b, spin_rate, k)) * after
+        v_n[k + 1] = 0.0 if gap_rate == 0 else (normal[k] / m - drive_n[k] - product(a, spin_rate, k)) * after
         gap[k + 1] = v_n[k] * after
-        sine[k + 1] = _product(cosine, omega, k) * after
-        cosine[k + 1] = -_product(sine, omega, k) * after
+        sine[k + 1] = product(cosine, omega, k) * after
+        cosine[k + 1] = -product(sine, omega, k) * after
         phi[k + 1] = omega[k] * after
-        x[k + 1] = (v_t[k] - _product(b, omega, k)) * after
-        c[R_POWER_SLIDING, k] = 0.0 if slip == 0 else -mu * _product(normal, v_t, k)
-        c[R_POWER_ROLLING, k] = 0.0 if spin == 0 else -rho * _product(normal, omega, k)
+        x[k + 1] = (v_t[k] - product(b, omega, k)) * after
+        c[R_POWER_SLIDING, k] = 0.0 if slip == 0 else -mu * product(normal, v_t, k)
+        c[R_POWER_ROLLING, k] = 0.0 if spin == 0 else -rho * product(normal, omega, k)
     for row in (R_NORMAL, R_FORCE, R_MOMENT, R_POWER_SLIDING, R_POWER_ROLLING):
         c[row, ORDER] = 0.0
 

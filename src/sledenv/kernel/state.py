@@ -4,4 +4,7 @@ from __future__ import annotations
 
 TIME, X, PHI, GAP, V_N, V_T, OMEGA = range(7)
 IMPULSE_N, IMPULSE_T, IMPULSE_R, HYSTERESIS, SLIDING, ROLLING = range(7, 13)
-STATE_SIZE = 13
+STORED = 13  # elastic energy at the end of the contact
+ON_CHORD = 14  # 1 if both corners have touched
+FEATURE = 15  # whose gap, v_n and v_t these are
+STATE_SIZE = 16

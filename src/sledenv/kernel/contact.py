@@ -1,4 +1,7 @@
-"""Contact by the paper's two-stiffness law, event-driven, in power series of high order: docs/physics.md, section 5.
+"""Contact with extent in time, event-driven, in power series of high order: docs/physics.md, sections 5 and 6.
+
+One loop serves the paper's two-stiffness law and the sustained contact of rigid surfaces, where the normal force is
+unbounded and the gap stays closed until that force would become negative.
 
 Between events the forces are analytic, so a step is a power series of the state and every event the first root of one.
 The state is kept in contact coordinates (gap, v_n, v_t, omega, phi, x): a locked velocity is then exactly zero, and the
@@ -8,6 +11,7 @@ gap suffers no cancellation.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +30,10 @@ from sledenv.kernel.events import (
     first_event,
 )
 from sledenv.kernel.friction import compliance, resolve
-from sledenv.kernel.geometry import arms, feature_at, feature_geometry, whole_turns
+from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope
-from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
+from sledenv.kernel.params import Body, Limits, Slope
+from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
     R_FORCE,
@@ -42,6 +46,7 @@ from sledenv.kernel.series import (
     step_size,
 )
 from sledenv.kernel.state import (
+    FEATURE,
     GAP,
     HYSTERESIS,
     IMPULSE_N,
@@ -51,6 +56,7 @@ from sledenv.kernel.state import (
     PHI,
     ROLLING,
     SLIDING,
+    STORED,
     TIME,
     V_N,
     V_T,
@@ -58,20 +64,42 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.trajectory import add_sample
 
+INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
+BOTH_CORNERS = -2  # status: the second corner has come down
 MOST_STALLED = 60  # events in a row without any progress in time
 NO_DEPTH = 1e-12  # of the size of the body: a shallower contact is resolved in the limit of a vanishing normal force
 
 
+class Pair(NamedTuple):
+    """How two surfaces meet while they touch."""
+
+    k_closing: float  # [N/m] while the gap closes; inf if rigid
+    k_opening: float  # [N/m] while it opens; 0 if rigid
+    friction: float  # [-] f
+    rolling_arm: float  # [m] delta of the arc
+    corner_rolling_arm: float  # [m] delta of a corner
+    most_normal: float  # [N] above which a rigid contact counts as having no finite normal force
+
+
 @kernel
-def _sign(value: float) -> int:
+def sign_of(value: float) -> int:
+    """-1, 0 or 1."""
     return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
 
 
 @kernel
 def _choose_branch(
-    body: Body, law: ContactLaw, slope: Slope, feature: int, arm: float, state: np.ndarray
+    body: Body,
+    pair: Pair,
+    slope: Slope,
+    feature: int,
+    arm: float,
+    state: np.ndarray,
+    left_gap: int,
+    left_slip: int,
+    left_spin: int,
 ) -> tuple[int, int, int]:
-    """Signs of v_n, v_t and omega from here on, by the box rule."""
+    """Signs of v_n, v_t and omega from here on, by the box rule; ``left_...``: just released with that sign."""
     h, _, shift = feature_geometry(body, feature)
     a, b = arms(body, feature, state[PHI])
     square = state[OMEGA] * state[OMEGA]
@@ -81,14 +109,14 @@ def _choose_branch(
         compliance(body.mass, body.inertia, a, b),
         slope.gravity * math.sin(slope.angle) + a * square,
         -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square,
-        law.friction,
+        pair.friction,
         arm,
         size,
-        law.stiffness * (1.0 + law.asymmetry) * depth,
-        law.stiffness * (1.0 - law.asymmetry) * depth,
-        _sign(state[V_N]),
-        _sign(state[V_T]),
-        _sign(state[OMEGA]),
+        pair.k_closing * depth,
+        pair.k_opening * depth,
+        2 * left_gap if left_gap != 0 else sign_of(state[V_N]),
+        2 * left_slip if left_slip != 0 else sign_of(state[V_T]),
+        2 * left_spin if left_spin != 0 else sign_of(state[OMEGA]),
     )
 
 
@@ -126,8 +154,9 @@ def _advance(state: np.ndarray, c: np.ndarray, step: float) -> None:
     state[IMPULSE_N] += integral(c[R_NORMAL], step)
     state[IMPULSE_T] += integral(c[R_FORCE], step)
     state[IMPULSE_R] += integral(c[R_MOMENT], step)
-    state[SLIDING] += integral(c[R_POWER_SLIDING], step)
-    state[ROLLING] += integral(c[R_POWER_ROLLING], step)
+    # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
+    state[SLIDING] += max(integral(c[R_POWER_SLIDING], step), 0.0)
+    state[ROLLING] += max(integral(c[R_POWER_ROLLING], step), 0.0)
 
 
 @kernel
@@ -177,7 +206,7 @@ def _sample_step(
 @kernel
 def contact(
     body: Body,
-    law: ContactLaw,
+    pair: Pair,
     slope: Slope,
     limits: Limits,
     state: np.ndarray,
@@ -190,8 +219,10 @@ def contact(
 
     Parameters
     ----------
-    body, law, slope, limits
+    body, slope, limits
         See :mod:`sledenv.kernel.params`.
+    pair : Pair
+        How the two surfaces meet; a rigid pair starts at rest, without gap or gap rate.
     state : ndarray, shape (STATE_SIZE,)
         Contact state at touchdown; overwritten by the state at the end. Impulses and losses are accumulated.
     c : ndarray, shape (ROWS, ORDER + 1)
@@ -206,45 +237,62 @@ def contact(
     Returns
     -------
     tuple of int
-        Status (RUNNING after a separation), steps and samples.
+        Status (RUNNING after a separation, or one of the two above), steps and samples.
     """
     turns = whole_turns(state[PHI])
     state[PHI] -= turns
-    feature = feature_at(body, state[PHI])
+    feature = int(state[FEATURE])
+    # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
+    wrong = (feature == TAIL and state[PHI] < 0.0) or (feature == NOSE and state[PHI] > 0.0)
+    shift_turn = math.copysign(2.0 * math.pi, state[PHI]) if wrong else 0.0
+    turns += shift_turn
+    state[PHI] -= shift_turn
     geometry = feature_geometry(body, feature)
-    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
     size = body.radius + body.eccentricity
-    k_closing = law.stiffness * (1.0 + law.asymmetry)
-    k_opening = law.stiffness * (1.0 - law.asymmetry)
+    rigid = pair.k_closing == math.inf
     scale = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
     gap_rate, slip, spin = 0, 0, 0
     gap_zeros, slip_zeros, spin_zeros, at_edge = 0, 0, 0, 0  # leading coefficients that are zero by construction
     choose = True
+    left_gap, left_slip, left_spin = 0, 0, 0  # signs with which velocities have just been released
     stalled = 0
     while True:
         if choose:
-            gap_rate, slip, spin = _choose_branch(body, law, slope, feature, arm, state)
-            gap_zeros = 1 if state[V_N] == 0.0 else 0
-            slip_zeros = 1 if state[V_T] == 0.0 else 0
-            spin_zeros = 1 if state[OMEGA] == 0.0 else 0
+            locked = (gap_rate, slip, spin)
+            gap_rate, slip, spin = _choose_branch(
+                body, pair, slope, feature, arm, state, left_gap, left_slip, left_spin
+            )
+            # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
+            jumps = (gap_rate != locked[0]) + (slip != locked[1]) + (spin != locked[2])
+            leaving = 2 if jumps == 1 else 1
+            gap_zeros = (leaving if left_gap != 0 else 1) if state[V_N] == 0.0 else 0
+            slip_zeros = (leaving if left_slip != 0 else 1) if state[V_T] == 0.0 else 0
+            spin_zeros = (leaving if left_spin != 0 else 1) if state[OMEGA] == 0.0 else 0
             choose = False
         if gap_rate == 0 and slip == 0 and spin == 0:
             status = JAMMED
+            break
+        if rigid and gap_rate > 0:
+            status = RUNNING
             break
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET
             break
         steps += 1
-        stiffness = k_closing if gap_rate < 0 else k_opening
-        expand(body, geometry, law.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
-        # A velocity released at the bound of its force starts without acceleration: drop the rounding error of it.
+        stiffness = pair.k_closing if gap_rate < 0 else pair.k_opening
+        expand(body, geometry, pair.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
+        if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
+            status = INCONSISTENT
+            break
+        # Drop the rounding error of an acceleration that vanishes by construction.
         if gap_zeros == 2:
             c[V_N, 1] = 0.0
         if slip_zeros == 2:
             c[V_T, 1] = 0.0
         if spin_zeros == 2:
             c[OMEGA, 1] = 0.0
-        step = _longest_step(body, feature, law.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
+        step = _longest_step(body, feature, pair.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
         step = min(step, left)
@@ -252,14 +300,14 @@ def contact(
             status = NON_FINITE
             break
         depth = -state[GAP]
-        step, event, released = first_event(
+        step, event, sign_after = first_event(
             body,
             feature,
             geometry[2],
-            law.friction,
+            pair.friction,
             arm,
-            k_closing * depth,
-            k_opening * depth,
+            math.inf if rigid else pair.k_closing * depth,
+            pair.k_opening * depth,
             slope.length,
             (gap_rate, slip, spin),
             (gap_zeros, slip_zeros, spin_zeros),
@@ -287,10 +335,11 @@ def contact(
         if event == SEPARATION:
             state[GAP] = 0.0
         if gap_rate > 0:
-            state[HYSTERESIS] += 0.5 * (k_closing - k_opening) * (depth * depth - state[GAP] * state[GAP])
+            state[HYSTERESIS] += 0.5 * (pair.k_closing - pair.k_opening) * (depth * depth - state[GAP] * state[GAP])
         at_edge = 0
         if step > 0.0:
             gap_zeros, slip_zeros, spin_zeros = 0, 0, 0
+            left_gap, left_slip, left_spin = 0, 0, 0
             # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
             for row, sign in ((V_N, gap_rate), (V_T, slip), (OMEGA, spin)):
                 if sign * state[row] < 0.0:
@@ -312,26 +361,32 @@ def contact(
             status = FINISH
             break
         elif event == CHORD_DOWN:
-            status = TUMBLED
+            status = BOTH_CORNERS
             break
         elif event == RATE_ZERO:
             state[V_N] = 0.0
+            left_gap = 0
             choose = True
         elif event == SLIP_ZERO:
             state[V_T] = 0.0
+            left_slip = 0
             choose = True
         elif event == SPIN_ZERO:
             state[OMEGA] = 0.0
+            left_spin = 0
             choose = True
         elif event == RATE_RELEASED:
-            gap_rate = released
-            gap_zeros = 2
+            if rigid:
+                status = RUNNING
+                break
+            left_gap = sign_after
+            choose = True
         elif event == SLIP_RELEASED:
-            slip = released
-            slip_zeros = 2
+            left_slip = sign_after
+            choose = True
         elif event == SPIN_RELEASED:
-            spin = released
-            spin_zeros = 2
+            left_spin = sign_after
+            choose = True
         elif event == FEATURE_ENDS:
             if feature == ARC:
                 feature = TAIL if state[PHI] > 0.0 else NOSE
@@ -339,8 +394,11 @@ def contact(
                 feature = ARC
             state[PHI] = math.copysign(body.half_angle, state[PHI])
             geometry = feature_geometry(body, feature)
-            arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+            arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
             at_edge = 1
             choose = True
     state[PHI] += turns
+    state[FEATURE] = feature
+    if not rigid:
+        state[STORED] = 0.5 * pair.k_closing * state[GAP] * state[GAP]
     return status, steps, samples

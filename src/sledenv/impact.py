@@ -1,0 +1,129 @@
+"""The Python face of the rigid impact: :func:`rigid_impact`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.geometry import arms, feature_at, whole_turns
+from sledenv.kernel.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
+from sledenv.kernel.records import ARC, PHASE, Mode
+from sledenv.kernel.rigid import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+
+Hypothesis = Literal["energetic", "poisson", "newton"]
+
+_CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
+
+
+class Phase(NamedTuple):
+    """One stretch of an impact between two events."""
+
+    start: float  # [N s] normal impulse at its start
+    impulse: float  # [N s] normal impulse of the phase
+    slip: int  # sign of the slip velocity, 0 sticking
+    spin: int  # sign of the angular velocity, 0 stopped
+    restitution: bool  # True while the gap opens, False while it closes
+
+
+@dataclass(frozen=True)
+class RigidImpact:
+    """Result of one rigid impact.
+
+    Attributes
+    ----------
+    state : State
+        After the impact; position and orientation are those before.
+    normal_impulse, tangential_impulse : float
+        [N s].
+    rolling_impulse : float
+        [N m s].
+    mode : Mode
+        How the impact ended, in the words of Table 1.
+    phases : tuple of Phase
+        In order; empty if there was no impact.
+    loss_hysteresis, loss_sliding, loss_rolling : float
+        [J]. Under the Newton hypothesis the first may be negative: energy out of nothing, docs/physics.md, section 4.
+    """
+
+    state: State
+    normal_impulse: float
+    tangential_impulse: float
+    rolling_impulse: float
+    mode: Mode
+    phases: tuple[Phase, ...]
+    loss_hysteresis: float
+    loss_sliding: float
+    loss_rolling: float
+
+
+def rigid_impact(
+    body: Body,
+    law: ContactLaw,
+    state: State,
+    *,
+    restitution: float | None = None,
+    hypothesis: Hypothesis = "energetic",
+) -> RigidImpact:
+    """Solve one impact of rigid surfaces exactly, in the normal impulse: docs/physics.md, section 4.
+
+    Parameters
+    ----------
+    body, law
+        The stiffness of the law is not used.
+    state : State
+        Velocities at touch and the orientation; ``x`` and ``y`` are not used. A feature that does not approach the
+        slope is not hit: the state is returned as it is.
+    restitution : float, optional
+        e [-] in [0, 1] in place of that of the law.
+    hypothesis : {"energetic", "poisson", "newton"}
+        What e means: energetic (Stronge) is consistent with every friction; the other two are for comparison, and
+        Newton's can create energy.
+
+    Returns
+    -------
+    RigidImpact
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    ArithmeticError
+        If the impact does not end within the bound on its phases.
+    """
+    if hypothesis not in get_args(Hypothesis):
+        allowed = ", ".join(map(repr, get_args(Hypothesis)))
+        raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
+    body, law, state = Body(*body), ContactLaw(*law), State(*state)
+    e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
+    local = state.phi - whole_turns(state.phi)
+    feature = feature_at(body, local)
+    a, b = arms(body, feature, local)
+    v_t, v_n = state.u + b * state.omega, state.v - a * state.omega
+    rows = np.zeros(MOST_PHASES, PHASE)
+    slip, omega, gap_rate, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
+        body.mass,
+        body.inertia,
+        a,
+        b,
+        body.radius + body.eccentricity,
+        law.friction,
+        law.rolling_arm if feature == ARC else law.corner_rolling_arm,
+        e,
+        _CODES[hypothesis],
+        v_t,
+        state.omega,
+        v_n,
+        rows,
+    )
+    if count > MOST_PHASES:
+        raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
+    after = state if count == 0 else state._replace(u=slip - b * omega, v=gap_rate + a * omega, omega=omega)
+    phases = tuple(
+        Phase(float(row["start"]), float(row["impulse"]), int(row["slip"]), int(row["spin"]), bool(row["restitution"]))
+        for row in rows[:count]
+    )
+    mode = Mode(contact_mode(v_t, state.omega, slip, omega))
+    return RigidImpact(after, p_n, p_t, p_r, mode, phases, hysteresis, sliding, rolling)

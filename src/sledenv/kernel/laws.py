@@ -1,0 +1,94 @@
+"""The one place where a descent tells its contact laws apart: by the type of the law, at compile time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+
+from sledenv.kernel.chord import ONE_CORNER, chord_contact
+from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
+from sledenv.kernel.rigid import strike
+from sledenv.kernel.state import ON_CHORD
+
+Law = ContactLaw | RigidLaw
+
+
+@kernel
+def _compliant_touch(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    limits: Limits,
+    state: np.ndarray,
+    c: np.ndarray,
+    steps: int,
+    trajectory: np.ndarray,
+    samples: int,
+) -> tuple[int, int, int]:
+    pair = Pair(
+        law.stiffness * (1.0 + law.asymmetry),
+        law.stiffness * (1.0 - law.asymmetry),
+        law.friction,
+        law.rolling_arm,
+        law.corner_rolling_arm,
+        np.inf,
+    )
+    while True:
+        status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        if status != BOTH_CORNERS:
+            break
+        state[ON_CHORD] = 1.0
+        status, steps, samples = chord_contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        if status != ONE_CORNER:
+            break
+    return status, steps, samples
+
+
+def touch(
+    body: Body,
+    law: Law,
+    slope: Slope,
+    limits: Limits,
+    state: np.ndarray,
+    c: np.ndarray,
+    steps: int,
+    trajectory: np.ndarray,
+    samples: int,
+) -> tuple[int, int, int]:
+    """Follow one contact by the given law: see :func:`sledenv.kernel.contact.contact`."""
+    follow = strike if isinstance(law, RigidLaw) else _compliant_touch
+    return follow(body, law, slope, limits, state, c, steps, trajectory, samples)  # type: ignore[arg-type]
+
+
+@overload(touch)
+def _touch(
+    body: Any, law: Any, slope: Any, limits: Any, state: Any, c: Any, steps: Any, trajectory: Any, samples: Any
+) -> Callable[..., Any]:
+    follow = strike if law.instance_class is RigidLaw else _compliant_touch
+
+    def call(
+        body: Any, law: Any, slope: Any, limits: Any, state: Any, c: Any, steps: Any, trajectory: Any, samples: Any
+    ) -> Any:
+        return follow(body, law, slope, limits, state, c, steps, trajectory, samples)
+
+    return call
+
+
+def law_of_row(like: Law, row: np.ndarray) -> Law:
+    """Return a law of the same kind as ``like`` with the fields of an array of shape (5,)."""
+    return type(like)(row[0], row[1], row[2], row[3], row[4])
+
+
+@overload(law_of_row)
+def _law_of_row(like: Any, row: Any) -> Callable[..., Any]:
+    kind = like.instance_class
+
+    def build(like: Any, row: Any) -> Any:
+        return kind(row[0], row[1], row[2], row[3], row[4])
+
+    return build

@@ -1,0 +1,317 @@
+"""The impact in the stiff limit, exact in the normal impulse: docs/physics.md, section 4.
+
+With the configuration frozen the velocities are linear in the normal impulse p between events (slip, spin or gap rate
+reach zero, the impact ends), so the impact is a short list of phases, each in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
+from sledenv.kernel.friction import branch_forces, compliance, resolve
+from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
+from sledenv.kernel.records import ARC, NOSE, PHASE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
+from sledenv.kernel.state import (
+    FEATURE,
+    HYSTERESIS,
+    IMPULSE_N,
+    IMPULSE_R,
+    IMPULSE_T,
+    OMEGA,
+    ON_CHORD,
+    PHI,
+    ROLLING,
+    SLIDING,
+    V_N,
+    V_T,
+)
+
+ENERGETIC, POISSON, NEWTON = range(3)  # what ends an impact
+MOST_PHASES = 32
+MOST_STRIKES = 10000  # impacts without a flight between them
+MOST_CHORD_IMPACTS = 64
+FLAT = 1e-12  # of the size of the body: a corner this close to the slope counts as touching
+RESTING = -4  # status: one corner stays in contact
+MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
+
+
+@kernel
+def _sign(value: float) -> int:
+    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
+
+
+@kernel
+def impact(
+    mass: float,
+    inertia: float,
+    a: float,
+    b: float,
+    size: float,
+    friction: float,
+    arm: float,
+    restitution: float,
+    hypothesis: int,
+    v_t: float,
+    omega: float,
+    v_n: float,
+    phases: np.ndarray,
+) -> tuple[float, float, float, float, float, float, float, float, float, int]:
+    """Follow one impact from touch to separation.
+
+    Parameters
+    ----------
+    mass, inertia : float
+        Of the body [kg], [kg m^2].
+    a, b : float
+        Arms of the contact point [m].
+    size : float
+        Of the body [m], makes moments comparable with forces.
+    friction, arm : float
+        Coulomb coefficient [-] and rolling arm [m].
+    restitution : float
+        e [-] in [0, 1].
+    hypothesis : int
+        ENERGETIC (Stronge): the normal work of restitution is e^2 times that of compression. POISSON: its impulse is
+        e times that of compression. NEWTON: the gap opens e times as fast as it closed.
+    v_t, omega, v_n : float
+        Slip [m/s], spin [rad/s] and gap rate [m/s] at touch; v_n > 0 is no impact.
+    phases : ndarray of PHASE
+        Filled from the front.
+
+    Returns
+    -------
+    tuple
+        v_t, omega, v_n after; normal, tangential [N s] and rolling [N m s] impulse; losses of hysteresis, sliding and
+        rolling [J]; number of phases, MOST_PHASES + 1 if they did not suffice.
+    """
+    w = compliance(mass, inertia, a, b)
+    w_tt, w_tw, w_tn, w_ww, w_wn, w_nn = w
+    e2 = restitution * restitution
+    entry = v_n
+    impulse, tangential, rolling = 0.0, 0.0, 0.0
+    closing_work, opening_work, sliding, rolled = 0.0, 0.0, 0.0, 0.0
+    stored = 0.0  # elastic energy, counted as the work of compression
+    compressed = 0.0  # impulse at the end of the first compression, 0 before
+    count = 0
+    if v_n > 0.0:
+        return v_t, omega, v_n, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    opening = False
+    while True:
+        if count >= MOST_PHASES:
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
+        _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, _sign(v_t), _sign(omega))
+        mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
+        rate_t = 0.0 if slip == 0 else w_tt * mu + w_tw * rho + w_tn
+        rate_w = 0.0 if spin == 0 else w_tw * mu + w_ww * rho + w_wn
+        rate_n = w_tn * mu + w_wn * rho + w_nn
+        if v_n == 0.0:
+            if rate_n == 0.0 or (rate_n > 0.0 and stored == 0.0):
+                break  # neither approaches nor has anything to give back
+            opening = rate_n > 0.0
+            if opening and compressed == 0.0:
+                compressed = impulse
+            if opening and restitution == 0.0:
+                break
+        # The first event on the way.
+        span = math.inf
+        event = 0
+        if slip * rate_t < 0.0:
+            span, event = -v_t / rate_t, 1
+        if spin * rate_w < 0.0 and -omega / rate_w < span:
+            span, event = -omega / rate_w, 2
+        if v_n * rate_n < 0.0 and -v_n / rate_n < span:
+            span, event = -v_n / rate_n, 3
+        if opening:
+            end = math.inf
+            if hypothesis == POISSON:
+                end = max((1.0 + restitution) * compressed - impulse, 0.0)
+            elif hypothesis == NEWTON:
+                target = -restitution * entry
+                if v_n >= target:
+                    end = 0.0
+                elif rate_n > 0.0:
+                    end = (target - v_n) / rate_n
+            else:
+                squared = v_n * v_n + 2.0 * rate_n * e2 * stored
+                if squared >= 0.0 and v_n + math.sqrt(squared) > 0.0:
+                    end = 2.0 * e2 * stored / (v_n + math.sqrt(squared))
+            if end <= span:
+                span, event = end, 4
+        if event == 0:
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
+        if count < phases.shape[0]:
+            phase = phases[count]
+            phase["start"] = impulse
+            phase["impulse"] = span
+            phase["slip"] = slip
+            phase["spin"] = spin
+            phase["restitution"] = 1 if opening else 0
+        if span > 0.0:
+            count += 1
+        t1 = 0.0 if event == 1 else v_t + rate_t * span
+        w1 = 0.0 if event == 2 else omega + rate_w * span
+        n1 = 0.0 if event == 3 else v_n + rate_n * span
+        work = 0.5 * (v_n + n1) * span
+        if opening:
+            opening_work += work
+        else:
+            closing_work -= work
+        sliding -= 0.5 * mu * (v_t + t1) * span
+        rolled -= 0.5 * rho * (omega + w1) * span
+        stored = 0.0 if event == 4 else max(stored - (work / e2 if opening and e2 > 0.0 else work), 0.0)
+        impulse += span
+        tangential += mu * span
+        rolling += rho * span
+        v_t, omega, v_n = t1, w1, n1
+        if event == 4:
+            break
+    # Of an energetic impact the loss is known without the cancellation in its two works.
+    hysteresis = (1.0 - e2) * closing_work if hypothesis == ENERGETIC else closing_work - opening_work
+    return v_t, omega, v_n, impulse, tangential, rolling, hysteresis, sliding, rolled, count
+
+
+@kernel
+def _hit(
+    body: Body,
+    law: RigidLaw,
+    feature: int,
+    restitution: float,
+    state: np.ndarray,
+) -> int:
+    """Follow one impact of a feature; ``state`` is that of the feature. Return the number of phases."""
+    local = state[PHI] - whole_turns(state[PHI])
+    a, b = arms(body, feature, local)
+    v_t, omega, v_n, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
+        body.mass,
+        body.inertia,
+        a,
+        b,
+        body.radius + body.eccentricity,
+        law.friction,
+        law.rolling_arm if feature == ARC else law.corner_rolling_arm,
+        restitution,
+        ENERGETIC,
+        state[V_T],
+        state[OMEGA],
+        state[V_N],
+        np.empty(0, PHASE),
+    )
+    state[V_T], state[OMEGA], state[V_N] = v_t, omega, v_n
+    state[IMPULSE_N] += p_n
+    state[IMPULSE_T] += p_t
+    state[IMPULSE_R] += p_r
+    state[HYSTERESIS] += hysteresis
+    state[SLIDING] += sliding
+    state[ROLLING] += rolling
+    return count
+
+
+@kernel
+def _change_corner(body: Body, old: int, new: int, state: np.ndarray) -> None:
+    """Turn the contact state of one corner into that of the other."""
+    local = state[PHI] - whole_turns(state[PHI])
+    a, b = arms(body, old, local)
+    v = state[V_N] + a * state[OMEGA]
+    u = state[V_T] - b * state[OMEGA]
+    a, b = arms(body, new, local)
+    state[V_N] = v - a * state[OMEGA]
+    state[V_T] = u + b * state[OMEGA]
+
+
+@kernel
+def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: np.ndarray) -> tuple[int, int]:
+    """Follow the impacts of a chord that lies on the slope, one corner at a time: docs/physics.md, section 8.
+
+    The corners are hit in turn, the faster first, with the restitution of the law. A body that still approaches after
+    MOST_CHORD_IMPACTS of them, or with both corners slower than ``law.settle_speed``, lies on its chord.
+
+    Returns
+    -------
+    tuple of int
+        TUMBLED, RUNNING (both corners leave), or RESTING where one corner stays; the corner that ``state`` is of.
+    """
+    for i in range(2 * MOST_CHORD_IMPACTS):
+        here = state[V_N]
+        other = NOSE if feature == TAIL else TAIL
+        _change_corner(body, feature, other, state)
+        there = state[V_N]
+        slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
+        if slow and min(here, there) < 0.0:
+            # What both corners have left is given up: the body lies on its chord.
+            local = state[PHI] - whole_turns(state[PHI])
+            a, b = arms(body, other, local)
+            v = there + a * state[OMEGA]
+            state[V_T] -= b * state[OMEGA]
+            state[HYSTERESIS] += 0.5 * (body.inertia * state[OMEGA] ** 2 + body.mass * v * v)
+            state[OMEGA], state[V_N] = 0.0, 0.0
+            return TUMBLED, other
+        if here <= there:
+            _change_corner(body, other, feature, state)
+            state[V_N] = here
+        else:
+            feature = other
+        if state[V_N] >= 0.0:
+            break
+        plastic = pressed and -state[V_N] < law.settle_speed
+        if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+            return STEP_BUDGET, feature
+    if state[V_N] > 0.0:
+        return RUNNING, feature
+    return RESTING, feature
+
+
+@kernel
+def strike(
+    body: Body,
+    law: RigidLaw,
+    slope: Slope,
+    limits: Limits,
+    state: np.ndarray,
+    c: np.ndarray,
+    steps: int,
+    trajectory: np.ndarray,
+    samples: int,
+) -> tuple[int, int, int]:
+    """Follow a touch of rigid surfaces: an impact, and the sustained contact that it may settle into.
+
+    An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
+    sequence of ever smaller bounces (docs/physics.md, section 6). Arguments and result are those of
+    :func:`sledenv.kernel.contact.contact`.
+    """
+    size = body.radius + body.eccentricity
+    gravity = slope.gravity * math.cos(slope.angle)
+    pair = Pair(
+        math.inf,
+        0.0,
+        law.friction,
+        law.rolling_arm,
+        law.corner_rolling_arm,
+        MOST_NORMAL * body.mass * (gravity + size * state[OMEGA] * state[OMEGA] + state[V_T] * state[V_T] / size),
+    )
+    for _ in range(MOST_STRIKES):
+        local = state[PHI] - whole_turns(state[PHI])
+        feature = int(state[FEATURE])
+        h, _, shift = feature_geometry(body, feature)
+        pressed = gravity + h * math.cos(local + shift) * state[OMEGA] * state[OMEGA] > 0.0
+        if feature != ARC and 2.0 * body.radius * math.sin(body.half_angle) * abs(math.sin(local)) <= FLAT * size:
+            state[ON_CHORD] = 1.0
+            state[PHI] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
+            status, feature = strike_chord(body, law, feature, pressed, state)
+            state[FEATURE] = feature
+            if status != RESTING:
+                return status, steps, samples
+        else:
+            plastic = pressed and -state[V_N] < law.settle_speed
+            if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+                return STEP_BUDGET, steps, samples
+            if state[V_N] > 0.0:
+                return RUNNING, steps, samples
+        status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        if status != INCONSISTENT and status != BOTH_CORNERS:
+            return status, steps, samples
+    return STEP_BUDGET, steps, samples

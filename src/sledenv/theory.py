@@ -1,0 +1,313 @@
+"""Where a sled jams, in closed form: rest on the slope, the Painlevé region and the stuck wheel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sledenv.kernel.geometry import feature_geometry, has_corners
+from sledenv.kernel.params import Body, ContactLaw, Slope
+from sledenv.kernel.records import ARC, NOSE, TAIL
+
+Floats = NDArray[np.float64]
+
+_TURN = 2.0 * math.pi
+_GRID = 4001  # orientations from which the minima of the Painlevé threshold are refined
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_REFINEMENTS = 80  # 0.618^80 = 2e-17 of a cell of the grid
+
+
+class _Piece(NamedTuple):
+    """The orientations at which one feature touches, and its geometry: docs/physics.md (8.2)."""
+
+    low: float  # [rad]
+    high: float  # [rad]
+    h: float  # [m]
+    r: float  # [m]
+    shift: float  # [rad]
+    arm: float  # [m] delta
+
+
+def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDArray[np.bool_]:
+    """Whether the body, laid on the slope at rest, stays: docs/physics.md (6.1).
+
+    At rest N = m g cos(beta) and F = -m g sin(beta), so the moment to be borne by rolling resistance is
+    M = a N - b F. It rests if and only if |F| <= f N and |M| <= delta N, that is ``tan|beta| <= f`` and
+    ``|a + b tan(beta)| <= delta`` with the arms a, b and the rolling arm delta of the feature that touches.
+
+    Parameters
+    ----------
+    body, law, slope
+        What rests, how it touches and where. Stiffness, asymmetry and the length of the slope do not matter, nor does
+        gravity as long as there is some.
+    phi : array_like
+        Orientation [rad].
+
+    Returns
+    -------
+    ndarray of bool
+        The shape of ``phi``. Lying on its chord (phi = pi) a body touches with two corners; that is the status
+        "tumbled" of a descent, and here one of the two is taken alone.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite or gravity is 0, where nothing holds the body down.
+    """
+    body, law, slope = _checked(body, law, slope)
+    a, b, arm = _arms(body, law, _numbers("static_jam", "phi", phi, np.isfinite, "finite"))
+    steepness = math.tan(slope.angle)
+    return np.asarray((abs(steepness) <= law.friction) & (np.abs(a + b * steepness) <= arm))
+
+
+def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[float, float]]:
+    """Orientations at which the body rests on the slope, the solution set of :func:`static_jam` in closed form.
+
+    On each feature (6.1) reads ``|h sin(theta - beta) + r sin(beta)| <= delta cos(beta)`` with
+    theta = phi + shift, so its bounds are inverse sines.
+
+    Parameters
+    ----------
+    body, law, slope
+        As for :func:`static_jam`.
+
+    Returns
+    -------
+    list of (float, float)
+        Disjoint closed intervals [rad] in (-pi, pi], in order; one that contains pi is split there. Where delta = 0
+        the body can only balance, and an interval is one point. An interval of a corner that ends where the arc
+        begins does not contain that end if the arc does not rest there.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If gravity is 0.
+    """
+    body, law, slope = _checked(body, law, slope)
+    if math.tan(abs(slope.angle)) > law.friction:
+        return []
+    found: list[tuple[float, float]] = []
+    for piece in _pieces(body, law):
+        for low, high in _balanced(piece, slope.angle):
+            for turn in (-_TURN, 0.0, _TURN):
+                clipped = max(low + turn, piece.low), min(high + turn, piece.high)
+                if clipped[0] <= clipped[1] and clipped[1] > -math.pi:
+                    found.append(clipped)
+    merged: list[tuple[float, float]] = []
+    for low, high in sorted(found):
+        if merged and low <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(high, merged[-1][1])
+        else:
+            merged.append((low, high))
+    return merged
+
+
+def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
+    """Largest inclination [rad] of a slope on which the body rests at ``phi``: (6.1) solved for beta.
+
+    Parameters
+    ----------
+    body, law
+        As for :func:`static_jam`.
+    phi : array_like
+        Orientation [rad].
+
+    Returns
+    -------
+    ndarray
+        The shape of ``phi``; negative where only a slope that rises downhill of the body can hold it, NaN where none
+        can. The smallest inclination is ``-steepest_jam(body, law, -phi)``, and every one in between holds it too.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite.
+    """
+    body, law = Body(*body), ContactLaw(*law)
+    a, b, arm = _arms(body, law, _numbers("steepest_jam", "phi", phi, np.isfinite, "finite"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (-arm - a) / b, (arm - a) / b
+    low = np.where(b == 0.0, np.where(np.abs(a) <= arm, -np.inf, np.inf), np.minimum(one, other))
+    high = np.where(b == 0.0, np.where(np.abs(a) <= arm, np.inf, -np.inf), np.maximum(one, other))
+    steepness = np.minimum(high, law.friction)
+    return np.where(steepness >= np.maximum(low, -law.friction), np.arctan(steepness), np.nan)
+
+
+def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin: ArrayLike) -> Floats:
+    """Return ``J/m + a^2 + a (b f s_t + delta s_w)`` [m^2]; negative in the Painlevé region: docs/physics.md (4.4).
+
+    There the contact jams in motion: pressing harder makes the contact point approach faster.
+
+    Parameters
+    ----------
+    body, law
+        As for :func:`static_jam`.
+    phi : array_like
+        Orientation [rad].
+    slip, spin : array_like
+        Slip velocity [m/s] and angular velocity [rad/s], or just their signs s_t and s_w; a zero leaves its term out.
+
+    Returns
+    -------
+    ndarray
+        The arguments are broadcast.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite or a velocity is NaN.
+    """
+    body, law = Body(*body), ContactLaw(*law)
+    angle = _numbers("painleve", "phi", phi, np.isfinite, "finite")
+    s_t = np.sign(_numbers("painleve", "slip", slip, _is_number, "a number"))
+    s_w = np.sign(_numbers("painleve", "spin", spin, _is_number, "a number"))
+    a, b, arm = _arms(body, law, angle)
+    return np.asarray(body.inertia / body.mass + a * a + a * (b * law.friction * s_t + arm * s_w))
+
+
+def painleve_threshold(body: Body, law: ContactLaw) -> float:
+    """Smallest friction f [-] above which the Painlevé region exists at some orientation; ``law.friction`` is not used.
+
+    It is the minimum over the orientations of ``(J/m + a^2 - |a| delta) / |a b|``, on the arc and on a corner.
+
+    Returns
+    -------
+    float
+        0 if rolling resistance alone suffices, inf if no friction does (a wheel).
+    """
+    body, law = Body(*body), ContactLaw(*law)
+    return min(_piece_threshold(body, piece) for piece in _pieces(body, law) if piece.high > 0.0)
+
+
+def wheel_stuck_ratio(restitution: ArrayLike, friction: ArrayLike, rolling_arm: ArrayLike, radius: ArrayLike) -> Floats:
+    """Largest ``|u0 / v0|`` [-] at which a wheel without spin gets stuck, ``(1 + e) min(f, delta/r)``.
+
+    Row 4 of Table 1, docs/physics.md, section 3: m u0 <= f P and m r u0 <= delta P with P = m |v0| (1 + e).
+
+    Parameters
+    ----------
+    restitution : array_like
+        e [-] in [0, 1].
+    friction : array_like
+        f [-], >= 0.
+    rolling_arm : array_like
+        delta [m], >= 0.
+    radius : array_like
+        r [m], > 0.
+
+    Returns
+    -------
+    ndarray
+        The arguments are broadcast.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument and the allowed range.
+    """
+    owner = "wheel_stuck_ratio"
+    e = _numbers(owner, "restitution", restitution, lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
+    f = _numbers(owner, "friction", friction, lambda v: (v >= 0.0) & (v < np.inf), "in [0, inf)")
+    arm = _numbers(owner, "rolling_arm", rolling_arm, lambda v: (v >= 0.0) & (v < np.inf), "in [0, inf) m")
+    r = _numbers(owner, "radius", radius, lambda v: (v > 0.0) & (v < np.inf), "in (0, inf) m")
+    return np.asarray((1.0 + e) * np.minimum(f, arm / r))
+
+
+def _is_number(values: Floats) -> NDArray[np.bool_]:
+    return ~np.isnan(values)
+
+
+def _numbers(
+    owner: str, name: str, values: ArrayLike, accepts: Callable[[Floats], NDArray[np.bool_]], allowed: str
+) -> Floats:
+    try:
+        numbers = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{owner}: {name} = {values!r}: must be numbers") from None
+    wrong = numbers[~accepts(numbers)]
+    if wrong.size > 0:
+        raise ValueError(f"{owner}: {name} = {wrong.flat[0]}: must be {allowed}")
+    return numbers
+
+
+def _checked(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw, Slope]:
+    slope = Slope(*slope)
+    if slope.gravity == 0.0:
+        raise ValueError("Slope.gravity = 0.0: must be > 0, nothing else holds a body at rest on the slope")
+    return Body(*body), ContactLaw(*law), slope
+
+
+def _pieces(body: Body, law: ContactLaw) -> list[_Piece]:
+    """Split (-pi, pi] by the feature that touches."""
+    alpha = body.half_angle
+    if not has_corners(body):
+        return [_Piece(-math.pi, math.pi, *feature_geometry(body, ARC), law.rolling_arm)]
+    return [
+        _Piece(-math.pi, -alpha, *feature_geometry(body, NOSE), law.corner_rolling_arm),
+        _Piece(-alpha, alpha, *feature_geometry(body, ARC), law.rolling_arm),
+        _Piece(alpha, math.pi, *feature_geometry(body, TAIL), law.corner_rolling_arm),
+    ]
+
+
+def _arms(body: Body, law: ContactLaw, phi: Floats) -> tuple[Floats, Floats, Floats]:
+    """Arms a, b and rolling arm [m] of the feature that touches at each orientation, edges to the arc."""
+    local = phi - _TURN * np.floor(phi / _TURN + 0.5)
+    pieces = _pieces(body, law)
+    index = np.zeros(local.shape, dtype=int)
+    if len(pieces) > 1:
+        index = np.where(np.abs(local) <= body.half_angle, 1, np.where(local > 0.0, 2, 0))
+    h, r, shift, arm = (np.array([piece[i] for piece in pieces])[index] for i in range(2, 6))
+    return h * np.sin(local + shift), r - h * np.cos(local + shift), arm
+
+
+def _balanced(piece: _Piece, beta: float) -> list[tuple[float, float]]:
+    """Solve ``|h sin(phi + shift - beta) + r sin(beta)| <= delta cos(beta)`` for phi [rad], on one turn or so."""
+    offset = beta - piece.shift
+    middle, half_width = -piece.r * math.sin(beta), piece.arm * math.cos(beta)
+    below, above = middle - half_width, middle + half_width
+    if below > piece.h or above < -piece.h:
+        return []
+    if below <= -piece.h and above >= piece.h:
+        return [(offset - math.pi, offset + math.pi)]
+    if above >= piece.h:
+        first = math.asin(below / piece.h)
+        return [(offset + first, offset + math.pi - first)]
+    last = math.asin(above / piece.h)
+    if below <= -piece.h:
+        return [(offset - math.pi - last, offset + last)]
+    first = math.asin(below / piece.h)
+    return [(offset + first, offset + last), (offset + math.pi - last, offset + math.pi - first)]
+
+
+def _piece_threshold(body: Body, piece: _Piece) -> float:
+    """Painlevé threshold over the orientations phi >= 0 of one feature; the others mirror them."""
+    gyration = body.inertia / body.mass  # J/m, [m^2]
+
+    def needed(theta: Floats) -> Floats:
+        a = np.abs(piece.h * np.sin(theta))
+        b = np.abs(piece.r - piece.h * np.cos(theta))
+        borne = gyration + a * (a - piece.arm)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(borne < 0.0, 0.0, np.where(a * b > 0.0, borne / (a * b), np.inf))
+
+    theta = np.linspace(max(piece.low, 0.0), piece.high, _GRID) + piece.shift
+    # Rolling resistance counts for most at |a| = delta/2; the grid need not contain that orientation.
+    if 0.5 * piece.arm <= piece.h > 0.0:
+        best = math.asin(0.5 * piece.arm / piece.h)
+        candidates = np.array([best, math.pi - best, best - math.pi, -best, best + math.pi, _TURN - best])
+        theta = np.union1d(theta, candidates[(candidates >= theta[0]) & (candidates <= theta[-1])])
+    values = needed(theta)
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    lowest = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]) & np.isfinite(values))
+    if lowest.size == 0:
+        return math.inf
+    left, right = theta[np.maximum(lowest - 1, 0)], theta[np.minimum(lowest + 1, len(theta) - 1)]
+    for _ in range(_REFINEMENTS):
+        inner, outer = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
+        keep_left = needed(inner) <= needed(outer)
+        left, right = np.where(keep_left, left, inner), np.where(keep_left, outer, right)
+    return float(min(values.min(), needed(0.5 * (left + right)).min()))
