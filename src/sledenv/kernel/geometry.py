@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, NOSE, TAIL
@@ -17,8 +19,8 @@ TURN = 2.0 * math.pi
 
 @kernel
 def whole_turns(phi: float) -> float:
-    """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted."""
-    return TURN * math.floor(phi / TURN + 0.5)
+    """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted; odd in ``phi``, as a mirror is."""
+    return TURN * float(np.rint(phi / TURN))
 
 
 @kernel
