@@ -38,6 +38,7 @@ from itertools import pairwise, product
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from mpmath import mp, mpf
 
 DATA_FILE = Path(__file__).parent / "data" / "reference_descent.json"
@@ -550,6 +551,116 @@ def reference_descent() -> tuple[OracleBody, OracleState]:
         zero = mpf(0)
         state = OracleState(zero, mpf("0.6") - eccentricity * mp.cos(phi), phi, zero, zero, zero)
         return body, state
+
+
+# --- slow and obvious versions of single kernels ----------------------------------------------------------------------
+# `body` is anything with mass, radius, eccentricity, inertia and half_angle, in floats.
+
+
+def segment_by_strips(radius: float, half_angle: float) -> tuple[float, float]:
+    """Mass centre below the arc centre [m] and J_O/m [m^2] of a circular segment, summed over strips.
+
+    The strip at depth s = r cos(t) below the arc centre reaches from -w to w = r sin(t); 60 Gauss points in t.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    t = 0.5 * half_angle * (nodes + 1.0)
+    depth, half_width = radius * np.cos(t), radius * np.sin(t)
+    area = 2.0 * half_width * (0.5 * half_angle * weights * radius * np.sin(t))
+    about_centre = depth**2 + half_width**2 / 3.0
+    return float(area @ depth / area.sum()), float(area @ about_centre / area.sum())
+
+
+def outline_heights(body, phi: float, points: int) -> np.ndarray:
+    """Heights [m] of points on the arc, its ends included, above the mass centre of a body turned by phi."""
+    angle = np.linspace(-body.half_angle, body.half_angle, points)
+    across, above = body.radius * np.sin(angle), body.eccentricity - body.radius * np.cos(angle)
+    return across * math.sin(phi) + above * math.cos(phi)
+
+
+def support(body, phi: np.ndarray) -> np.ndarray:
+    """Height [m] of the mass centre when the lowest of arc and corners touches, from where those points are."""
+    wrapped = np.arctan2(np.sin(phi), np.cos(phi))
+    arc = body.radius - body.eccentricity * np.cos(phi)
+    if body.radius == 0.0 or body.half_angle >= math.pi:
+        return arc
+    across, above = body.radius * math.sin(body.half_angle), body.eccentricity - body.radius * math.cos(body.half_angle)
+    corners = np.maximum(-across * np.sin(phi) - above * np.cos(phi), across * np.sin(phi) - above * np.cos(phi))
+    return np.where(np.abs(wrapped) <= body.half_angle, arc, corners)
+
+
+def scanned_touchdown(
+    body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float, samples: int = 20001
+) -> tuple[float, float]:
+    """First time at which the gap of a free flight turns negative, and the least gap seen up to then.
+
+    A dense scan, then bisection; inf and the least gap on (0, horizon] if it never does. The start is left out.
+    """
+
+    def gap(t: np.ndarray) -> np.ndarray:
+        return y + t * (v - 0.5 * gravity * t) - support(body, phi + omega * t)
+
+    times = np.linspace(0.0, horizon, samples)[1:]
+    gaps = gap(times)
+    negative = np.flatnonzero(gaps < 0.0)
+    if len(negative) == 0:
+        return math.inf, float(gaps.min())
+    first = negative[0]
+    low, high = (times[first - 1] if first > 0 else 0.0), times[first]
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if gap(np.array(middle)) < 0.0:
+            high = middle
+        else:
+            low = middle
+    return float(high), float(gaps[:first].min(initial=math.inf))
+
+
+def box_rule(
+    w: np.ndarray, rates: np.ndarray, bounds: tuple[float, float], pinned: tuple[float | None, float | None]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces z = (F, M) that minimise z'Wz/2 + rates'z in a box, and the rates W z + rates that they leave.
+
+    One force after the other is set to its best value in the box, until nothing moves. A pinned force keeps its value.
+    """
+    z = np.array([0.0 if value is None else value for value in pinned])
+    for _ in range(100_000):
+        before = z.copy()
+        for i in (0, 1):
+            if pinned[i] is None:
+                other = 1 - i
+                z[i] = np.clip(-(rates[i] + w[i, other] * z[other]) / w[i, i], -bounds[i], bounds[i])
+        if np.array_equal(z, before):
+            break
+    return z, w @ z + rates
+
+
+class WheelTable(NamedTuple):
+    """Row of the corrected Table 1 (physics.md, section 3) and what it leaves of the velocities."""
+
+    row: int
+    u: float
+    omega: float
+
+
+def wheel_table(
+    mass: float, inertia: float, radius: float, friction: float, arm: float, restitution: float, u: float, v: float
+) -> list[WheelTable]:
+    """Every row of the corrected Table 1 that exists for a wheel without spin, u > 0; P = m |v| (1 + R)."""
+    p = mass * abs(v) * (1.0 + restitution)
+    rolling_inertia = inertia + mass * radius**2
+    rows = []
+    sliding = WheelTable(1, u - friction * p / mass, -(friction * radius - arm) * p / inertia)
+    if friction * radius >= arm and sliding.u + radius * sliding.omega >= 0.0:
+        rows.append(sliding)
+    rolling_u = (mass * radius**2 * u - radius * arm * p) / rolling_inertia
+    needed = mass * (inertia * u + radius * arm * p) / rolling_inertia
+    if mass * radius * u >= arm * p and needed <= friction * p:
+        rows.append(WheelTable(2, rolling_u, -rolling_u / radius))
+    if friction * radius <= arm and u - friction * p / mass >= 0.0:
+        rows.append(WheelTable(3, u - friction * p / mass, 0.0))
+    if mass * u <= friction * p and mass * radius * u <= arm * p:
+        rows.append(WheelTable(4, 0.0, 0.0))
+    return rows
 
 
 # --- the data file ---------------------------------------------------------------------------------------------------

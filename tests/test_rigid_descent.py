@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
 from sledenv.kernel.geometry import support_height
 
 GRAVITY = 9.81
@@ -139,6 +139,20 @@ def test_after_lift_off_the_body_flies_and_lands_again():
     flight = descent.rebounds["t"][1] - descent.rebounds["duration"][1] - descent.rebounds["t"][0]
     assert flight > 1e-3
     assert descent.rebounds["v_before"][1] < 0.0
+
+
+def test_a_segment_that_rolls_onto_its_corner_too_fast_takes_off_there_once():
+    """Oracle: on the corner it would have to be pulled down with h_c omega^2 > G, and nothing pulls."""
+    body = circular_segment(1.0, 0.5, math.radians(110.0))
+    phi, spin = -1.8, -9.0
+    a, b = body.eccentricity * math.sin(phi), support_height(body, phi)
+    launch = State(0.0, b, phi, -b * spin, a * spin, spin)
+    law = ContactLaw(1e6, 0.6, 0.6, 0.0)
+    descent = rigid(body, law, Slope(0.1), launch, max_rebounds=2)
+    first, second = descent.rebounds
+    assert first["phi"] == pytest.approx(-body.half_angle, abs=1e-12)
+    assert second["t"] - second["duration"] - first["t"] > 1e-3
+    assert descent.status == "log_full"
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
@@ -274,3 +288,35 @@ def test_random_descents_keep_their_books_and_end_with_a_status(solver):
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])
 def test_a_hundred_thousand_random_descents_keep_their_books(solver):
     check_books(solver, 14_300, 11, 8.0)
+
+
+CONVERGENCE = {
+    "slides throughout": (DISC, 0.5, 0.1, 0.001, math.pi / 4, 0.0, -10.0, 0.0),
+    "slip stops": (DISC, 0.5, 0.9, 0.001, 0.3, 1.0, -3.0, 0.0),
+    "spin reverses, slip reverses": (DISC, 0.5, 0.1, 0.001, 0.6, 1.0, -4.0, 6.0),
+    "slip reverses, spin reverses": (Body(1.0, 0.1, 0.05, 2e-3), 0.3, 0.15, 0.001, -0.9, 0.3, -5.0, -10.0),
+}
+
+
+@pytest.mark.parametrize("case", CONVERGENCE)
+def test_the_compliant_impact_converges_to_the_rigid_one_as_the_root_of_the_compliance(case):
+    """Oracle: rigid_impact; the contact lasts c^-1/2, and so far the configuration moves."""
+    body, asymmetry, friction, arm, phi, u, v, omega = CONVERGENCE[case]
+    launch = State(0.0, support_height(body, phi), phi, u, v, omega)
+    exact = rigid_impact(body, ContactLaw(1.0, asymmetry, friction, arm), launch)
+    slips = {phase.slip for phase in exact.phases}
+    spins = {phase.spin for phase in exact.phases}
+    assert ({-1, 1} <= slips) == ("slip reverses" in case)
+    assert ({-1, 1} <= spins) == ("spin reverses" in case)
+    stiffness = 10.0 ** np.arange(8, 13)
+    error = []
+    for c in stiffness:
+        law = ContactLaw(c, asymmetry, friction, arm)
+        after = simulate(body, law, Slope(0.0, gravity=0.0), launch, max_rebounds=1).state
+        error.append(
+            math.hypot(
+                after.u - exact.state.u, after.v - exact.state.v, body.radius * (after.omega - exact.state.omega)
+            )
+        )
+    slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
+    assert slope == pytest.approx(-0.5, rel=0.05)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from sledenv.kernel.contact import MOST_STALLED, Pair, sign_of
-from sledenv.kernel.friction import compliance, resolve
+from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import CHORD, FINISH, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
@@ -241,7 +241,7 @@ def chord_contact(
             arm = -height * sine - half * cosine * (n_1 - n_2) / (n_1 + n_2)
             square = now[SPIN] * now[SPIN]
             _, slip, spin = resolve(
-                compliance(body.mass, body.inertia, arm, height * cosine),
+                mobility(body.mass, body.inertia, arm, height * cosine),
                 downhill - height * sine * square,
                 -inward,
                 pair.friction,
@@ -266,8 +266,8 @@ def chord_contact(
             large = max(abs(c[V, k]), abs(c[SLIP, k]), size * abs(c[SPIN, k]))
             if large > 0.0:
                 step = min(step, math.exp(math.log(limits.tolerance * scale / large) / k))
-        mobility = 2.0 / body.mass + 2.0 * (abs(height) + half) ** 2 * (1.0 + pair.friction) / body.inertia
-        step = min(step, 1.4 / math.sqrt(pair.k_closing * mobility))
+        softness = 2.0 / body.mass + 2.0 * (abs(height) + half) ** 2 * (1.0 + pair.friction) / body.inertia
+        step = min(step, 1.4 / math.sqrt(pair.k_closing * softness))
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
         step = min(step, left)

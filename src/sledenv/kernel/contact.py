@@ -29,7 +29,7 @@ from sledenv.kernel.events import (
     SPIN_ZERO,
     first_event,
 )
-from sledenv.kernel.friction import compliance, resolve
+from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
@@ -67,7 +67,10 @@ from sledenv.kernel.trajectory import add_sample
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
 BOTH_CORNERS = -2  # status: the second corner has come down
 MOST_STALLED = 60  # events in a row without any progress in time
-NO_DEPTH = 1e-12  # of the size of the body: a shallower contact is resolved in the limit of a vanishing normal force
+# A contact shallower than this share of the size of the body, or loaded less than this share of the other forces, is
+# resolved in the limit of a vanishing normal force.
+NO_DEPTH = 1e-12
+NO_LOAD = 1e-9
 
 
 class Pair(NamedTuple):
@@ -104,11 +107,17 @@ def _choose_branch(
     a, b = arms(body, feature, state[PHI])
     square = state[OMEGA] * state[OMEGA]
     size = body.radius + body.eccentricity
-    depth = max(-state[GAP], NO_DEPTH * size)
+    drive_t = slope.gravity * math.sin(slope.angle) + a * square
+    drive_n = -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square
+    shallow = NO_DEPTH * size
+    loads = body.mass * (abs(drive_t) + abs(drive_n))
+    if loads > 0.0 and pair.k_closing < math.inf:
+        shallow = min(shallow, NO_LOAD * loads / pair.k_closing)
+    depth = max(-state[GAP], shallow)
     return resolve(
-        compliance(body.mass, body.inertia, a, b),
-        slope.gravity * math.sin(slope.angle) + a * square,
-        -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square,
+        mobility(body.mass, body.inertia, a, b),
+        drive_t,
+        drive_n,
         pair.friction,
         arm,
         size,
@@ -138,8 +147,8 @@ def _longest_step(
     if gap_rate != 0:
         # Below half a contact oscillation, or the bound on the curvature of the series becomes useless.
         a, b = arms(body, feature, state[PHI])
-        mobility = 1.0 / body.mass + abs(a) * (abs(a) + friction * abs(b) + arm) / body.inertia
-        step = min(step, 1.4 / math.sqrt(stiffness * mobility))
+        softness = 1.0 / body.mass + abs(a) * (abs(a) + friction * abs(b) + arm) / body.inertia
+        step = min(step, 1.4 / math.sqrt(stiffness * softness))
     if state[OMEGA] != 0.0:
         step = min(step, 1.0 / abs(state[OMEGA]))  # sine and cosine converge fast
     return step

@@ -10,6 +10,7 @@ from sledenv.kernel.params import Body
 from sledenv.kernel.records import NOSE, TAIL
 
 ROUNDING = 4e-16
+EDGE = 1e-9  # [rad]
 
 
 @kernel
@@ -76,21 +77,26 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
         feature = feature_at(body, local)
         gap, rate = _branch_gap(body, height, speed, local, omega, feature)
         if t == 0.0 and gap <= noise:
-            if rate < 0.0:
+            still = ROUNDING * (abs(speed) + top * abs(omega))
+            if rate < -still:
                 return 0.0
             gap = 0.0
-            if rate == 0.0:
-                h, _, shift = feature_geometry(body, feature)
+            if rate <= still:
+                # Lifted off without a gap rate: the next derivatives tell. On the edge of a feature those of the
+                # one that the body turns to count.
+                ahead = local + math.copysign(EDGE, omega)
+                h, _, shift = feature_geometry(body, feature_at(body, ahead - whole_turns(ahead)))
                 square = omega * omega
                 lift = -gravity - h * math.cos(local + shift) * square
                 jerk = h * math.sin(local + shift) * square * omega
                 if lift > 1e-9 * bound:
                     t = 1.5 * lift / (h_most * abs(omega) ** 3)  # gap''' >= -h |omega|^3 keeps the gap open this long
-                elif lift > -1e-9 * bound and jerk > 0.0:
+                    continue
+                if lift > -1e-9 * bound and jerk > 0.0:
                     t = (600.0 * noise / jerk) ** (1.0 / 3.0)  # lifted off where the normal force vanished
-                else:
+                    continue
+                if rate <= 0.0:
                     return 0.0
-                continue
         elif gap <= noise and rate <= 0.0:
             return max(0.0, t - gap / rate) if rate < 0.0 else t
         step = _safe_step(gap, rate, bound)
@@ -99,8 +105,8 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
             # and do not turn so far that the arc beyond it comes down.
             other = NOSE if omega > 0.0 else TAIL
             if feature != other:
-                ahead, ahead_rate = _branch_gap(body, height, speed, local, omega, other)
-                step = min(step, _safe_step(ahead, ahead_rate, bound))
+                other_gap, other_rate = _branch_gap(body, height, speed, local, omega, other)
+                step = min(step, _safe_step(other_gap, other_rate, bound))
             step = min(step, 0.5 * body.half_angle / abs(omega))
         if t + step == t:
             return t

@@ -15,21 +15,24 @@ TIE = 1e-12  # violations closer than this are equal; the branch listed first, w
 
 
 @kernel
-def compliance(mass: float, inertia: float, a: float, b: float) -> tuple[float, float, float, float, float, float]:
-    """Entries tt, tw, tn, ww, wn, nn of the symmetric W that maps (F, M, N) to rates: docs/physics.md (4.1)."""
-    return (
-        1.0 / mass + b * b / inertia,
-        b / inertia,
-        -a * b / inertia,
-        1.0 / inertia,
-        -a / inertia,
-        1.0 / mass + a * a / inertia,
-    )
+def mobility(mass: float, inertia: float, a: float, b: float) -> tuple[float, float, float, float]:
+    """What a body at the arms ``a``, ``b`` [m] opposes to contact forces: 1/mass, 1/inertia, a, b."""
+    return 1.0 / mass, 1.0 / inertia, a, b
+
+
+@kernel
+def rates(
+    w: tuple[float, float, float, float], drive_t: float, drive_n: float, force: float, moment: float, normal: float
+) -> tuple[float, float, float]:
+    """Rates of (v_t, omega, v_n) under the contact forces: docs/physics.md (4.1)."""
+    per_mass, per_inertia, a, b = w
+    spin_rate = (moment - a * normal + b * force) * per_inertia
+    return force * per_mass + drive_t + b * spin_rate, spin_rate, normal * per_mass + drive_n - a * spin_rate
 
 
 @kernel
 def branch_forces(
-    w: tuple[float, float, float, float, float, float],
+    w: tuple[float, float, float, float],
     drive_t: float,
     drive_n: float,
     friction: float,
@@ -39,29 +42,30 @@ def branch_forces(
     slip: int,
     spin: int,
 ) -> tuple[float, float, float]:
-    """Forces (F, M, N) of one branch: ``slip``, ``spin`` are -1, 0 (locked) or 1; Cramer's rule on three equations."""
-    w_tt, w_tw, w_tn, w_ww, w_wn, w_nn = w
-    # Each row is either "the rate vanishes" or "the force sits on its bound".
-    if slip == 0:
-        t0, t1, t2, t3 = w_tt, w_tw, w_tn, -drive_t
-    else:
-        t0, t1, t2, t3 = 1.0, 0.0, slip * friction, 0.0
+    """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md (4.2).
+
+    Each force is solved for in turn: a general solution of the three equations would cancel for a slender body.
+    """
+    per_mass, per_inertia, a, b = w
+    mass = 1.0 / per_mass
     if spin == 0:
-        r0, r1, r2, r3 = w_tw, w_ww, w_wn, 0.0
-    else:
-        r0, r1, r2, r3 = 0.0, 1.0, spin * arm, 0.0
+        if locked_normal:
+            normal = -mass * drive_n
+        force = -mass * drive_t if slip == 0 else -slip * friction * normal
+        return force, a * normal - b * force, normal
+    if slip == 0:
+        lever = -spin * arm - a  # of the normal force about the mass centre
+        hinge = 1.0 + mass * b * b * per_inertia
+        if locked_normal:
+            spin_rate = -mass * (lever * drive_n + b * drive_t) * per_inertia / (hinge - mass * a * lever * per_inertia)
+            normal = mass * (a * spin_rate - drive_n)
+        else:
+            spin_rate = (lever * normal - mass * b * drive_t) * per_inertia / hinge
+        return -mass * (drive_t + b * spin_rate), -spin * arm * normal, normal
     if locked_normal:
-        n0, n1, n2, n3 = w_tn, w_wn, w_nn, -drive_n
-    else:
-        n0, n1, n2, n3 = 0.0, 0.0, 1.0, normal
-    c0 = r1 * n2 - r2 * n1
-    c1 = r2 * n0 - r0 * n2
-    c2 = r0 * n1 - r1 * n0
-    determinant = t0 * c0 + t1 * c1 + t2 * c2
-    force = (t3 * c0 + t1 * (r2 * n3 - r3 * n2) + t2 * (r3 * n1 - r1 * n3)) / determinant
-    moment = (t0 * (r3 * n2 - r2 * n3) + t3 * c1 + t2 * (r0 * n3 - r3 * n0)) / determinant
-    normal_force = (t0 * (r1 * n3 - r3 * n1) + t1 * (r3 * n0 - r0 * n3) + t3 * c2) / determinant
-    return force, moment, normal_force
+        lever = -spin * arm - a - slip * friction * b
+        normal = -drive_n / (per_mass - a * lever * per_inertia)
+    return -slip * friction * normal, -spin * arm * normal, normal
 
 
 @kernel
@@ -72,7 +76,7 @@ def _excluded(sign: int, branch: int) -> bool:
 
 @kernel
 def resolve(
-    w: tuple[float, float, float, float, float, float],
+    w: tuple[float, float, float, float],
     drive_t: float,
     drive_n: float,
     friction: float,
@@ -89,7 +93,7 @@ def resolve(
     Parameters
     ----------
     w : tuple of float
-        From :func:`compliance`.
+        From :func:`mobility`.
     drive_t, drive_n : float
         Rates of ``v_t`` and ``v_n`` [m/s^2] without contact forces.
     friction, arm : float
@@ -108,7 +112,9 @@ def resolve(
     tuple of int
         Signs (gap rate, slip, spin) of the branch to follow, 0 where the velocity stays locked.
     """
-    w_tt, w_tw, w_tn, w_ww, w_wn, w_nn = w
+    per_mass, per_inertia, a, b = w
+    w_tt = per_mass + b * b * per_inertia
+    w_nn = per_mass + a * a * per_inertia
     best = (0, 0, 0)
     least = 1e300
     for normal_branch in (0, -1, 1):
@@ -126,25 +132,23 @@ def resolve(
                 )
                 reference = closing_normal if closing_normal < math.inf else abs(drive_n) / w_nn
                 scale = max(abs(normal), reference)
+                rate_t, rate_w, rate_n = rates(w, drive_t, drive_n, force, moment, normal)
                 violation = 0.0
                 if abs(slip) != 1:
                     if slip_branch == 0:
                         violation += max(0.0, abs(force) - friction * normal) / scale
                     else:
-                        rate = w_tt * force + w_tw * moment + w_tn * normal + drive_t
-                        violation += max(0.0, -slip_branch * rate) / (w_tt * scale)
+                        violation += max(0.0, -slip_branch * rate_t) / (w_tt * scale)
                 if abs(spin) != 1:
                     if spin_branch == 0:
                         violation += max(0.0, abs(moment) - arm * normal) / (length * scale)
                     else:
-                        rate = w_tw * force + w_ww * moment + w_wn * normal
-                        violation += max(0.0, -spin_branch * rate) / (w_ww * length * scale)
+                        violation += max(0.0, -spin_branch * rate_w) / (per_inertia * length * scale)
                 if abs(gap_rate) != 1:
                     if normal_branch == 0:
                         violation += max(0.0, normal - closing_normal, opening_normal - normal) / scale
                     else:
-                        rate = w_tn * force + w_wn * moment + w_nn * normal + drive_n
-                        violation += max(0.0, -normal_branch * rate) / (w_nn * scale)
+                        violation += max(0.0, -normal_branch * rate_n) / (w_nn * scale)
                 # A singular branch (NaN) compares false and is never chosen.
                 if violation < least - TIE:
                     least = violation

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
-from sledenv.kernel.friction import branch_forces, compliance, resolve
+from sledenv.kernel.friction import branch_forces, mobility, rates, resolve
 from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
@@ -33,6 +33,7 @@ from sledenv.kernel.state import (
 
 ENERGETIC, POISSON, NEWTON = range(3)  # what ends an impact
 MOST_PHASES = 32
+TOGETHER = 4e-16
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
 FLAT = 1e-12  # of the size of the body: a corner this close to the slope counts as touching
@@ -89,8 +90,7 @@ def impact(
         v_t, omega, v_n after; normal, tangential [N s] and rolling [N m s] impulse; losses of hysteresis, sliding and
         rolling [J]; number of phases, MOST_PHASES + 1 if they did not suffice.
     """
-    w = compliance(mass, inertia, a, b)
-    w_tt, w_tw, w_tn, w_ww, w_wn, w_nn = w
+    w = mobility(mass, inertia, a, b)
     e2 = restitution * restitution
     entry = v_n
     impulse, tangential, rolling = 0.0, 0.0, 0.0
@@ -101,14 +101,14 @@ def impact(
     if v_n > 0.0:
         return v_t, omega, v_n, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     opening = False
-    while True:
-        if count >= MOST_PHASES:
+    for turn in range(2 * MOST_PHASES):
+        if count == MOST_PHASES or turn == 2 * MOST_PHASES - 1:
             return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
         _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, _sign(v_t), _sign(omega))
         mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
-        rate_t = 0.0 if slip == 0 else w_tt * mu + w_tw * rho + w_tn
-        rate_w = 0.0 if spin == 0 else w_tw * mu + w_ww * rho + w_wn
-        rate_n = w_tn * mu + w_wn * rho + w_nn
+        rate_t, rate_w, rate_n = rates(w, 0.0, 0.0, mu, rho, 1.0)
+        rate_t = 0.0 if slip == 0 else rate_t
+        rate_w = 0.0 if spin == 0 else rate_w
         if v_n == 0.0:
             if rate_n == 0.0 or (rate_n > 0.0 and stored == 0.0):
                 break  # neither approaches nor has anything to give back
@@ -120,9 +120,9 @@ def impact(
         # The first event on the way.
         span = math.inf
         event = 0
-        if slip * rate_t < 0.0:
+        if v_t != 0.0 and slip * rate_t < 0.0:
             span, event = -v_t / rate_t, 1
-        if spin * rate_w < 0.0 and -omega / rate_w < span:
+        if omega != 0.0 and spin * rate_w < 0.0 and -omega / rate_w < span:
             span, event = -omega / rate_w, 2
         if v_n * rate_n < 0.0 and -v_n / rate_n < span:
             span, event = -v_n / rate_n, 3
@@ -155,6 +155,11 @@ def impact(
             count += 1
         t1 = 0.0 if event == 1 else v_t + rate_t * span
         w1 = 0.0 if event == 2 else omega + rate_w * span
+        # Slip and spin that stop together: rounding must not leave a rest of the later one.
+        if abs(t1) <= TOGETHER * abs(v_t):
+            t1 = 0.0
+        if abs(w1) <= TOGETHER * abs(omega):
+            w1 = 0.0
         n1 = 0.0 if event == 3 else v_n + rate_n * span
         work = 0.5 * (v_n + n1) * span
         if opening:
@@ -241,7 +246,7 @@ def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: 
         _change_corner(body, feature, other, state)
         there = state[V_N]
         slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
-        if slow and min(here, there) < 0.0:
+        if (slow and min(here, there) < 0.0) or (pressed and here == 0.0 and there == 0.0):
             # What both corners have left is given up: the body lies on its chord.
             local = state[PHI] - whole_turns(state[PHI])
             a, b = arms(body, other, local)

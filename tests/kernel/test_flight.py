@@ -1,0 +1,235 @@
+"""Free flight: the first touchdown is found, a grazing one included, and the end of the slope is reached in time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from sledenv.kernel.flight import finish_time, touchdown_time
+from sledenv.kernel.geometry import arms, feature_at, support_height, whole_turns
+from sledenv.kernel.params import Body, circular_segment
+from sledenv.kernel.records import ARC, TAIL
+from tests.oracles import scanned_touchdown, support
+
+property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+ROD = Body(1.0, 0.0, 0.4, 0.02)
+WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
+SEGMENT = circular_segment(1.0, 0.5, math.radians(110.0))
+BODIES = [DISC, ROD, WHEEL, SEGMENT, Body(1.0, 0.1, 0.15, 0.01)]
+
+bodies = st.one_of(
+    st.sampled_from(BODIES),
+    st.floats(0.3, math.pi).map(lambda half_angle: circular_segment(1.0, 0.5, half_angle)),
+    st.builds(lambda h, half_angle: Body(1.0, 0.5, h, 0.1, half_angle), st.floats(0.0, 0.7), st.floats(0.3, 3.1)),
+)
+orientations = st.floats(-10.0, 10.0)
+spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0))
+
+
+def gap_at(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, t: float) -> float:
+    """Gap [m] at a time of a free flight."""
+    return y + t * (v - 0.5 * gravity * t) - float(support(body, np.array(phi + omega * t)))
+
+
+@property_of_all
+@given(bodies, st.sampled_from([0.0, 9.81]), st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
+def test_touchdown_is_the_first_root_of_the_gap(
+    body: Body, gravity: float, clearance: float, phi: float, v: float, omega: float
+) -> None:
+    """Oracle: 20000 points of the gap, bisected; between launch and touchdown none of them lies below the surface."""
+    y, horizon = support_height(body, phi) + clearance, 2.0
+    found = touchdown_time(body, gravity, y, phi, v, omega, horizon)
+    scanned, least = scanned_touchdown(body, gravity, y, phi, v, omega, horizon)
+    if found == math.inf:
+        assert scanned == math.inf or scanned > horizon * (1.0 - 1e-9)
+        return
+    assert found <= scanned + 1e-12
+    assert gap_at(body, gravity, y, phi, v, omega, found) == pytest.approx(0.0, abs=1e-13 * (1.0 + abs(omega)))
+    if found < scanned - 1e-6:  # the scan saw no crossing there: a graze, or a dip between two of its points
+        before, _ = scanned_touchdown(body, gravity, y, phi, v, omega, found * (1.0 - 1e-9))
+        assert before == math.inf
+        dip = gap_at(body, gravity, y, phi, v, omega, found + 1e-9 * (1.0 + found))
+        assert dip < 1e-9 * (1.0 + abs(omega)) ** 2
+    assert least > -1e-12
+
+
+@property_of_all
+@given(bodies, st.sampled_from([0.0, 9.81]), orientations, st.floats(-3.0, 3.0), st.floats(-200.0, 200.0))
+def test_a_body_that_leaves_the_surface_comes_down_at_the_first_root(
+    body: Body, gravity: float, phi: float, departure: float, omega: float
+) -> None:
+    """Oracle: the scan; a start on the surface is not a touchdown unless the body moves down."""
+    y = support_height(body, phi)
+    local = phi - whole_turns(phi)
+    a, _ = arms(body, feature_at(body, local), local)
+    assume(abs(departure) > 1e-6)
+    v = departure + a * omega
+    found = touchdown_time(body, gravity, y, phi, v, omega, 2.0)
+    if departure < 0.0:
+        assert found == 0.0
+        return
+    assert found > 0.0
+    scanned, _ = scanned_touchdown(body, gravity, y, phi, v, omega, 2.0)
+    if found < math.inf:
+        assert gap_at(body, gravity, y, phi, v, omega, found) == pytest.approx(0.0, abs=1e-13 * (1.0 + abs(omega)))
+    if departure > 0.05:  # the scan resolves the hop
+        assert found <= scanned + 1e-12
+
+
+@pytest.mark.parametrize("omega", [3.0, -3.0, 1000.0, -1000.0, 1e-3])
+@pytest.mark.parametrize("phi", [0.0, 1.0, -2.0])
+def test_a_spinning_disc_grazes_the_surface_below_its_centre_line(omega: float, phi: float) -> None:
+    """Oracle: by hand. Without gravity, at y = r + h, the gap h (1 + cos(phi + omega t)) first vanishes at phi = +-pi.
+
+    Its root is double: 1e-16 of the gap is 1e-8 of the angle.
+    """
+    expected = (math.pi - math.copysign(1.0, omega) * phi) / abs(omega)
+    found = touchdown_time(DISC, 0.0, 0.1 + 0.05, phi, 0.0, omega, 1e5)
+    assert abs(omega) * found == pytest.approx(abs(omega) * expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("clearance", [1e-15, 1e-12, 1e-9, 1e-6])
+def test_a_graze_is_told_from_a_miss_and_from_a_touch(clearance: float) -> None:
+    """Oracle: gap h (1 + cos(phi + omega t)) +- clearance: never zero, or first zero where the cosine says."""
+    y, omega = 0.15, 40.0
+    assert touchdown_time(DISC, 0.0, y + clearance, 0.0, 0.0, omega, 10.0) == math.inf
+    touch = math.acos(clearance / 0.05 - 1.0) / omega
+    found = touchdown_time(DISC, 0.0, y - clearance, 0.0, 0.0, omega, 10.0)
+    assert found == pytest.approx(touch, abs=1e-16 / math.sqrt(clearance))
+
+
+@pytest.mark.parametrize("omega", [50.0, 500.0, 5000.0])
+@pytest.mark.parametrize("body", [DISC, ROD, SEGMENT])
+def test_fast_spin_hides_no_root(body: Body, omega: float) -> None:
+    """Oracle: the scan, 200 points a turn, of a slow fall: the body touches while its longest side passes below."""
+    y = 1.2
+    found = touchdown_time(body, 0.0, y, 0.3, -0.5, omega, 3.0)
+    samples = int(200 * 3.0 * omega / 6.0)
+    scanned, _ = scanned_touchdown(body, 0.0, y, 0.3, -0.5, omega, 3.0, samples)
+    assert found <= scanned * (1.0 + 1e-12)
+    assert gap_at(body, 0.0, y, 0.3, -0.5, omega, found) == pytest.approx(0.0, abs=1e-12)
+    earlier = np.linspace(0.0, found * (1.0 - 1e-12), 400_001)
+    assert (y - 0.5 * earlier - support(body, 0.3 + omega * earlier)).min() > -1e-12
+
+
+@pytest.mark.parametrize("height", [0.5, 2.0, 1e4])
+@pytest.mark.parametrize("v", [-3.0, 0.0, 4.0])
+def test_a_wheel_falls_as_galileo_says(height: float, v: float) -> None:
+    """Oracle: y + v t - g t^2/2 = r."""
+    g, drop = 9.81, height - 0.1
+    expected = (v + math.sqrt(v * v + 2.0 * g * drop)) / g
+    assert touchdown_time(WHEEL, g, height, 0.0, v, 7.0, 1e3) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_without_gravity_a_body_that_does_not_approach_never_lands(body: Body) -> None:
+    """Oracle: uniform motion."""
+    y = body.radius + body.eccentricity + 0.1
+    assert touchdown_time(body, 0.0, y, 0.4, 0.0, 30.0, 1e9) == math.inf
+    assert touchdown_time(body, 0.0, y, 0.4, 1.0, 30.0, 1e9) == math.inf
+    assert touchdown_time(body, 0.0, support_height(body, 0.4) + 0.1, 0.4, 0.0, 0.0, 1e9) == math.inf
+    landing = touchdown_time(body, 0.0, support_height(body, 0.4) + 0.1, 0.4, -2.0, 0.0, 1e9)
+    assert landing == pytest.approx(0.05, rel=1e-12)
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_a_body_at_rest_on_the_surface_touches_now(body: Body, gravity: float) -> None:
+    """Oracle: by hand; without spin nothing lifts it."""
+    for phi in (0.0, 0.5, -1.5, math.pi):
+        assert touchdown_time(body, gravity, support_height(body, phi), phi, 0.0, 0.0, 10.0) == 0.0
+
+
+def test_a_heavy_side_that_swings_up_lifts_the_body() -> None:
+    """Oracle: at phi = pi and v = 0 the gap is h (1 - cos(omega t)) - g t^2/2: lifted iff h omega^2 > g."""
+    g, h = 9.81, DISC.eccentricity
+    a, y = arms(DISC, ARC, math.pi - whole_turns(math.pi))  # a is not quite zero
+    for sign in (1.0, -1.0):
+        slow, fast = sign * 0.99 * math.sqrt(g / h), sign * 2.0 * math.sqrt(g / h)
+        assert touchdown_time(DISC, g, y, math.pi, a * slow, slow, 10.0) == 0.0
+        found = touchdown_time(DISC, g, y, math.pi, a * fast, fast, 10.0)
+        scanned, _ = scanned_touchdown(DISC, g, y, math.pi, a * fast, fast, 10.0)
+        assert found == pytest.approx(scanned, rel=1e-9)
+        assert found > 0.1
+    assert touchdown_time(DISC, g, 0.05, 0.0, 0.0, 2.0 * math.sqrt(g / h), 10.0) == 0.0  # pressed down at phi = 0
+
+
+@pytest.mark.xfail(reason="the first step from rest assumes one feature: it may pass the end of the arc and a root")
+@pytest.mark.parametrize("offset", [0.05, 0.1, 0.2])
+def test_a_body_lifted_off_its_corner_lands_at_the_first_root(offset: float) -> None:
+    """Oracle: the scan of a segment that leaves its corner without speed, lifted by its spin, just beyond its arc."""
+    body = Body(1.0, 0.5, 0.3, 0.1, 0.9)
+    phi, omega = 0.9 + offset, -300.0
+    y = support_height(body, phi)
+    a, _ = arms(body, TAIL, phi)
+    found = touchdown_time(body, 9.81, y, phi, a * omega, omega, 1.0)
+    scanned, _ = scanned_touchdown(body, 9.81, y, phi, a * omega, omega, 1.0, 400_001)
+    assert found <= scanned * (1.0 + 1e-9)
+
+
+@pytest.mark.xfail(reason="gap/rate at a gap and a rate of rounding size moves the touchdown by 1e-5 s and more")
+def test_a_touchdown_at_rounding_speed_is_not_below_the_surface() -> None:
+    """Oracle: the gap at the touchdown of a body that rests on the surface but for rounding."""
+    for departure in np.geomspace(1e-16, 1e-9, 60):
+        for phi in (0.3, 1.1, -1.7):
+            y = support_height(DISC, phi)
+            v = departure + 0.05 * math.sin(phi) * 0.2
+            found = touchdown_time(DISC, 9.81, y, phi, v, 0.2, 1.0)
+            assert gap_at(DISC, 9.81, y, phi, v, 0.2, found) > -1e-13
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_a_touchdown_beyond_the_horizon_is_none(body: Body) -> None:
+    """Oracle: the touchdown itself, from a longer look."""
+    landing = touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 10.0)
+    assert touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 0.999 * landing) == math.inf
+    assert touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 1.001 * landing) == landing
+
+
+@property_of_all
+@given(bodies, st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
+def test_the_mirrored_flight_lands_at_the_same_time(
+    body: Body, clearance: float, phi: float, v: float, omega: float
+) -> None:
+    """Oracle: mirror symmetry, bit for bit."""
+    assume(abs(phi - whole_turns(phi)) < math.pi)
+    y = support_height(body, phi) + clearance
+    assert touchdown_time(body, 9.81, y, phi, v, omega, 5.0) == touchdown_time(body, 9.81, y, -phi, v, -omega, 5.0)
+
+
+@property_of_all
+@given(st.floats(-5.0, 5.0), st.floats(-20.0, 20.0), st.floats(-9.0, 9.0), st.floats(5.1, 50.0))
+def test_the_finish_is_the_first_place_at_the_end_of_the_slope(x: float, u: float, rate: float, length: float) -> None:
+    """Oracle: numpy.roots, and the place at the time found."""
+    assume(rate == 0.0 or abs(rate) > 0.1)
+    roots = np.roots([0.5 * rate, u, x - length]) if rate != 0.0 else np.roots([u, x - length])
+    ahead = [z.real for z in roots if z.imag == 0.0 and z.real > 0.0]
+    found = finish_time(x, u, rate, length)
+    assume(abs(u * u + 2.0 * rate * (length - x)) > 1e-9)
+    if not ahead:
+        assert found == math.inf
+    else:
+        assert found == pytest.approx(min(ahead), rel=1e-6)
+    if 0.0 < found < 1e3:
+        assert x + found * (u + 0.5 * rate * found) == pytest.approx(length, abs=1e-9 * (1.0 + found))
+
+
+def test_a_slope_without_end_is_never_finished() -> None:
+    """Oracle: by hand."""
+    assert finish_time(0.0, 5.0, 1.0, math.inf) == math.inf
+    assert finish_time(0.0, 0.0, 0.0, 1.0) == math.inf
+    assert finish_time(0.0, -1.0, 0.0, 1.0) == math.inf
+    assert finish_time(0.0, 2.0, 0.0, 1.0) == 0.5
+    assert finish_time(0.0, 2.0, -2.0, 1.0) == 1.0  # it just gets there
+
+
+@pytest.mark.xfail(reason="u + sqrt(u^2 + small) cancels for u < 0; 2 |u|/rate is the answer here")
+def test_the_finish_of_a_long_climb_is_exact() -> None:
+    """Oracle: 50 digits by mpmath: up the slope for 1 m/s, and back past the start by 1 nm."""
+    found = finish_time(0.0, -10.0, 1.7, 1e-9)
+    assert found == pytest.approx(2.0 * 10.0 / 1.7 + 1e-9 / 10.0, rel=1e-12)

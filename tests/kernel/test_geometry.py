@@ -1,0 +1,158 @@
+"""Which feature touches and where: the support of an outline, continuity where features meet, mirror symmetry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from sledenv.kernel.geometry import (
+    arms,
+    feature_at,
+    feature_geometry,
+    has_corners,
+    lowest_support,
+    support_height,
+    whole_turns,
+)
+from sledenv.kernel.params import Body, circular_segment
+from sledenv.kernel.records import ARC, NOSE, TAIL
+from tests.oracles import outline_heights, support
+
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+ROD = Body(1.0, 0.0, 0.4, 0.02)
+SEGMENT = circular_segment(1.0, 0.5, math.radians(110.0))
+SHALLOW = circular_segment(1.0, 0.5, 0.3)
+LOPSIDED = Body(1.0, 0.5, 0.6, 0.1, 2.0)  # mass centre below the arc
+BODIES = [DISC, ROD, SEGMENT, SHALLOW, LOPSIDED]
+CORNERED = [SEGMENT, SHALLOW, LOPSIDED]
+ANGLES = st.floats(-math.pi, math.pi)
+bodies = st.sampled_from(BODIES)
+property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
+
+
+def at(body: Body, phi: float) -> tuple[int, float, float]:
+    """Feature and arms at any phi [rad]."""
+    local = phi - whole_turns(phi)
+    feature = feature_at(body, local)
+    return feature, *arms(body, feature, local)
+
+
+@property_of_all
+@given(bodies, st.floats(-30.0, 30.0))
+def test_support_height_is_that_of_the_outline(body: Body, phi: float) -> None:
+    """Oracle: the lowest of 20001 points of the outline, whose arc sags by r (step)^2/8 at most between two of them."""
+    sag = body.radius * (2.0 * body.half_angle / 20000) ** 2 / 8.0
+    lowest = -outline_heights(body, phi, 20001).min()
+    assert lowest - 1e-14 <= support_height(body, phi) <= lowest + sag + 1e-14
+
+
+@property_of_all
+@given(bodies, st.floats(-30.0, 30.0))
+def test_support_height_is_that_of_arc_and_corners(body: Body, phi: float) -> None:
+    """Oracle: the positions of arc and corners, from the rotated body coordinates, without the shifted angles."""
+    assert support_height(body, phi) == pytest.approx(float(support(body, np.array(phi))), rel=1e-13, abs=1e-14)
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_the_arm_a_is_the_slope_of_the_arm_b(body: Body) -> None:
+    """Oracle: central differences of b in phi within each feature."""
+    step = 1e-5
+    for phi in np.linspace(-3.1, 3.1, 40):
+        feature = feature_at(body, phi)
+        a, _ = arms(body, feature, phi)
+        slope = (arms(body, feature, phi + step)[1] - arms(body, feature, phi - step)[1]) / (2.0 * step)
+        assert a == pytest.approx(slope, abs=1e-9)
+
+
+@pytest.mark.parametrize("body", [DISC, ROD])
+@pytest.mark.parametrize("phi", [0.0, 0.7, -2.0, math.pi])
+def test_arms_of_the_arc_are_the_textbook_ones(body: Body, phi: float) -> None:
+    """Oracle: a = h sin(phi), b = r - h cos(phi), docs/physics.md, section 1."""
+    feature, a, b = at(body, phi)
+    local = phi - whole_turns(phi)
+    assert feature == ARC
+    assert a == pytest.approx(body.eccentricity * math.sin(local), abs=1e-16)
+    assert b == pytest.approx(body.radius - body.eccentricity * math.cos(phi), rel=1e-15)
+
+
+@pytest.mark.parametrize("body", CORNERED)
+@pytest.mark.parametrize("side", [1, -1])
+def test_arms_of_a_corner_are_those_of_a_sharp_arc_end(body: Body, side: int) -> None:
+    """Oracle: a = h sin(phi) - r sin(phi -+ alpha), b = r cos(phi -+ alpha) - h cos(phi), physics.md, section 8."""
+    alpha, r, h = body.half_angle, body.radius, body.eccentricity
+    for phi in np.linspace(alpha + 0.01, math.pi - 0.01, 9) * side:
+        feature, a, b = at(body, phi)
+        assert feature == (TAIL if side > 0 else NOSE)
+        assert a == pytest.approx(h * math.sin(phi) - r * math.sin(phi - side * alpha), abs=1e-15)
+        assert b == pytest.approx(r * math.cos(phi - side * alpha) - h * math.cos(phi), abs=1e-15)
+
+
+@pytest.mark.parametrize("body", CORNERED)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_arms_are_continuous_where_the_arc_ends(body: Body, side: float) -> None:
+    """Oracle: the end of the arc is the corner."""
+    edge = side * body.half_angle
+    corner = TAIL if side > 0.0 else NOSE
+    assert feature_at(body, edge) == ARC
+    assert feature_at(body, math.nextafter(edge, 4.0 * side)) == corner
+    assert arms(body, corner, edge) == pytest.approx(arms(body, ARC, edge), abs=1e-15)
+
+
+@pytest.mark.parametrize("body", CORNERED)
+def test_both_corners_are_equally_high_on_the_chord(body: Body) -> None:
+    """Oracle: symmetry; at phi = pi the arms a are opposite and half a chord long."""
+    (a_nose, b_nose), (a_tail, b_tail) = arms(body, NOSE, -math.pi), arms(body, TAIL, math.pi)
+    assert b_nose == pytest.approx(b_tail, rel=1e-14)
+    assert abs(a_tail) == pytest.approx(body.radius * math.sin(body.half_angle), rel=1e-14)
+    assert a_nose == pytest.approx(-a_tail, rel=1e-14)
+    assert b_nose == pytest.approx(body.eccentricity - body.radius * math.cos(body.half_angle), rel=1e-14)
+
+
+@property_of_all
+@given(bodies, ANGLES.filter(lambda phi: abs(phi) != math.pi))
+@example(SEGMENT, SEGMENT.half_angle)
+@example(DISC, 0.0)
+def test_the_mirrored_pose_has_the_mirrored_contact_bit_for_bit(body: Body, phi: float) -> None:
+    """Oracle: mirror symmetry, phi -> -phi: nose and tail change places, a changes its sign."""
+    feature, a, b = at(body, phi)
+    mirrored, a_mirrored, b_mirrored = at(body, -phi)
+    assert mirrored == {ARC: ARC, NOSE: TAIL, TAIL: NOSE}[feature]
+    assert (a_mirrored, b_mirrored) == (-a, b)
+
+
+@property_of_all
+@given(bodies, ANGLES, st.integers(-(10**6), 10**6))
+def test_whole_turns_change_nothing(body: Body, phi: float, turns: int) -> None:
+    """Oracle: periodicity, up to the rounding of phi."""
+    many = phi + turns * 2.0 * math.pi
+    assert abs(many - whole_turns(many)) <= math.pi * (1.0 + 1e-9)
+    rounding = 4e-16 * (abs(many) + 4.0) * (body.radius + body.eccentricity)
+    assert abs(support_height(body, many) - support_height(body, phi)) <= 2.0 * rounding
+
+
+def test_only_an_arc_with_two_ends_has_corners() -> None:
+    """Oracle: a full disc and a rod have none."""
+    assert [has_corners(body) for body in BODIES] == [False, False, True, True, True]
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_feature_geometry_reaches_the_feature(body: Body) -> None:
+    """Oracle: the distance of the corner from the mass centre, by Pythagoras."""
+    assert feature_geometry(body, ARC) == (body.eccentricity, body.radius, 0.0)
+    across = body.radius * math.sin(body.half_angle)
+    above = body.eccentricity - body.radius * math.cos(body.half_angle)
+    for corner in (NOSE, TAIL):
+        reach, radius, _ = feature_geometry(body, corner)
+        assert reach == pytest.approx(math.sqrt(across**2 + above**2), rel=1e-15)
+        assert radius == 0.0
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_lowest_support_is_the_least_height_over_all_poses(body: Body) -> None:
+    """Oracle: 40001 poses, flat or on the chord included."""
+    heights = support(body, np.append(np.linspace(-math.pi, math.pi, 40001), [0.0, math.pi]))
+    assert lowest_support(body) == pytest.approx(heights.min(), abs=1e-9)

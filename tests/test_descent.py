@@ -1,0 +1,717 @@
+"""Whole descents: the ledger closes, symmetries hold bit for bit, endings are exact, bad input simulates nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sledenv import descent as descent_module
+from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch
+from sledenv.kernel.geometry import support_height
+from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
+from sledenv.scenario import load_scenario, scenario_names
+
+property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
+LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
+ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
+INCLINE = Slope(0.2, 10.0, 9.81)
+LAUNCH = State(0.0, 0.6, 0.5, 1.0, 0.0, -3.0)
+
+bodies = st.one_of(
+    st.sampled_from([DISC, SEGMENT, Body(1.0, 0.0, 0.4, 0.02), Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.15, 0.01)]),
+    st.floats(0.3, 3.0).map(lambda half_angle: circular_segment(2.0, 0.3, half_angle)),
+    st.builds(
+        lambda h, inertia, half_angle: Body(1.0, 0.5, h, inertia, half_angle),
+        st.floats(0.0, 0.7),
+        st.floats(0.02, 0.3),
+        st.floats(0.3, math.pi),
+    ),
+)
+laws = st.builds(
+    ContactLaw,
+    st.sampled_from([1e4, 1e6, 1e7]),
+    st.one_of(st.just(0.0), st.floats(0.0, 0.95)),
+    st.one_of(st.just(0.0), st.floats(0.01, 3.0)),
+    st.one_of(st.just(0.0), st.floats(1e-4, 0.1)),
+    st.one_of(st.just(0.0), st.floats(1e-4, 0.02)),
+)
+slopes = st.builds(
+    Slope,
+    st.one_of(st.just(0.0), st.floats(-0.3, 1.0)),
+    st.sampled_from([math.inf, 2.0]),
+    st.sampled_from([9.81, 9.81, 0.0]),
+)
+velocities = st.one_of(st.just(0.0), st.floats(-5.0, 5.0))
+spins = st.one_of(st.just(0.0), st.floats(-20.0, 20.0), st.floats(-200.0, 200.0))
+launches = st.tuples(st.floats(0.0, 1.0), st.floats(-7.0, 7.0), velocities, velocities, spins)
+
+
+def launched(body: Body, launch: tuple[float, float, float, float, float]) -> State:
+    """State whose lowest point has the given clearance (clearance, phi, u, v, omega)."""
+    clearance, phi, u, v, omega = launch
+    return State(0.0, clearance + support_height(body, phi), phi, u, v, omega)
+
+
+def turnover(descent: Descent) -> float:
+    """Energy [J] that the descent had or gained: the scale of the rounding of its ledger."""
+    fall = descent.energy.initial - descent.energy.potential
+    return max(descent.energy.supplied, descent.energy.kinetic, abs(fall))
+
+
+def assert_same(one: Descent, other: Descent) -> None:
+    """Compare two descents bit for bit."""
+    assert one.outcome == other.outcome
+    assert np.array_equal(one.rebounds, other.rebounds)
+    assert np.array_equal(one.trajectory, other.trajectory)
+
+
+# --- energy -----------------------------------------------------------------------------------------------------------
+
+
+@property_of_all
+@given(bodies, laws, slopes, launches)
+def test_the_energy_ledger_closes_and_no_loss_is_negative(
+    body: Body, law: ContactLaw, slope: Slope, launch: Any
+) -> None:
+    """Oracle: conservation of energy to 1e-10 of what was turned over; the second law, for each rebound too."""
+    descent = simulate(body, law, slope, launched(body, launch), max_time=3.0, max_rebounds=200)
+    scale = turnover(descent)
+    assert descent.status not in (Status.RUNNING, Status.STEP_BUDGET, Status.NON_FINITE)
+    assert abs(descent.energy.residual) <= 1e-10 * scale + 1e-15
+    losses = descent.rebounds[["loss_hysteresis", "loss_sliding", "loss_rolling"]].tolist()
+    assert min((value for row in losses for value in row), default=0.0) >= -1e-15 * (scale + 1e-3)
+    total = [sum(row[i] for row in losses) for i in range(3)]
+    ledger = descent.energy
+    assert total == pytest.approx([ledger.hysteresis, ledger.sliding, ledger.rolling], rel=1e-12, abs=1e-300)
+    if law.asymmetry == 0.0:
+        assert ledger.hysteresis == 0.0
+    if law.friction == 0.0:
+        assert ledger.sliding == 0.0
+    if law.rolling_arm == law.corner_rolling_arm == 0.0:
+        assert ledger.rolling == 0.0
+    assert ledger.lost == ledger.hysteresis + ledger.sliding + ledger.rolling
+    assert ledger.stored >= 0.0
+    assert descent.time <= 3.0
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT])
+def test_the_ledger_is_that_of_launch_and_end(body: Body) -> None:
+    """Oracle: kinetic and potential energy written out, zero at x = 0, y = 0; the spring at the end."""
+    slope = Slope(0.3, math.inf, 9.81)
+    launch = State(0.2, 1.0, 0.4, 2.0, -1.0, 3.0)
+    end = simulate(body, LAW, slope, launch, max_time=0.5)
+
+    def kinetic(s: State) -> float:
+        return 0.5 * body.mass * (s.u**2 + s.v**2) + 0.5 * body.inertia * s.omega**2
+
+    def potential(s: State) -> float:
+        return body.mass * 9.81 * (s.y * math.cos(0.3) - s.x * math.sin(0.3))
+
+    assert end.energy.initial == pytest.approx(kinetic(launch) + potential(launch), rel=1e-14)
+    assert end.energy.kinetic == pytest.approx(kinetic(end.state), rel=1e-14)
+    assert end.energy.potential == pytest.approx(potential(end.state), rel=1e-14)
+    lowest = min(support_height(body, 0.0), support_height(body, math.pi))
+    drop = 9.81 * body.mass * ((1.0 - lowest) * math.cos(0.3) + (end.state.x - 0.2) * math.sin(0.3))
+    assert end.energy.supplied == pytest.approx(kinetic(launch) + drop, rel=1e-14)
+
+
+def test_a_body_that_stops_in_compression_has_energy_stored() -> None:
+    """Oracle: c (1 + Delta) x^2/2, at the time of greatest compression of a vertical impact without gravity."""
+    wheel = Body(2.0, 0.1, 0.0, 0.01)
+    quarter = 0.5 * math.pi / math.sqrt(1.5e6 / 2.0)
+    end = simulate(wheel, LAW, Slope(0.0, math.inf, 0.0), State(0.0, 0.1, 0.0, 0.0, -3.0), max_time=quarter)
+    assert end.status == Status.TIMEOUT
+    assert end.energy.stored == pytest.approx(0.5 * 2.0 * 9.0, rel=1e-12)
+    assert abs(end.state.v) < 1e-12
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_elastic_bounces_do_not_drift_in_energy(phi: float) -> None:
+    """Oracle: conservation: no friction, no hysteresis, 2000 bounces; other engines gain or lose several per cent."""
+    law = ContactLaw(1e6, 0.0, 0.0, 0.0)
+    launch = State(0.0, 1.0, phi, 0.5, 0.0, 0.0)
+    end = simulate(DISC, law, Slope(0.0), launch, max_time=1e4, max_rebounds=2000)
+    assert end.status == Status.LOG_FULL
+    assert end.energy.lost == 0.0
+    assert abs(end.energy.residual) < 1e-11 * end.energy.supplied
+
+
+def test_flights_of_a_bouncing_wheel_shrink_by_the_restitution() -> None:
+    """Oracle: h = 0 without friction: t_k+1 = e t_k (physics.md, section 9), up to the compression."""
+    law = ContactLaw.from_restitution(0.8, stiffness=1e12, friction=0.0, rolling_arm=0.0)
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    rows = simulate(wheel, law, INCLINE._replace(length=math.inf), State(0.0, 1.1, 0.0), max_rebounds=12).rebounds
+    touchdowns = rows["t"] - rows["duration"]
+    flights = touchdowns[1:] - rows["t"][:-1]
+    assert flights[1:] / flights[:-1] == pytest.approx(0.8, abs=1e-4)
+    assert rows["v_after"] / -rows["v_before"] == pytest.approx(0.8, abs=1e-4)
+
+
+# --- symmetry ---------------------------------------------------------------------------------------------------------
+
+
+@property_of_all
+@given(bodies, laws, launches, st.sampled_from([9.81, 0.0]))
+def test_the_mirror_image_descends_as_the_mirror_image(
+    body: Body, law: ContactLaw, launch: Any, gravity: float
+) -> None:
+    """Oracle: mirror symmetry on the level, bit for bit: x, phi, u and omega change sign, nose and tail places."""
+    slope = Slope(0.0, math.inf, gravity)
+    state = launched(body, launch)
+    mirrored = State(0.0, state.y, -state.phi, -state.u, state.v, -state.omega)
+    options: dict[str, Any] = {"max_time": 2.0, "max_rebounds": 50}
+    one, other = (simulate(body, law, slope, s, **options) for s in (state, mirrored))
+    assert one.status == other.status
+    assert one.time == other.time
+    assert one.energy == other.energy
+    assert other.state == (-one.state.x, one.state.y, -one.state.phi, -one.state.u, one.state.v, -one.state.omega)
+    swapped = {Feature.ARC: Feature.ARC, Feature.NOSE: Feature.TAIL, Feature.TAIL: Feature.NOSE}
+    assert [swapped[f] for f in one.rebounds["feature"]] == other.rebounds["feature"].tolist()
+    for name in one.rebounds.dtype.names:
+        if name == "feature":
+            continue
+        odd = name in ("x", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
+        assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name
+
+
+@property_of_all
+@given(bodies, laws, launches, st.floats(-100.0, 100.0))
+def test_on_an_endless_slope_the_place_does_not_matter(body: Body, law: ContactLaw, launch: Any, shift: float) -> None:
+    """Oracle: translation invariance: all but x bit for bit, x up to rounding."""
+    slope = Slope(0.3)
+    state = launched(body, launch)
+    one = simulate(body, law, slope, state, max_time=2.0, max_rebounds=50)
+    other = simulate(body, law, slope, state._replace(x=shift), max_time=2.0, max_rebounds=50)
+    assert one.status == other.status
+    assert one.state[1:] == other.state[1:]
+    assert other.state.x - one.state.x == pytest.approx(shift, abs=1e-11)
+    for name in one.rebounds.dtype.names:
+        if name != "x":
+            assert np.array_equal(one.rebounds[name], other.rebounds[name]), name
+
+
+@pytest.mark.parametrize("phi", [0.3, 2.0, -1.0])
+def test_a_conservative_descent_runs_backwards(phi: float) -> None:
+    """Oracle: time reversal: without losses the reversed end state leads back to the launch, four rebounds later."""
+    law, slope = ContactLaw(1e6, 0.0, 0.0, 0.0), Slope(0.1)
+    launch = State(0.0, 0.5, phi, 0.7, -0.3, 2.0)
+    there = simulate(DISC, law, slope, launch, max_time=100.0, max_rebounds=4)
+    duration = there.time + 0.01
+    end = simulate(DISC, law, slope, launch, max_time=duration).state
+    back = simulate(DISC, law, slope, end._replace(u=-end.u, v=-end.v, omega=-end.omega), max_time=duration)
+    assert back.state == pytest.approx(launch._replace(u=-0.7, v=0.3, omega=-2.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [3, -50, 10_000])
+def test_whole_turns_of_the_launch_do_not_matter(turns: int) -> None:
+    """Oracle: periodicity: phi advances by the same amount, up to the rounding of a large phi."""
+    angle = 2.0 * math.pi * turns
+    one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0), max_rebounds=5)
+    other = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4 + angle, 1.0, 0.0, 8.0), max_rebounds=5)
+    near = 1e-12 * (1.0 + abs(turns)) * 10.0
+    assert other.status == one.status
+    assert other.rebounds["phi"] - angle == pytest.approx(one.rebounds["phi"], abs=near)
+    assert other.rebounds["omega_after"] == pytest.approx(one.rebounds["omega_after"], abs=100.0 * near)
+    assert other.rebounds["feature"].tolist() == one.rebounds["feature"].tolist()
+
+
+def test_the_same_descent_is_the_same_bit_for_bit() -> None:
+    """Oracle: determinism; recording a trajectory changes nothing else."""
+    one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0))
+    assert_same(one, simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0)))
+    traced = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0), record="trajectory")
+    assert traced.state == one.state
+    assert traced.energy == one.energy
+    assert np.array_equal(traced.rebounds, one.rebounds)
+
+
+# --- endings ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_flight_over_the_end_finishes_exactly_there() -> None:
+    """Oracle: x = length to the last bit, at the time and the height of the parabola."""
+    slope = Slope(0.0, 3.0, 9.81)
+    end = simulate(DISC, LAW, slope, State(0.0, 5.0, 0.0, 6.0, 0.0, 1.0))
+    assert end.status == Status.FINISH
+    assert end.state.x == 3.0
+    assert end.time == pytest.approx(0.5, rel=1e-15)
+    assert end.state.y == pytest.approx(5.0 - 0.125 * 9.81, rel=1e-14)
+    assert len(end.rebounds) == 0
+
+
+def test_a_body_in_contact_finishes_exactly_at_the_end() -> None:
+    """Oracle: a wheel that slides without friction on the level at 2 m/s reaches 3 m after 1.5 s, in contact."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    law = ContactLaw(1e6, 0.6, 0.0, 0.0)
+    end = simulate(wheel, law, Slope(0.0, 3.0, 9.81), State(0.0, 0.1, 0.0, 2.0))
+    assert end.status == Status.FINISH
+    assert end.state.x == 3.0
+    assert end.time == pytest.approx(1.5, rel=1e-14)
+    assert end.energy.stored > 0.0
+    assert end.rebounds[-1]["t"] == end.time
+    assert end.rebounds[-1]["x"] == 3.0
+
+
+@pytest.mark.parametrize("max_time", [1e-9, 0.1, 1.0 / 3.0, 0.347, 0.3475, 2.0])
+def test_a_descent_times_out_exactly_then(max_time: float) -> None:
+    """Oracle: the time to the last bit, in flight, within a rebound (.347 s) and later."""
+    end = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_time=max_time)
+    assert end.status == Status.TIMEOUT
+    assert end.time == max_time
+
+
+def test_a_longer_look_begins_with_the_shorter_one() -> None:
+    """Oracle: causality; a limit does not change what happens before it."""
+    full = simulate(DISC, LAW, INCLINE, LAUNCH)
+    assert len(full.rebounds) > 5
+    short = simulate(DISC, LAW, INCLINE, LAUNCH, max_rebounds=3)
+    assert short.status == Status.LOG_FULL
+    assert np.array_equal(short.rebounds, full.rebounds[:3])
+    assert short.time == full.rebounds[2]["t"]
+    assert short.state.u == full.rebounds[2]["u_after"]
+    timed = simulate(DISC, LAW, INCLINE, LAUNCH, max_time=0.999 * full.rebounds[3]["t"])
+    assert np.array_equal(timed.rebounds[:3], full.rebounds[:3])
+
+
+@pytest.mark.parametrize("most", [1, 2, 7])
+def test_a_full_log_ends_the_descent(most: int) -> None:
+    """Oracle: the number of rows asked for."""
+    end = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_rebounds=most)
+    assert end.status == Status.LOG_FULL
+    assert len(end.rebounds) == most
+
+
+def test_a_log_that_is_just_long_enough_is_not_full() -> None:
+    """Oracle: the same descent with a longer log: the row of the final contact takes a place too."""
+    full = simulate(DISC, LAW, INCLINE, LAUNCH)
+    assert full.status == Status.FINISH
+    assert_same(full, simulate(DISC, LAW, INCLINE, LAUNCH, max_rebounds=len(full.rebounds) + 1))
+    rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
+    jammed = simulate(DISC, rough, Slope(0.05), LAUNCH)
+    assert jammed.status == Status.JAMMED
+    again = simulate(DISC, rough, Slope(0.05), LAUNCH, max_rebounds=len(jammed.rebounds))
+    assert again.status == Status.JAMMED
+
+
+def test_a_jammed_body_is_at_rest_in_a_contact_that_holds_it() -> None:
+    """Oracle: zero velocities, N = m g cos beta in the spring, and a stuck last rebound."""
+    rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
+    end = simulate(DISC, rough, Slope(0.05), LAUNCH)
+    assert end.status == Status.JAMMED
+    assert end.state[3:] == (0.0, 0.0, 0.0)
+    assert end.rebounds[-1]["stuck"] == 2
+    assert end.rebounds[-1]["mode"] == Mode.STUCK
+    depth = support_height(DISC, end.state.phi) - end.state.y
+    weight = 9.81 * math.cos(0.05)
+    assert 1e6 * 0.2 * depth * (1.0 - 1e-9) <= weight <= 1e6 * 1.8 * depth * (1.0 + 1e-9)
+    lever = 0.05 * math.sin(end.state.phi - 0.05) + 0.1 * math.sin(0.05)
+    assert abs(lever) <= 0.03 * math.cos(0.05)
+
+
+def test_a_segment_that_falls_on_its_back_tumbles() -> None:
+    """Oracle: both corners on the surface: phi = +-pi up to the compression."""
+    dull = ContactLaw(1e7, 0.95, 0.6, 0.0)
+    end = simulate(SEGMENT, dull, Slope(0.05), launched(SEGMENT, (0.1, 3.0, 0.0, 0.0, 0.0)))
+    assert end.status == Status.TUMBLED
+    assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-3)
+    assert end.rebounds[0]["feature"] == Feature.TAIL
+
+
+def test_a_state_that_overflows_is_reported() -> None:
+    """Oracle: a speed whose square is infinite."""
+    end = simulate(DISC, LAW, Slope(0.0), State(0.0, 0.5, 0.0, 0.0, -1e200, 0.0), max_time=1.0)
+    assert end.status in (Status.NON_FINITE, Status.TIMEOUT, Status.LOG_FULL)
+    assert math.isfinite(end.energy.kinetic) or end.status == Status.NON_FINITE or end.state.v**2 == math.inf
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_few_hundred_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
+    """Oracle: status, ledger and second law of every descent that the scenario samples."""
+    check_scenario(name, 300, seed=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scenario_names())
+def test_ten_thousand_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
+    """Oracle: as with a few hundred."""
+    check_scenario(name, 10_000, seed=2)
+
+
+def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
+    """Descents of sampled contexts, orientation and spin drawn from what an agent may choose."""
+    scenario = load_scenario(name)
+    rng = np.random.default_rng(seed)
+    contexts = [scenario.sample(rng) for _ in range(count)]
+    control = scenario.control
+    states = [
+        scenario.launch(c, math.radians(rng.uniform(*control.orientation_deg)), rng.uniform(*control.spin_rad_s))
+        for c in contexts
+    ]
+    return simulate_batch(
+        scenario.body(),
+        [scenario.law(c) for c in contexts],
+        [scenario.slope(c) for c in contexts],
+        states,
+        max_time=scenario.limits.max_time_s,
+        max_rebounds=scenario.limits.max_rebounds,
+        keep_rebounds=True,
+    )
+
+
+def check_scenario(name: str, count: int, seed: int) -> None:
+    """Check every descent of a sample."""
+    batch = scenario_batch(name, count, seed)
+    ends = batch.outcomes
+    proper = {Status.FINISH, Status.JAMMED, Status.TUMBLED, Status.TIMEOUT, Status.LOG_FULL}
+    assert set(batch.status.tolist()) <= proper
+    assert np.isfinite(batch.states).all()
+    losses = ends["hysteresis"] + ends["sliding"] + ends["rolling"]
+    residual = ends["kinetic"] + ends["potential"] + ends["stored"] + losses - ends["initial"]
+    scale = np.maximum(ends["supplied"], np.abs(ends["initial"] - ends["potential"]))
+    assert (np.abs(residual) <= 1e-10 * scale).all()
+    for loss in ("hysteresis", "sliding", "rolling"):
+        assert (ends[loss] >= 0.0).all()
+        assert (batch.rebounds[f"loss_{loss}"] >= -1e-14 * scale[:, None]).all()
+    assert (ends["stored"] >= 0.0).all()
+    assert ((batch.jam.reward >= 0.0) & (batch.jam.reward <= 1.0)).all()
+    assert (losses <= scale * (1.0 + 1e-10)).all()
+
+
+# --- batches ----------------------------------------------------------------------------------------------------------
+
+
+def mixed_lanes(count: int = 24) -> tuple[list[ContactLaw], list[Slope], np.ndarray]:
+    """Laws, slopes and launches that end in different ways."""
+    rng = np.random.default_rng(3)
+    laws = [ContactLaw(1e6, rng.uniform(0.1, 0.9), rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.02)) for _ in range(count)]
+    slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([3.0, 30.0])) for _ in range(count)]
+    states = np.array([launched(SEGMENT, (rng.uniform(0, 1), *rng.normal(0, 2, 4))) for _ in range(count)])
+    return laws, slopes, states
+
+
+def test_lane_i_is_the_descent_of_state_i_bit_for_bit() -> None:
+    """Oracle: simulate, one after the other; laws and slopes differ from lane to lane."""
+    laws, slopes, states = mixed_lanes()
+    batch = simulate_batch(SEGMENT, laws, slopes, states, max_time=5.0, max_rebounds=40, keep_rebounds=True)
+    assert len(set(batch.status.tolist())) > 2
+    for i, state in enumerate(states):
+        one = simulate(SEGMENT, laws[i], slopes[i], State(*state), max_time=5.0, max_rebounds=40)
+        for name in ("status", "rebounds", "steps", "t", *State._fields, *LEDGER_FIELDS):
+            assert batch.outcomes[i][name] == one.outcome[name], name
+        assert np.array_equal(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
+        assert batch.status[i] == one.status
+        assert batch.time[i] == one.time
+        assert tuple(batch.states[i]) == one.state
+        assert batch.jam.reward[i] == one.jam.reward
+
+
+def test_a_batch_depends_neither_on_threads_nor_on_neighbours() -> None:
+    """Oracle: one thread; half of the lanes; no logs."""
+    laws, slopes, states = mixed_lanes()
+    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40}
+    threads = numba.get_num_threads()
+    whole = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+    try:
+        numba.set_num_threads(1)
+        alone = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+    finally:
+        numba.set_num_threads(threads)
+    assert np.array_equal(whole.outcomes, alone.outcomes)
+    assert np.array_equal(whole.rebounds, alone.rebounds)
+    half = simulate_batch(SEGMENT, laws[::2], slopes[::2], states[::2], **options)
+    assert half.rebounds.shape == (0, 0)
+    assert np.array_equal(half.outcomes, whole.outcomes[::2])
+
+
+def test_one_law_and_one_slope_serve_all_lanes() -> None:
+    """Oracle: the same given once a lane; a single state is a batch of one; the input is left as it was."""
+    _, _, states = mixed_lanes(6)
+    kept = states.copy()
+    shared = simulate_batch(SEGMENT, LAW, INCLINE, states)
+    spread = simulate_batch(SEGMENT, [LAW] * 6, np.array([INCLINE] * 6), states.tolist())
+    assert np.array_equal(shared.outcomes, spread.outcomes)
+    assert np.array_equal(states, kept)
+    single = simulate_batch(SEGMENT, LAW, INCLINE, State(*states[0]))
+    assert single.outcomes[0] == shared.outcomes[0]
+
+
+# --- trajectories -----------------------------------------------------------------------------------------------------
+
+
+def traced(body: Body = SEGMENT, law: ContactLaw = LAW, **options: Any) -> Descent:
+    """A descent with arc and corner contacts, and its trajectory."""
+    launch = State(0.0, 1.5, 1.7, 1.0, 0.0, 3.0)
+    return simulate(body, law, Slope(0.2, 10.0), launch, record="trajectory", **{"max_time": 4.0} | options)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+def test_a_trajectory_runs_from_launch_to_end(body: Body) -> None:
+    """Oracle: launch and final state; time never runs backwards and no interval is longer than asked for."""
+    descent = traced(body)
+    rows = descent.trajectory
+    assert rows["t"][0] == 0.0
+    assert tuple(rows[list(State._fields)][0]) == descent.launch
+    assert rows["t"][-1] == descent.time
+    assert tuple(rows[list(State._fields)][-1]) == descent.state
+    steps = np.diff(rows["t"])
+    assert (steps >= 0.0).all()
+    assert steps.max() <= 0.01 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Body) -> None:
+    """Oracle: N >= 0, |F| <= f N, |M| <= delta N, with equality where it slips or turns; no force in flight."""
+    law = ContactLaw(1e6, 0.5, 0.1, 0.001, 0.0005)
+    rows = traced(body, law).trajectory
+    flying = rows["feature"] == Feature.NONE
+    assert not rows[flying][["normal", "tangential", "rolling"]].tolist().count(None)
+    for name in ("normal", "tangential", "rolling", "slip", "spin"):
+        assert (rows[name][flying] == 0.0).all()
+    held = rows[~flying]
+    assert len(held) > 100
+    arm = np.where(held["feature"] == Feature.ARC, law.rolling_arm, law.corner_rolling_arm)
+    rounding = 1e-9 * held["normal"].max()
+    assert (held["normal"] >= -rounding).all()
+    assert (np.abs(held["tangential"]) <= law.friction * held["normal"] + rounding).all()
+    assert (np.abs(held["rolling"]) <= arm * held["normal"] + rounding).all()
+    slipping, turning = held["slip"] != 0, held["spin"] != 0
+    expected = -held["slip"] * law.friction * held["normal"]
+    assert held["tangential"][slipping] == pytest.approx(expected[slipping], abs=rounding)
+    assert held["rolling"][turning] == pytest.approx((-held["spin"] * arm * held["normal"])[turning], abs=rounding)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+def test_the_body_is_above_the_surface_but_for_the_compression(body: Body) -> None:
+    """Oracle: the support height; N = c (1 +- Delta) x in between."""
+    rows = traced(body).trajectory
+    gaps = rows["y"] - np.array([support_height(body, phi) for phi in rows["phi"]])
+    flying = rows["feature"] == Feature.NONE
+    flying[-1] = False  # it may end in contact
+    assert gaps[flying].min() > -1e-13
+    held = ~flying[:-1]
+    depth, normal = -gaps[:-1][held], rows["normal"][:-1][held]
+    least, most = 1e6 * (1.0 - LAW.asymmetry) * depth, 1e6 * (1.0 + LAW.asymmetry) * depth
+    assert (normal >= least - 1e-6).all()
+    assert (normal <= most + 1e-6).all()
+
+
+def test_a_rebound_is_the_integral_of_its_forces() -> None:
+    """Oracle: quadrature (Simpson, by three rows and more a step) of the recorded forces; momentum of the record."""
+    descent = traced(DISC, max_rebounds=3, sample_interval=2e-6)
+    rows = descent.trajectory
+    for row in descent.rebounds:
+        inside = rows[(rows["t"] >= row["t"] - row["duration"]) & (rows["t"] <= row["t"])]
+        for impulse, force in (
+            ("normal_impulse", "normal"),
+            ("tangential_impulse", "tangential"),
+            ("rolling_impulse", "rolling"),
+        ):
+            quadrature = np.trapezoid(inside[force], inside["t"])
+            assert row[impulse] == pytest.approx(quadrature, rel=1e-5, abs=1e-9)
+        g, beta = 9.81, 0.2
+        assert row["u_after"] - row["u_before"] == pytest.approx(
+            row["tangential_impulse"] + g * math.sin(beta) * row["duration"], abs=1e-12
+        )
+        assert row["v_after"] - row["v_before"] == pytest.approx(
+            row["normal_impulse"] - g * math.cos(beta) * row["duration"], abs=1e-12
+        )
+
+
+def test_losses_are_the_integrals_of_their_powers() -> None:
+    """Oracle: quadrature of f N |v_t| and delta N |omega| over the recorded rows."""
+    descent = traced(DISC, max_rebounds=2, sample_interval=2e-6)
+    rows = descent.trajectory
+    slip_speed = rows["u"] + (0.1 - 0.05 * np.cos(rows["phi"])) * rows["omega"]
+    sliding = np.trapezoid(-rows["tangential"] * slip_speed, rows["t"])
+    rolling = np.trapezoid(-rows["rolling"] * rows["omega"], rows["t"])
+    assert descent.energy.sliding == pytest.approx(sliding, rel=1e-5)
+    assert descent.energy.rolling == pytest.approx(rolling, rel=1e-5)
+
+
+def test_velocities_are_the_rates_of_the_positions() -> None:
+    """Oracle: central differences of the recorded positions, in flight and in contact."""
+    rows = traced(DISC, max_rebounds=2, sample_interval=1e-5).trajectory
+    t = rows["t"]
+    inner = np.flatnonzero((np.diff(t)[1:] > 1e-7) & (np.diff(t)[:-1] > 1e-7)) + 1
+    for place, rate in (("x", "u"), ("y", "v"), ("phi", "omega")):
+        difference = (rows[place][inner + 1] - rows[place][inner - 1]) / (t[inner + 1] - t[inner - 1])
+        mean = 0.25 * (rows[rate][inner - 1] + 2.0 * rows[rate][inner] + rows[rate][inner + 1])
+        assert difference == pytest.approx(mean, abs=2e-3)
+
+
+def test_a_long_trajectory_is_complete() -> None:
+    """Oracle: the rows of a coarser recording lie on it, though it outgrows the first buffer."""
+    fine = traced(sample_interval=1e-4)
+    assert len(fine.trajectory) > descent_module._FIRST_TRAJECTORY
+    coarse = traced()
+    assert len(coarse.trajectory) < len(fine.trajectory)
+    assert fine.state == coarse.state
+    assert (fine.trajectory["t"][1:] > 0.0).all()  # every row was written
+    heights = np.interp(coarse.trajectory["t"], fine.trajectory["t"], fine.trajectory["y"])
+    assert coarse.trajectory["y"] == pytest.approx(heights, abs=1e-6)
+
+
+def test_a_descent_records_no_trajectory_unless_asked() -> None:
+    """Oracle: the documented default."""
+    assert len(simulate(DISC, LAW, INCLINE, LAUNCH).trajectory) == 0
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_velocities_before_a_rebound_are_those_of_the_flight() -> None:
+    """Oracle: ballistics from one rebound to the next."""
+    rows = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_rebounds=10).rebounds
+    flight = (rows["t"] - rows["duration"])[1:] - rows["t"][:-1]
+    g, beta = 9.81, 0.2
+    assert rows["u_before"][1:] == pytest.approx(rows["u_after"][:-1] + g * math.sin(beta) * flight, abs=1e-13)
+    assert rows["v_before"][1:] == pytest.approx(rows["v_after"][:-1] - g * math.cos(beta) * flight, abs=1e-13)
+    assert np.array_equal(rows["omega_before"][1:], rows["omega_after"][:-1])
+    assert (flight > 0.0).all()
+
+
+def test_a_spinning_wheel_reverses_its_slip_or_rolls_on_high_friction() -> None:
+    """Oracle: a wheel with topspin on a rough level floor leaves rolling (mode 2), on a smooth one sliding (mode 1)."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    floor = Slope(0.0, math.inf, 0.0)
+    launch = State(0.0, 0.2, 0.0, 1.0, -2.0, 30.0)
+    modes = [
+        simulate(wheel, ContactLaw(1e6, 0.3, f, 0.0), floor, launch, max_rebounds=1).rebounds[0]["mode"]
+        for f in (2.0, 0.05)
+    ]
+    assert modes == [Mode.STOP_ROLL, Mode.SLIDE_ROLL]
+
+
+def test_a_nearly_stuck_rebound_is_marked() -> None:
+    """Oracle: u and r omega below 5 % of the entry speed: a fall without spin or speed along the slope."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    floor = Slope(0.0, math.inf, 0.0)
+    codes = [
+        simulate(wheel, LAW, floor, State(0.0, 0.2, 0.0, u, -1.0), max_rebounds=1).rebounds[0]["stuck"]
+        for u in (0.0, 0.03, 2.0)
+    ]
+    assert codes == [2, 1, 0]
+
+
+# --- input ------------------------------------------------------------------------------------------------------------
+
+REFUSED = [
+    ({"solver": "magic"}, ValueError, "solver = 'magic': must be one of 'compliant', "),
+    ({"record": "all"}, ValueError, "record = 'all': must be one of 'rebounds', 'trajectory'"),
+    ({"friction_sign": "up"}, ValueError, "friction_sign = 'up': must be one of 'dissipative', 'printed'"),
+    ({"friction_sign": "printed"}, ValueError, "friction_sign = 'printed': only solver='euler'"),
+    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
+    ({"max_rebounds": -3}, ValueError, "max_rebounds = -3: must be an integer >= 1"),
+    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
+    ({"max_rebounds": True}, TypeError, "max_rebounds = True: must be an integer >= 1"),
+    ({"max_time": 0.0}, ValueError, "max_time = 0.0: must be in (0, inf)"),
+    ({"max_time": math.nan}, ValueError, "max_time = nan: must be in (0, inf)"),
+    ({"max_time": math.inf}, ValueError, "max_time = inf: must be in (0, inf)"),
+    ({"tolerance": 1.0}, ValueError, "tolerance = 1.0: must be in [1e-18, 1e-3]"),
+    ({"sample_interval": 0.0}, ValueError, "sample_interval = 0.0: must be in (0, inf)"),
+    ({"step": -1.0}, ValueError, "step = -1.0: must be in (0, inf)"),
+    ({"state": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
+    ({"state": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
+    ({"state": LAUNCH._replace(u=math.nan)}, ValueError, "State.u = nan: must be a finite number"),
+    ({"state": LAUNCH._replace(omega=math.inf)}, ValueError, "State.omega = inf: must be a finite number"),
+    ({"body": DISC._replace(mass=-1.0)}, ValueError, "Body.mass = -1.0: must be in (0, inf)"),
+    ({"law": LAW._replace(asymmetry=1.0)}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
+    ({"slope": INCLINE._replace(length=math.nan)}, ValueError, "Slope.length = nan: must be in (0, inf]"),
+]
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make every loop fail the test that starts it."""
+
+    def run(*arguments: Any) -> None:
+        raise AssertionError("simulated")
+
+    for loop in ("descend", "descend_batch", "descend_euler"):
+        monkeypatch.setattr(descent_module, loop, run)
+
+
+def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
+    """Oracle: a good launch does start the loop."""
+    with pytest.raises(AssertionError, match="simulated"):
+        simulate(DISC, LAW, INCLINE, LAUNCH)
+    with pytest.raises(AssertionError, match="simulated"):
+        simulate_batch(DISC, LAW, INCLINE, [LAUNCH])
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(("bad", "error", "message"), REFUSED, ids=str)
+def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "state": LAUNCH}
+    with pytest.raises(error) as caught:
+        simulate(**good | bad)
+    assert message in str(caught.value)
+
+
+BAD_BATCHES = [
+    ({"states": [[0.0, 1.0, 0.0]]}, ValueError, "states has shape (1, 3): must be (N, 6), columns x, y, phi"),
+    ({"states": np.zeros((2, 3, 6))}, ValueError, "states has shape (2, 3, 6): must be (N, 6)"),
+    ({"states": []}, ValueError, "states has shape (0,): must be (N, 6)"),
+    (
+        {"states": [LAUNCH, LAUNCH._replace(y=0.01)]},
+        ValueError,
+        "states[1].y = 0.01: the launch lies below the surface",
+    ),
+    ({"states": [LAUNCH, LAUNCH._replace(x=11.0)]}, ValueError, "states[1].x = 11.0: must be < Slope.length = 10.0 m"),
+    ({"law": [LAW]}, ValueError, "law: 1 given for 2 states; give one or one a state"),
+    ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 states; give one or one a state"),
+    ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
+    ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
+    ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "ContactLaw.friction = -1.0: must be in [0, inf)"),
+    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
+    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
+    ({"max_time": -1.0}, ValueError, "max_time = -1.0: must be in (0, inf)"),
+    ({"body": DISC._replace(radius=-0.1)}, ValueError, "Body.radius = -0.1: must be in [0, inf)"),
+]
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(("bad", "error", "message"), BAD_BATCHES, ids=str)
+def test_a_bad_batch_is_named_and_nothing_is_simulated(
+    bad: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    """Oracle: the message: argument or lane, value and range."""
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "states": [LAUNCH, LAUNCH]}
+    with pytest.raises(error) as caught:
+        simulate_batch(**good | bad)
+    assert message in str(caught.value)
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_a_lane_that_is_not_finite_is_named() -> None:
+    """Oracle: the message: State, field and value."""
+    with pytest.raises(ValueError, match=r"State\.u = .*nan.*: must be a finite number"):
+        simulate_batch(DISC, LAW, INCLINE, [LAUNCH, LAUNCH._replace(u=math.nan)])
+
+
+def test_a_launch_on_the_surface_up_to_rounding_is_accepted() -> None:
+    """Oracle: 1e-9 of the body, below which the launch is lifted to the surface; just deeper is refused."""
+    lowest = support_height(DISC, 0.5)
+    for depth in (0.0, 1e-16, 0.9e-9 * 0.15):
+        end = simulate(DISC, LAW, INCLINE, State(0.0, lowest - depth, 0.5), max_time=0.1)
+        assert end.launch.y == lowest
+        assert abs(end.energy.residual) < 1e-12
+    with pytest.raises(ValueError, match="below the surface"):
+        simulate(DISC, LAW, INCLINE, State(0.0, lowest - 1.1e-9 * 0.15, 0.5))
+
+
+def test_statuses_are_strings() -> None:
+    """Oracle: the documented words, in the order of the codes."""
+    words = ["running", "finish", "jammed", "tumbled", "timeout", "log_full", "step_budget", "non_finite"]
+    assert [str(status) for status in STATUS_OF_CODE] == words
+    assert simulate(DISC, LAW, INCLINE, LAUNCH).status == "finish"
