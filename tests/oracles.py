@@ -34,6 +34,7 @@ import math
 import random
 import time
 from collections.abc import Iterable
+from fractions import Fraction
 from itertools import pairwise, product
 from pathlib import Path
 from typing import NamedTuple
@@ -661,6 +662,214 @@ def wheel_table(
     if mass * u <= friction * p and mass * radius * u <= arm * p:
         rows.append(WheelTable(4, 0.0, 0.0))
     return rows
+
+
+# --- the impact in the stiff limit -----------------------------------------------------------------------------------
+#
+# With the configuration frozen and the normal impulse p in the part of time,
+#
+#     m du = mu dp,    m dv = dp,    J domega = (-a + b mu + rho) dp,    v_t = u + b omega,    v_n = v - a omega,
+#
+# (mu, rho) is the point of the box |mu| <= f, |rho| <= d, a nonzero velocity pinning its component to the opposing
+# bound, at which mu^2/(2m) + (b mu + rho - a)^2/(2J) is least: Gauss's principle, what friction can do to slow down
+# (v_t, omega). Everything but the last instant is rational, so doubles are taken as the fractions they are, signs and
+# simultaneous events are exact, and only the square root at the end is rounded, to the precision of mpmath.
+
+
+class ImpactPhase(NamedTuple):
+    """One stretch of an impact between two events."""
+
+    start: float  # [N s] normal impulse at its start
+    impulse: float  # [N s] of the phase
+    slip: int  # sign of v_t, 0 sticking
+    spin: int  # sign of omega, 0 stopped
+    opening: bool
+
+
+class ImpactResult(NamedTuple):
+    """Velocities after an impact, impulses and losses, rounded to double precision at the very end."""
+
+    slip: float  # [m/s] v_t
+    omega: float  # [rad/s]
+    approach: float  # [m/s] v_n
+    normal: float  # [N s]
+    friction: float  # [N s]
+    moment: float  # [N m s]
+    loss_normal: float  # [J]
+    loss_sliding: float  # [J]
+    loss_rolling: float  # [J]
+    phases: list[ImpactPhase]
+
+
+def sign(value: Fraction) -> int:
+    """-1, 0 or 1."""
+    return (value > 0) - (value < 0)
+
+
+def least_in_box(mobility: list, drive: list, box: list) -> tuple[Fraction, Fraction]:
+    """The point z of a box at which z'Az/2 + k'z is least, by listing all stationary points of inside, sides, corners.
+
+    `mobility` is (A11, A12, A22), `drive` is k, `box` a pair of (low, high).
+    """
+    a11, a12, a22 = mobility
+    k1, k2 = drive
+    (low1, high1), (low2, high2) = box
+    determinant = a11 * a22 - a12 * a12
+    points = [((a12 * k2 - a22 * k1) / determinant, (a12 * k1 - a11 * k2) / determinant)]
+    points += [(z1, -(k2 + a12 * z1) / a22) for z1 in (low1, high1)]
+    points += [(-(k1 + a12 * z2) / a11, z2) for z2 in (low2, high2)]
+    points += list(product((low1, high1), (low2, high2)))
+    inside = [z for z in points if low1 <= z[0] <= high1 and low2 <= z[1] <= high2]
+    return min(
+        inside, key=lambda z: a11 * z[0] ** 2 + 2 * a12 * z[0] * z[1] + a22 * z[1] ** 2 + 2 * (k1 * z[0] + k2 * z[1])
+    )
+
+
+def rational_impact(
+    mass: float,
+    inertia: float,
+    a: float,
+    b: float,
+    friction: float,
+    arm: float,
+    restitution: float,
+    slip: float,
+    omega: float,
+    approach: float,
+    hypothesis: str = "energetic",
+    dps: int = 30,
+) -> ImpactResult:
+    """One impact of rigid surfaces, exact up to one square root.
+
+    Parameters
+    ----------
+    mass, inertia : float
+        [kg], [kg m^2] about the mass centre.
+    a, b : float
+        The contact point lies at (-a, -b) from the mass centre [m].
+    friction, arm, restitution : float
+        f [-], d [m], e [-].
+    slip, omega, approach : float
+        v_t [m/s], omega [rad/s] and v_n [m/s] at touch; v_n <= 0.
+    hypothesis : str
+        "energetic": the contact gives back e^2 times the work it took. "poisson": it ends at (1 + e) times the impulse
+        of the (first) compression. "newton": it ends when v_n is -e times that at touch.
+    dps : int
+        Decimal digits of the square root.
+
+    Returns
+    -------
+    ImpactResult
+    """
+    m, inertia_, a, b, f, d, e = map(Fraction, (mass, inertia, a, b, friction, arm, restitution))
+    mobility = [1 / m + b * b / inertia_, b / inertia_, 1 / inertia_]
+    drive = [-a * b / inertia_, -a / inertia_]
+    v_t, w, v_n = map(Fraction, (slip, omega, approach))
+    entry = v_n
+    p = total_friction = total_moment = taken = given = slid = rolled = Fraction(0)
+    compression = None  # impulse at the end of the first one
+    phases: list[ImpactPhase] = []
+    while True:
+        bounds = [(-s * limit, -s * limit) if s else (-limit, limit) for s, limit in ((sign(v_t), f), (sign(w), d))]
+        mu, rho = least_in_box(mobility, drive, bounds)
+        rate_t = mobility[0] * mu + mobility[1] * rho + drive[0]
+        rate_w = mobility[1] * mu + mobility[2] * rho + drive[1]
+        rate_n = 1 / m - a * rate_w
+        opening = v_n > 0 or (v_n == 0 and rate_n > 0)
+        if v_n == 0 and rate_n == 0:
+            break
+        if opening:
+            compression = p if compression is None else compression
+            if hypothesis == "energetic" and e * e * taken == given:
+                break
+        events = [-v / rate for v, rate in ((v_t, rate_t), (w, rate_w), (v_n, rate_n)) if v * rate < 0]
+        span = min(events, default=None)
+        last = False
+        if opening and hypothesis == "energetic":
+            left = e * e * taken - given
+            last = span is None or v_n * span + rate_n * span * span / 2 >= left
+            if last:  # the only irrational number of the impact
+                with mp.workdps(dps):
+                    root = mp.sqrt(to_mpf(v_n * v_n + 2 * rate_n * left))
+                    span = 2 * to_mpf(left) / (to_mpf(v_n) + root)
+        elif opening:
+            if hypothesis == "poisson":
+                end = max((1 + e) * compression - p, Fraction(0))
+            else:
+                end = max(-e * entry - v_n, Fraction(0)) / rate_n if rate_n > 0 or v_n >= -e * entry else None
+            last = end is not None and (span is None or end <= span)
+            span = end if last else span
+        if span is None:
+            raise ArithmeticError("an impact without an end")
+        if last and not isinstance(span, Fraction):
+            with mp.workdps(dps):
+                numbers = map(to_mpf, (v_t, w, v_n, rate_t, rate_w, rate_n, mu, rho, p))
+                v_t, w, v_n, rate_t, rate_w, rate_n, mu, rho, p = numbers
+                total_friction, total_moment, taken, given, slid, rolled = map(
+                    to_mpf, (total_friction, total_moment, taken, given, slid, rolled)
+                )
+        with mp.workdps(dps):
+            end_t, end_w, end_n = v_t + rate_t * span, w + rate_w * span, v_n + rate_n * span
+            if span > 0:
+                signs = (sign(v_t + end_t), sign(w + end_w))
+                phases.append(ImpactPhase(float(p), float(span), *signs, opening))
+            work = (v_n + end_n) * span / 2
+            taken, given = (taken, given + work) if opening else (taken - work, given)
+            slid -= mu * (v_t + end_t) * span / 2
+            rolled -= rho * (w + end_w) * span / 2
+            total_friction += mu * span
+            total_moment += rho * span
+            p += span
+            v_t, w, v_n = end_t, end_w, end_n
+        if last:
+            break
+    numbers = (v_t, w, v_n, p, total_friction, total_moment, taken - given, slid, rolled)
+    return ImpactResult(*map(float, numbers), phases)
+
+
+def to_mpf(value: Fraction) -> mpf:
+    """A fraction, rounded to the working precision."""
+    return mpf(value.numerator) / value.denominator
+
+
+def wang_mason(
+    mass: float,
+    inertia: float,
+    a: float,
+    b: float,
+    friction: float,
+    restitution: float,
+    slip: float,
+    omega: float,
+    approach: float,
+) -> tuple[str, float, float, float]:
+    """Closed form of Wang and Mason (1992) for Poisson's hypothesis, without rolling resistance.
+
+    Returns
+    -------
+    tuple
+        Their name of the contact mode ("sliding", or "sticking" or "reversed sliding" followed by the phase, C or R, in
+        which the initial slip stops), and v_t [m/s], omega [rad/s], v_n [m/s] afterwards.
+    """
+    m, inertia_, a, b, f, e = map(Fraction, (mass, inertia, a, b, friction, restitution))
+    v_t, w, v_n = map(Fraction, (slip, omega, approach))
+    s = sign(v_t)
+    b1, b2, b3 = 1 / m + b * b / inertia_, 1 / m + a * a / inertia_, a * b / inertia_
+    slowing, closing = f * b1 + s * b3, b2 + s * f * b3
+    infinity = Fraction(10) ** 300
+    p_q = Fraction(0) if s == 0 else abs(v_t) / slowing if slowing > 0 else infinity
+    p_d = -v_n / closing if closing > 0 else infinity
+    if s != 0 and p_q >= (1 + e) * p_d:
+        mode, p, q = "sliding", (1 + e) * p_d, -s * f * (1 + e) * p_d
+    else:
+        sticks = f * b1 >= abs(b3)
+        mu = b3 / b1 if sticks else f * sign(b3)
+        in_compression = p_q < p_d
+        p_c = p_q - (v_n + closing * p_q) / (b2 - b3 * mu) if in_compression else p_d
+        p = (1 + e) * p_c
+        q = -s * f * p_q + mu * (p - p_q)
+        mode = f"{'sticking' if sticks else 'reversed sliding'}, {'C' if in_compression else 'R'}"
+    return mode, float(v_t + b1 * q - b3 * p), float(w + (b * q - a * p) / inertia_), float(v_n - b3 * q + b2 * p)
 
 
 # --- the data file ---------------------------------------------------------------------------------------------------

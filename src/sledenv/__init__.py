@@ -6,6 +6,7 @@ from sledenv.impact import Phase, RigidImpact, rigid_impact
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Mode, Status
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+from sledenv.wheel import WheelImpact, collide_wheel
 
 __all__ = [
     "Body",
@@ -23,7 +24,9 @@ __all__ = [
     "Slope",
     "State",
     "Status",
+    "WheelImpact",
     "circular_segment",
+    "collide_wheel",
     "load_scenario",
     "rigid_impact",
     "scenario_names",

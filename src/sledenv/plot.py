@@ -335,9 +335,9 @@ def plot_velocities(descent: Descent, *, note: str = "") -> Figure:
     rows = drawable_rows(descent)
     world = to_world(np.stack([rows["u"], rows["v"]], axis=-1), descent.slope.angle)
     panels = (
-        ("Fig. 12: vertical velocity", "[m/s]", world[:, 1]),
-        ("Fig. 13: horizontal velocity", "[m/s]", world[:, 0]),
-        ("Fig. 14: angular velocity", "[rad/s]", rows["omega"]),
+        ("Fig. 12: vertical velocity, upwards", "vertical [m/s]", world[:, 1]),
+        ("Fig. 13: horizontal velocity, downhill", "horizontal [m/s]", world[:, 0]),
+        ("Fig. 14: angular velocity, counter-clockwise", "ω [rad/s]", rows["omega"]),
     )
     with _matplotlib().rc_context(_STYLE):
         from matplotlib.figure import Figure
@@ -366,9 +366,9 @@ def plot_table_1(
     Parameters
     ----------
     speed_ratio : ndarray, shape (n,)
-        Tangential over normal speed of approach u0/v0 [-], ascending.
+        Tangential over normal speed of approach u0/v0 [-], the middles of two or more equal cells.
     friction : ndarray, shape (m,)
-        f [-], ascending.
+        f [-], likewise.
     scenario : ndarray of str, shape (m, n)
         The scenario that holds, as :func:`sledenv.wheel.collide_wheel` names it.
     printed : ndarray of str, shape (m, n)
@@ -405,19 +405,21 @@ def plot_table_1(
             _draw_modes(ax, speed_ratio, friction, scenario, found, alpha)
             ax.set_xlabel("$u_0/v_0$, tangential over normal speed [-]")
         left.set_ylabel("friction coefficient $f$ [-]")
+        label: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold"}
         for name in found:
-            row, column = _inner_cell(scenario == name)
-            left.text(speed_ratio[column], friction[row], rows[name].strip(), ha="center", va="center", weight="bold")
+            cell = _inner_cell(scenario == name)
+            if cell is not None:
+                left.text(speed_ratio[cell[1]], friction[cell[0]], rows[name].strip(), **label)
         many = np.char.find(printed.astype(str), "+") >= 0
         if many.any():
             right.contourf(speed_ratio, friction, many.astype(float), levels=[0.5, 1.5], colors="none", hatches=["///"])
+        label |= {"size": 9.0, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}}
         for rules in np.unique(printed.astype(str)):
-            mask = printed == rules
-            right.contour(speed_ratio, friction, mask.astype(float), levels=[0.5], colors=_INK, linewidths=0.8)
-            row, column = _inner_cell(mask)
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
-            place = speed_ratio[column], friction[row]
-            right.text(*place, rules, ha="center", va="center", weight="bold", bbox=box)
+            cell = _inner_cell(printed == rules)
+            if cell is not None:
+                edge = (printed == rules).astype(float)
+                right.contour(speed_ratio, friction, edge, levels=[0.5], colors=_INK, linewidths=0.8)
+                right.text(speed_ratio[cell[1]], friction[cell[0]], rules, **label)
         handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=rows[name] + _MODE_WORDS[name]) for name in found]
         handles.append(Patch(facecolor="none", hatch="///", edgecolor=_INK, label="several printed rules hold"))
         figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
@@ -425,17 +427,21 @@ def plot_table_1(
     return figure
 
 
-def plot_mode_map(phi: np.ndarray, speed_ratio: np.ndarray, panels: Mapping[str, np.ndarray]) -> Figure:
+def plot_mode_map(
+    phi: np.ndarray, speed_ratio: np.ndarray, panels: Mapping[str, np.ndarray], *, note: str = ""
+) -> Figure:
     """Draw how one impact of an eccentric body ends, over its orientation and direction of approach.
 
     Parameters
     ----------
     phi : ndarray, shape (n,)
-        Orientation at touch [rad], ascending.
+        Orientation at touch [rad], the middles of two or more equal cells.
     speed_ratio : ndarray, shape (m,)
-        Tangential over normal speed of approach u/|v| [-], ascending.
+        Tangential over normal speed of approach u/|v| [-], likewise.
     panels : mapping of str to ndarray of int, shape (m, n)
         Title to :class:`sledenv.Mode` of each cell.
+    note : str
+        Written above the panels.
 
     Returns
     -------
@@ -470,6 +476,7 @@ def plot_mode_map(phi: np.ndarray, speed_ratio: np.ndarray, panels: Mapping[str,
             ax.set_ylabel("$u/|v|$ at touch [-]")
             ax.xaxis.set_major_locator(MultipleLocator(45.0))
         axes[-1].set_xlabel("orientation $\\varphi$ at touch [deg]")
+        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
         handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=_MODE_WORDS[name]) for name in found]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), columnspacing=1.2)
     return figure
@@ -636,17 +643,22 @@ def _draw_modes(ax: Axes, x: np.ndarray, y: np.ndarray, names: np.ndarray, found
     ax.pcolormesh(
         x, y, index, cmap=colours, vmin=-0.5, vmax=len(found) - 0.5, shading="nearest", alpha=alpha, rasterized=True
     )
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(y[0], y[-1])
+    # To the outer edges of the cells.
+    ax.set_xlim(1.5 * x[0] - 0.5 * x[1], 1.5 * x[-1] - 0.5 * x[-2])
+    ax.set_ylim(1.5 * y[0] - 0.5 * y[1], 1.5 * y[-1] - 0.5 * y[-2])
 
 
-def _inner_cell(mask: np.ndarray) -> tuple[int, int]:
-    """Return a cell far from the border of a region: the last that survives peeling off its outermost cells."""
-    while True:
-        padded = np.pad(mask, 1)
-        inner = mask & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-        if not inner.any():
+def _inner_cell(mask: np.ndarray) -> tuple[int, int] | None:
+    """Return a cell of a region for a label, None for a sliver without inner cells.
+
+    It is the last to survive peeling; a label is wide, so three cells at the sides go for one above and below.
+    """
+    cell = None
+    while mask.any():
+        padded = np.pad(mask, ((1, 1), (3, 3)))
+        inner = mask & padded[:-2, 3:-3] & padded[2:, 3:-3] & padded[1:-1, :-6] & padded[1:-1, 6:]
+        if cell is not None or inner.any():
             rows, columns = np.nonzero(mask)
-            middle = len(rows) // 2
-            return int(rows[middle]), int(columns[middle])
+            cell = int(rows[len(rows) // 2]), int(columns[len(rows) // 2])
         mask = inner
+    return cell

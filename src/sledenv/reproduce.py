@@ -51,16 +51,16 @@ NO_GRAVITY: Final = Slope(angle=0.0, gravity=0.0)
 # The sled: the paper gives its mass, friction and restitution, and leaves everything else open.
 SLED: Final = circular_segment(mass=100.0, radius=0.5, half_angle=math.radians(110.0))
 SLED_LAW: Final = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.03, rolling_arm=0.005)
-SLED_SLOPE: Final = Slope(angle=math.radians(10.0), length=20.0)
+SLED_SLOPE: Final = Slope(angle=math.radians(10.0), length=10.0)
 SLED_PHI, SLED_DROP, SLED_SPEED = math.radians(30.0), 1.0, 3.0  # [rad], [m], [m/s]
 SLED_ASSUMED: Final = (
     "Assumed, as the paper leaves it open: uniform segment of radius 0.5 m and half-angle 110°, rolling arm 5 mm,\n"
-    "stiffness 1e7 N/m, slope of 10° and 20 m, let go 1 m above it at 30° with 3 m/s along it and no spin."
+    "stiffness 1e7 N/m, slope of 10° and 10 m, let go 1 m above it at 30° with 3 m/s along it and no spin."
 )
 
 # The wheel of Table 1: a uniform disc; the paper gives no numbers.
-WHEEL_RESTITUTION, WHEEL_INERTIA, WHEEL_ARM = 0.5, 0.5, 0.2  # [-], [m r^2], [r]
-SAMPLES: Final = 1_000_000
+WHEEL_RESTITUTION, WHEEL_INERTIA, WHEEL_ARM = 0.5, 0.5, 0.25  # [-], [m r^2], [r]
+SAMPLES: Final = 200_000
 SEED: Final = 0
 
 # Friction, rolling arm [m] and restitution of the mode maps; the first are those of the worked example.
@@ -80,7 +80,7 @@ class Row(NamedTuple):
     unit: str
     paper: str  # as printed, empty where the paper has no number
     ours: float | str
-    digits: int  # decimals shown in table.md
+    form: str  # in which table.md shows it
     why: str  # they differ, or what it means
 
 
@@ -150,13 +150,16 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
 
     Raises
     ------
-    FileExistsError, NotADirectoryError
-        If the place is taken.
+    OSError
+        If the place is taken or cannot be written.
     """
     place = Path(folder).resolve()
     _check_free(place, folder, files)
     home = next(parent for parent in place.parents if parent.is_dir())
-    scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
+    try:
+        scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
+    except OSError as error:
+        raise OSError(f"{folder} cannot be written: {error.strerror}") from error
     try:
         new, old = scratch / "new", scratch / "old"
         new.mkdir()
@@ -303,8 +306,9 @@ def example_rows(example: Example) -> list[Row]:
     moment = force_series(exact)["moment"]
     turn = _first_crossing(rows["t"][touching], gap_rate[touching])
     reversal = _first_crossing(rows["t"][touching], moment[touching])
-    slips = sorted({int(sign) for sign in rows["slip"][touching]} - {0})
-    spins = sorted({int(sign) for sign in np.sign(rows["omega"])} - {0})
+    slips = np.unique(rows["slip"][touching])
+    complete = len(slips) == 1 and slips[0] != 0
+    spins = np.unique(rows["spin"][touching])
     depth = float(np.max(b[touching] - rows["y"][touching]))
     size = EXAMPLE_BODY.radius**2 - EXAMPLE_BODY.eccentricity**2
     rigid = rigid_impact(EXAMPLE_BODY, EXAMPLE_LAW, EXAMPLE_LAUNCH)
@@ -312,45 +316,48 @@ def example_rows(example: Example) -> list[Row]:
     gone = "printed sign of friction in (10), which creates energy (docs/physics.md, section 2.1)"
     where = "worked example, Fig. 10"
     return [
-        Row("t0_printed_speed", where, "T(0) with V_y = -1 m/s", "J", f"{t_start:g}", slow, 4,
+        Row("t0_printed_speed", where, f"T(0) with V_y = {PRINTED_SPEED:g} m/s", "J", f"{t_start:g}", slow, ".4f",
             "the printed speed does not give the printed energy"),
         Row("speed", where, "speed V_y that gives it", "m/s", f"{PRINTED_SPEED:g}",
-            -math.sqrt(2.0 * t_start / EXAMPLE_BODY.mass), 4, "used below"),
-        Row("t0", where, "T(0) with V_y = -10 m/s", "J", f"{t_start:g}", float(exact.energy.initial), 4,
-            "checks the launch"),
-        Row("t_end_euler", where, "T(0.04 s), Euler, dissipative sign", "J", f"{t_end:g}", euler.energy.kinetic, 4,
+            -math.sqrt(2.0 * t_start / EXAMPLE_BODY.mass), ".4f", "its square gives the energy"),
+        Row("t0", where, f"T(0) with V_y = {EXAMPLE_LAUNCH.v:g} m/s", "J", f"{t_start:g}", exact.energy.initial, ".4f",
+            "what the runs below begin with"),
+        Row("t_end_euler", where, "T(0.04 s), Euler, dissipative sign", "J", f"{t_end:g}", euler.energy.kinetic, ".4f",
             _not_reproduced(euler.energy.kinetic)),
         Row("t_end_limit", where, "T(0.04 s), time step to 0, dissipative sign", "J", f"{t_end:g}",
-            exact.energy.kinetic, 4, "event-driven; " + _not_reproduced(exact.energy.kinetic)),
+            exact.energy.kinetic, ".4f", "event-driven; " + _not_reproduced(exact.energy.kinetic)),
         Row("t_end_euler_printed", where, "T(0.04 s), Euler, printed sign", "J", f"{t_end:g}",
-            printed.energy.kinetic, 4, f"{gone}; " + _not_reproduced(printed.energy.kinetic)),
+            printed.energy.kinetic, ".4f", f"{gone}; " + _not_reproduced(printed.energy.kinetic)),
         Row("t_end_limit_printed", where, "T(0.04 s), time step to 0, printed sign", "J", f"{t_end:g}",
-            printed_limit, 4, "extrapolated from two time steps; still in contact at 0.04 s; "
+            printed_limit, ".4f", "extrapolated from two time steps; still in contact at 0.04 s; "
             + _not_reproduced(printed_limit)),
-        Row("separation_printed", where, "separation with the printed sign", "s", "", leaves, 4,
+        Row("t_separation_euler_printed", where, "T after separation, Euler, printed sign", "J", "",
+            long.energy.kinetic, ".4f", f"the paper's {t_end:g} J is not this either"),
+        Row("separation_printed", where, "separation with the printed sign", "s", "", leaves, ".4f",
             "later than the 0.04 s for which the paper gives its energy"),
-        Row("t_separation_printed", where, "T at that separation", "J", "", leaves_with, 3, "extrapolated likewise"),
-        Row("separation", where, "separation with the dissipative sign", "s", "", float(exact.rebounds["t"][0]), 4,
+        Row("t_separation_printed", where, "T after separation, time step to 0, printed sign", "J", "",
+            leaves_with, ".4f", "extrapolated likewise"),
+        Row("separation", where, "separation with the dissipative sign", "s", "", float(exact.rebounds["t"][0]), ".4f",
             "the duration of the impact for the given stiffness"),
         Row("elastic_printed", "equation (10)", "T after the impact with Delta = 0, printed sign", "J", "",
-            elastic_printed, 2, f"more than the {t_start:g} J that it began with: the printed sign creates energy"),
-        Row("elastic", "equation (10)", "T after the impact with Delta = 0, dissipative sign", "J", "", elastic, 2,
+            elastic_printed, ".2f", f"more than the {t_start:g} J that it began with: the printed sign creates energy"),
+        Row("elastic", "equation (10)", "T after the impact with Delta = 0, dissipative sign", "J", "", elastic, ".2f",
             "friction and rolling resistance take the rest"),
-        Row("slip_directions", "Fig. 8", "directions of slip during contact", "-", "1", float(len(slips)), 0,
-            "complete sliding confirmed" if len(slips) == 1 else "complete sliding NOT confirmed"),
-        Row("compression_ends", "Fig. 9", "end of the first phase", "s", "", turn, 4, "gap rate zero"),
-        Row("moment_reverses", "Fig. 9", "reversal of the total moment", "s", "in the first phase", reversal, 4,
+        Row("slip_directions", "Fig. 8", "directions of slip during contact", "-", "1", float(len(slips)), ".0f",
+            "complete sliding confirmed" if complete else "complete sliding not confirmed"),
+        Row("compression_ends", "Fig. 9", "end of the first phase", "s", "", turn, ".4f", "gap rate zero"),
+        Row("moment_reverses", "Fig. 9", "reversal of the total moment", "s", "in the first phase", reversal, ".4f",
             "during restitution, not in the first phase" if reversal > turn else "in the first phase"),
         Row("spin_directions", "Fig. 9", "directions of spin, thus of rolling resistance", "-", "2",
-            float(len(spins)), 0, "rolling resistance does not change its direction"
+            float(len(spins)), ".0f", "rolling resistance does not change its direction"
             if len(spins) == 1 else "rolling resistance changes its direction"),
-        Row("depth", where, "greatest penetration", "m", "", depth, 4,
+        Row("depth", where, "greatest penetration", "m", "", depth, ".4f",
             f"of a radius of {EXAMPLE_BODY.radius:g} m: a test of the equations, not a small deformation"),
         Row("inertia", "worked example", "m (r^2 - h^2)", "kg m^2", f"{EXAMPLE_BODY.inertia:g}",
-            EXAMPLE_BODY.mass * size, 6, "equal: the body is a thin arc, not a lamina"),
+            EXAMPLE_BODY.mass * size, ".6f", "equal: the body is a thin arc, not a lamina"),
         Row("t_rigid", where, "T after the impact in the limit of infinite stiffness", "J", "",
-            t_start - lost, 4, "docs/physics.md, section 4"),
-        Row("ledger", where, "energy unaccounted for, event-driven", "J", "", exact.energy.residual, 12,
+            t_start - lost, ".4f", "docs/physics.md, section 4"),
+        Row("ledger", where, "energy unaccounted for, event-driven", "J", "", exact.energy.residual, ".0e",
             "the error of the integration"),
     ]  # fmt: skip
 
@@ -385,20 +392,19 @@ def table_1_rows() -> list[Row]:
     agree = float(np.mean(names[np.argmax(corrected, axis=0)] == scenario.astype(str)))
     # Scenario 2 as printed, without rolling resistance: m(u1 - u0) = SF, J w1 = -r SF, u1 + w1 r = 0, J = m r^2/2.
     u1, w1, _ = np.linalg.solve([[1.0, 0.0, -1.0], [0.0, 0.5, 1.0], [1.0, 1.0, 0.0]], [1.0, 0.0, 0.0])
-    gain = (u1**2 + 0.5 * w1**2) / 1.0
+    gain = u1**2 + 0.5 * w1**2  # over u0^2 = 1
     ranges = "f, R in [0, 1], delta/r in [0, 0.5], J/(m r^2) in [0.3, 1], u0, v0 in [0, 5] m/s, uniform"
-    percent = "%"
     return [
-        Row("printed_overlap", "Table 1", "inputs for which several printed rules hold", percent, "",
-            100.0 * first[0], 1, f"the share depends on the inputs, here {ranges}"),
-        Row("printed_overlap_unit", "Table 1", "the same with all six uniform in [0, 1]", percent, "",
-            100.0 * second[0], 1, "the share depends on the inputs"),
-        Row("corrected_unique", "Table 1", "inputs for which exactly one corrected rule holds", percent, "",
-            100.0 * first[1], 4, "docs/physics.md, section 3"),
-        Row("closed_form_agrees", "Table 1", "inputs for which the closed form names that scenario", percent, "",
-            100.0 * agree, 4, "sledenv.collide_wheel"),
+        Row("printed_overlap", "Table 1", "inputs for which several printed rules hold", "%", "",
+            100.0 * first[0], ".1f", f"the share depends on the inputs, here {ranges}"),
+        Row("printed_overlap_unit", "Table 1", "the same with all six uniform in [0, 1]", "%", "",
+            100.0 * second[0], ".1f", "the share depends on the inputs"),
+        Row("corrected_unique", "Table 1", "inputs for which exactly one corrected rule holds", "%", "",
+            100.0 * first[1], ".4f", "docs/physics.md, section 3"),
+        Row("closed_form_agrees", "Table 1", "inputs for which the closed form names that scenario", "%", "",
+            100.0 * agree, ".4f", "sledenv.collide_wheel"),
         Row("scenario_2_printed", "equations (2), (3), Table 1", "tangential energy after scenario 2 over before", "-",
-            "", float(gain), 4, "printed signs, J = m r^2/2, delta = 0: energy out of nothing"),
+            "", float(gain), ".4f", "printed signs, J = m r^2/2, delta = 0: energy out of nothing"),
     ]  # fmt: skip
 
 
@@ -422,15 +428,15 @@ def _rule_counts(
 def sled_rows(descent: Descent) -> list[Row]:
     """Numbers of the sled: Fig. 12-14."""
     assumed = " ".join(SLED_ASSUMED.split())
-    leaps = descent.rebounds["v_after"] > 0.0
+    rebounds = float(np.count_nonzero(descent.rebounds["t"] < descent.time))
     where = "Fig. 12-14"
     fastest = float(np.max(np.abs(descent.trajectory["omega"])))
     return [
-        Row("sled_status", where, "how the descent ends", "-", "", str(descent.status), 0, assumed),
-        Row("sled_time", where, "its duration", "s", "", descent.time, 3, "the paper prints no numbers"),
-        Row("sled_rebounds", where, "rebounds", "-", "", float(np.count_nonzero(leaps)), 0, "hops after an impact"),
-        Row("sled_speed", where, "speed along the slope at the end", "m/s", "", descent.state.u, 3, ""),
-        Row("sled_spin", where, "greatest spin", "rad/s", "", fastest, 3, ""),
+        Row("sled_status", where, "how the descent ends", "-", "", str(descent.status), "", assumed),
+        Row("sled_time", where, "its duration", "s", "", descent.time, ".3f", "the paper prints no numbers"),
+        Row("sled_rebounds", where, "rebounds", "-", "", rebounds, ".0f", "impacts that ended before the descent did"),
+        Row("sled_speed", where, "speed along the slope at the end", "m/s", "", descent.state.u, ".3f", ""),
+        Row("sled_spin", where, "greatest spin", "rad/s", "", fastest, ".3f", ""),
     ]  # fmt: skip
 
 
@@ -438,7 +444,7 @@ def _write_worked_example(folder: Path, example: Example) -> None:
     signs: tuple[FrictionSign, ...] = ("dissipative", "dissipative", "printed")
     labels = (
         "event-driven, dissipative friction sign",
-        f"Euler, Δt = {EULER_STEP:g} s, the same sign",
+        f"Euler, Δt = {1e6 * EULER_STEP:g} µs, the same sign",
         "Euler, printed friction sign (creates energy)",
     )
     runs = {label: force_series(run, sign) for label, run, sign in zip(labels, example, signs, strict=True)}
@@ -472,7 +478,7 @@ def _write_sled(folder: Path, descent: Descent) -> None:
 
 
 def _write_table_1(folder: Path) -> None:
-    ratio, friction = np.linspace(0.0, 2.0, 161), np.linspace(0.0, 0.6, 121)
+    ratio, friction = _middles(0.0, 1.2, 160), _middles(0.0, 0.6, 125)  # no cell lies on a border
     u, f = np.meshgrid(ratio, friction)
     scenario = collide_wheel(1.0, WHEEL_INERTIA, 1.0, f, WHEEL_ARM, WHEEL_RESTITUTION, u, -1.0).scenario.astype(str)
     held, _ = printed_rules(u, f, *(np.array(x) for x in (WHEEL_RESTITUTION, WHEEL_ARM, WHEEL_INERTIA)))
@@ -492,23 +498,31 @@ def _write_table_1(folder: Path) -> None:
 
 
 def _write_mode_map(folder: Path) -> None:
-    phi, ratio = np.radians(np.linspace(-180.0, 180.0, 241)), np.linspace(-2.0, 2.0, 121)
+    degrees, ratio = _middles(-180.0, 180.0, 240), _middles(-2.0, 2.0, 160)
     panels, lines = {}, []
     for friction, arm, restitution in MODE_LAWS:
         law = EXAMPLE_LAW._replace(friction=friction, rolling_arm=arm)
-        modes = np.zeros((len(ratio), len(phi)), dtype=int)
+        modes = np.zeros((len(ratio), len(degrees)), dtype=int)
         for i, speed in enumerate(ratio.tolist()):
-            for j, angle in enumerate(phi.tolist()):
-                state = State(0.0, 0.0, angle, speed, -1.0, 0.0)
-                modes[i, j] = rigid_impact(EXAMPLE_BODY, law, state, restitution=restitution).mode
-                lines.append((friction, arm, restitution, angle, speed, int(modes[i, j])))
+            for j, angle in enumerate(degrees.tolist()):
+                state = State(0.0, 0.0, math.radians(angle), speed, -1.0, 0.0)
+                mode = rigid_impact(EXAMPLE_BODY, law, state, restitution=restitution).mode
+                modes[i, j] = mode
+                lines.append((friction, arm, restitution, angle, speed, mode.name.lower().replace("_", "-")))
         panels[f"f = {friction:g}, δ = {1e3 * arm:g} mm, e = {restitution:.3g}"] = modes
-    plot_mode_map(phi, ratio, panels).savefig(folder / "mode_map.png", dpi=_DPI)
+    note = "How one rigid impact ends: the body of the worked example, without spin at touch."
+    plot_mode_map(np.radians(degrees), ratio, panels, note=note).savefig(folder / "mode_map.png", dpi=_DPI)
     _write_csv(
         folder / "mode_map.csv",
-        ("friction", "rolling_arm_m", "restitution", "phi_rad", "speed_ratio", "mode"),
+        ("friction", "rolling_arm_m", "restitution", "phi_deg", "speed_ratio", "mode"),
         lines,
     )
+
+
+def _middles(low: float, high: float, cells: int) -> Floats:
+    """Middles of equal cells."""
+    edges = np.linspace(low, high, cells + 1)
+    return np.round(0.5 * (edges[1:] + edges[:-1]), 12)
 
 
 def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -526,9 +540,9 @@ def _write_table(folder: Path, rows: list[Row]) -> None:
     )
     lines = ["| where | quantity | paper | ours | why they differ |", "|---|---|---|---|---|"]
     for row in rows:
-        ours = row.ours if isinstance(row.ours, str) else f"{row.ours:.{row.digits}f}"
+        ours = row.ours if isinstance(row.ours, str) else f"{row.ours:{row.form}}"
         unit = "" if row.unit == "-" else f" {row.unit}"
-        paper = f"{row.paper}{unit}" if row.paper[:1].isdigit() else row.paper
+        paper = f"{row.paper}{unit}" if row.paper.lstrip("-")[:1].isdigit() else row.paper
         lines.append(f"| {row.where} | {row.quantity} | {paper} | {ours}{unit} | {row.why} |")
     (folder / "table.md").write_text("# The paper's numbers and ours\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
 
@@ -557,8 +571,8 @@ are derived in docs/physics.md, section 2. Written by `sledenv reproduce`; all n
 ![Forces, moment and kinetic energy of the worked example](fig_7_10.png)
 
 m = 1 kg, r = 0.1 m, h = 0.05 m, J = 7.5e-3 kg m², f = 0.1, δ = 1 mm, c = 9.81 kN/m, Δ = 0.5, y = 0.07 m, φ = 45°, no
-gravity, and V_y = -10 m/s, which T(0) = 50 J needs. Euler's method ends with T(0.04 s) = {} for the dissipative sign
-of friction and {} for the printed one; the paper prints {paper}.
+gravity, and V_y = -10 m/s, which T(0) = 50 J needs. Euler's method ends with T(0.04 s) = {} for the dissipative
+sign of friction and {} for the printed one; the paper prints {paper}.
 
 ## Fig. 12-14
 

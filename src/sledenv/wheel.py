@@ -9,7 +9,8 @@ and slip and spin decay at constant rates until the first of them stops, after t
 
     p1 = |v_t| / [f (1/m + r^2/J) + c r delta/J]    or    p2 = |omega| J / (delta + c r f),    c = sgn(v_t) sgn(omega)
 
-(never, if the denominator is not positive). What stops first can stay zero or come back with the other sign:
+(never, if the denominator is not positive; a velocity that is zero at entry has c = -1, and the impulse 0 if it stays
+zero). What stops first can stay zero or come back with the other sign:
 
 - Slip stays zero, the wheel rolls, iff ``f >= f_r = m r delta/I``: rolling needs the friction ``f_r`` per normal force.
 - Spin stays zero iff ``r f <= delta``: rolling resistance holds against the moment of sliding friction.
@@ -38,7 +39,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Values = float | FloatArray
 
-# What is possible, with the rule of existence: P, p1, p2, f_r as above; s is the sign of the slip at entry.
+# Where an impact can end, and the rule of existence in the symbols above.
 NO_IMPACT, SLIDES, ROLLS, ROLLS_BACK, SLIDES_STOPPED, SLIDES_BACK, SPIN_BACK, SLIP_BACK, STUCK_AT_ONCE = range(9)
 STUCK_ROLLING, STUCK_SLIDING, STUCK_ROLLING_BACK, STUCK_SLIDING_BACK = range(9, 13)
 BRANCHES: Final = (

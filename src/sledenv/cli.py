@@ -1,0 +1,204 @@
+"""The command ``sledenv``: simulate a scenario, or reproduce the paper."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn, get_args
+
+import numpy as np
+
+from sledenv.descent import Descent, Solver, simulate
+from sledenv.kernel.records import Feature, Mode
+from sledenv.reproduce import publish, reproduce
+from sledenv.scenario import ScenarioError, load_scenario, scenario_names
+
+PICTURES = ("strobe.png", "series.png")
+_DPI = 150
+_USAGE = 2  # exit status of a wrong argument, as argparse has it
+_BROKEN_PIPE = 141
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the command line by default.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 2 with a message on standard error where an argument is wrong or a file cannot be written;
+        130 and 143 after an interrupt and a request to terminate, which leave nothing behind.
+    """
+    options = _parser().parse_args(arguments)
+    before = signal.signal(signal.SIGTERM, _terminate)  # or the folder being written would stay
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader, head for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _BROKEN_PIPE
+    except (ScenarioError, OSError, ImportError) as error:
+        print(f"sledenv {options.command}: error: {error}", file=sys.stderr)
+        return _USAGE
+    except KeyboardInterrupt:
+        print(f"sledenv {options.command}: interrupted", file=sys.stderr)
+        return 128 + signal.SIGINT
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return 0
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="sledenv", description="Sled descents as repeated oblique impacts.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    one = commands.add_parser(
+        "simulate",
+        help="simulate one descent of a scenario",
+        description="Simulate one descent: rebounds, how it ended, jam metrics and energy ledger.",
+    )
+    one.set_defaults(run=_simulate)
+    one.add_argument(
+        "scenario", metavar="SCENARIO", help=f"{', '.join(scenario_names())}, or a file that ends in .yaml"
+    )
+    one.add_argument("--seed", type=_seed, default=0, help="which context of the scenario is drawn (default 0)")
+    one.add_argument(
+        "--orientation-deg", type=_number, metavar="DEG", help="launch orientation instead of the drawn one"
+    )
+    one.add_argument("--spin", type=_number, metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one")
+    one.add_argument(
+        "--solver", choices=get_args(Solver), default="compliant", help="contact model (default compliant)"
+    )
+    one.add_argument("--out", type=Path, metavar="FOLDER", help=f"write {' and '.join(PICTURES)} into this folder")
+
+    paper = commands.add_parser(
+        "reproduce",
+        help="compute every number and figure of the paper",
+        description="Compute everything quantitative in the paper: figures, maps, and a table of its numbers and ours.",
+    )
+    paper.set_defaults(run=_reproduce)
+    paper.add_argument("--out", type=Path, metavar="FOLDER", default=Path("reproduction"), help="default: reproduction")
+    return parser
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be a finite number: {text!r}")
+    return value
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be an integer >= 0: {text!r}")
+    return int(text)
+
+
+def _progress(command: str) -> Callable[[str], None]:
+    return lambda line: print(f"{command}: {line}", flush=True)
+
+
+def _reproduce(options: argparse.Namespace) -> None:
+    progress = _progress("reproduce")
+    folder = reproduce(options.out, progress=progress)
+    progress(f"wrote {folder / 'index.md'}")
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    scenario = load_scenario(options.scenario)
+    context = scenario.sample(np.random.default_rng(options.seed))
+    orientation = None if options.orientation_deg is None else math.radians(options.orientation_deg)
+    descent = simulate(
+        scenario.body(),
+        scenario.law(context),
+        scenario.slope(context),
+        scenario.launch(context, orientation, options.spin),
+        solver=options.solver,
+        max_time=scenario.limits.max_time_s,
+        max_rebounds=scenario.limits.max_rebounds,
+        record="rebounds" if options.out is None else "trajectory",
+    )
+    launch = descent.launch
+    print(f"{scenario.id}, seed {options.seed}, solver {options.solver}")
+    print(
+        f"slope {math.degrees(context.angle):.2f} deg, friction {context.friction:.3f}, "
+        f"restitution {context.restitution:.3f}"
+    )
+    print(
+        f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
+        f"speed {launch.u:.3f} m/s, clearance {context.drop:.3f} m, fall {0.0 - launch.v:.3f} m/s"
+    )
+    print(_rebound_table(descent))
+    print(_summary(descent))
+    if options.out is not None:
+        _draw(descent, options.out)
+        _progress("simulate")(f"wrote {' and '.join(PICTURES)} into {options.out}")
+
+
+def _rebound_table(descent: Descent) -> str:
+    """One line for each rebound, with the velocities before and after it."""
+    columns = (
+        f"{'#':>3} {'t [s]':>8} {'x [m]':>8} {'where':>5} {'how it ended':>15} "
+        f"{'u [m/s]':>16} {'v [m/s]':>16} {'omega [rad/s]':>18} {'grip':>5} {'loss':>5} stuck"
+    )
+    lines = ["", columns]
+    jam = descent.rebound_jam
+    for i, row in enumerate(descent.rebounds):
+        changes = " ".join(
+            f"{row[f'{name}_before']:z{width}.2f} ->{row[f'{name}_after']:z{width}.2f}"
+            for name, width in (("u", 6), ("v", 6), ("omega", 7))
+        )
+        stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
+        lines.append(
+            f"{i + 1:3d} {row['t']:8.4f} {row['x']:8.4f} {Feature(row['feature']).name.lower():>5} "
+            f"{Mode(row['mode']).name.lower().replace('_', '-'):>15} {changes} "
+            f"{jam.grip[i]:5.2f} {jam.tangential_loss[i]:5.2f} {stuck}".rstrip()
+        )
+    if len(lines) == 2:
+        lines.append("    no rebounds")
+    return "\n".join(lines)
+
+
+def _summary(descent: Descent) -> str:
+    """How the descent ended, its jam metrics and its energy ledger."""
+    jam, energy = descent.jam, descent.energy
+    lines = [
+        "",
+        f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
+        f"jam        progress {float(jam.progress):.4f}, retention {float(jam.retention):.4f}, "
+        f"reward {float(jam.reward):.4f}, jam index {float(jam.jam_index):.4f}",
+        "",
+        "energy [J]",
+        *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),
+        f"  {'residual':<12}{energy.residual:16.1e}",
+    ]
+    return "\n".join(lines)
+
+
+def _draw(descent: Descent, folder: Path) -> None:
+    from sledenv.plot import plot_descent, plot_strobe
+
+    with publish(folder, PICTURES) as new:
+        plot_strobe(descent).savefig(new / PICTURES[0], dpi=_DPI)
+        plot_descent(descent).savefig(new / PICTURES[1], dpi=_DPI)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

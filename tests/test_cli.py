@@ -1,0 +1,152 @@
+"""The command: what it prints and writes, how it refuses, and what an interrupt leaves behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sledenv import cli
+from sledenv.cli import PICTURES, main
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Message of a command that must end with status 2 and print nothing else."""
+    try:
+        status = main(arguments)
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert status == 2
+    assert out == ""
+    assert "Traceback" not in err
+    return err
+
+
+def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the worked example, docs/physics.md, section 2.2."""
+    assert main(["simulate", "paper_impact"]) == 0
+    out = capsys.readouterr().out
+    assert "paper_impact, seed 0, solver compliant" in out
+    assert "0.00 ->  1.49 -10.00 ->  4.93    0.00 -> -38.41  1.00" in out
+    assert "status     timeout after 0.0400 s" in out
+    assert "jam index" in out
+    ledger = dict(line.split() for line in out.splitlines() if line.startswith("  ") and len(line.split()) == 2)
+    assert ledger["kinetic"] == "18.806301"
+    assert ledger["hysteresis"] == "29.862748"
+    assert abs(float(ledger["residual"])) < 1e-12
+    assert max(map(len, out.splitlines())) <= 120
+
+
+def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [
+        "simulate",
+        "ice_drop",
+        "--seed",
+        "3",
+        "--orientation-deg",
+        "-20",
+        "--spin",
+        "1.5",
+        "--solver",
+        "rigid",
+    ]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    assert "ice_drop, seed 3, solver rigid" in out
+    assert "orientation -20.00 deg, spin 1.500 rad/s" in out
+    main(["simulate", "ice_drop", "--seed", "4"])
+    assert capsys.readouterr().out != out
+
+
+def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "deep" / "out"
+    for _ in range(2):  # the second time it is replaced
+        assert main(["simulate", "brake_mat", "--out", str(folder)]) == 0
+        assert sorted(path.name for path in folder.iterdir()) == sorted(PICTURES)
+        assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
+        assert "wrote strobe.png and series.png" in capsys.readouterr().out
+
+
+def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
+    assert "argument --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
+    assert "--seed: must be an integer >= 0: '1.5'" in refused(capsys, "simulate", "ice_drop", "--seed", "1.5")
+    assert "--spin: must be a finite number: 'inf'" in refused(capsys, "simulate", "ice_drop", "--spin", "inf")
+    assert "must be a finite number: 'up'" in refused(capsys, "simulate", "ice_drop", "--orientation-deg", "up")
+    assert "invalid choice: 'magic'" in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
+    assert "required: SCENARIO" in refused(capsys, "simulate")
+    assert "required: COMMAND" in refused(capsys)
+    assert "invalid choice: 'solve'" in refused(capsys, "solve")
+    (tmp_path / "broken.yaml").write_text("id: [")
+    assert "broken.yaml: cannot be read" in refused(capsys, "simulate", str(tmp_path / "broken.yaml"))
+
+
+def test_places_that_are_taken_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    assert "sledenv reproduce: error: " in refused(capsys, "reproduce", "--out", str(tmp_path))
+    assert "thesis.tex is a file" in refused(capsys, "reproduce", "--out", str(tmp_path / "thesis.tex"))
+    assert main(["simulate", "paper_impact", "--out", str(tmp_path)]) == 2
+    assert "holds 'thesis.tex'" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.skipif(os.name != "posix" or not Path("/proc").is_dir(), reason="needs a folder that nobody can write to")
+def test_a_place_that_cannot_be_written_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "/proc/out cannot be written" in refused(capsys, "reproduce", "--out", "/proc/out")
+
+
+def test_a_missing_matplotlib_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["simulate", "paper_impact", "--out", str(tmp_path / "out")]) == 2
+    assert 'pip install "sledenv[plot]"' in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_is_not_a_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "reproduce", interrupted)
+    before = signal.getsignal(signal.SIGTERM)
+    assert main(["reproduce", "--out", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == "sledenv reproduce: interrupted\n"
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_killed_run_leaves_nothing(tmp_path: Path, number: signal.Signals, status: int) -> None:
+    command = [sys.executable, "-m", "sledenv.cli", "reproduce", "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "7-10" in process.stdout.readline()
+        assert "12-14" in process.stdout.readline()
+        assert list(tmp_path.iterdir()) != []
+        process.send_signal(number)
+        assert process.wait(30) == status
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_that_stops_early_is_no_error() -> None:
+    command = f"{sys.executable} -m sledenv.cli simulate paper_impact | true"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.returncode in (0, 141)
+
+
+@pytest.mark.slow
+def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "--out", str(tmp_path / "out")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 6
+    assert all(line.startswith("reproduce: ") for line in lines)
+    assert lines[-1] == f"reproduce: wrote {tmp_path / 'out' / 'index.md'}"
