@@ -19,7 +19,7 @@ from sledenv.impact import rigid_impact
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature
-from sledenv.plot import plot_mode_map, plot_table_1, plot_velocities, plot_worked_example
+from sledenv.plot import plot_convergence, plot_mode_map, plot_table_1, plot_velocities, plot_worked_example
 from sledenv.wheel import collide_wheel
 
 Floats = NDArray[np.float64]
@@ -36,6 +36,8 @@ FILES: Final = (
     "table_1.csv",
     "mode_map.png",
     "mode_map.csv",
+    "convergence.png",
+    "convergence.csv",
 )
 
 # The worked example, with the speed that its printed T(0) = 50 J needs; the paper prints V_y(0) = -1 m/s.
@@ -69,6 +71,15 @@ MODE_LAWS: Final = ((0.1, 0.001, EXAMPLE_LAW.restitution), (0.3, 0.01, 0.5))
 _SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")
 _SERIES = np.dtype([(name, "f8") for name in ("t", "normal", "tangential", "moment", "kinetic")])
 _DPI = 150
+
+
+# Asymmetry, friction, inertia [kg m^2], phi [rad], u, v [m/s] and omega [rad/s] of impacts followed to the rigid limit.
+CONVERGING: Final = {
+    "slides throughout": (0.5, 0.1, 7.5e-3, math.pi / 4, 0.0, -10.0, 0.0),
+    "slip stops": (0.5, 0.9, 7.5e-3, 0.3, 1.0, -3.0, 0.0),
+    "spin, then slip reverses": (0.5, 0.1, 7.5e-3, 0.6, 1.0, -4.0, 6.0),
+    "slip, then spin reverses": (0.3, 0.15, 2e-3, -0.9, 0.3, -5.0, -10.0),
+}
 
 
 class Row(NamedTuple):
@@ -128,6 +139,8 @@ def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], 
         _write_table_1(new)
         progress("Modes of an eccentric impact as a map")
         _write_mode_map(new)
+        progress("Convergence to the rigid impact")
+        _write_convergence(new)
         progress("Table of numbers")
         rows = [*example_rows(example), *table_1_rows(), *sled_rows(sled)]
         _write_table(new, rows)
@@ -519,6 +532,29 @@ def _write_mode_map(folder: Path) -> None:
     )
 
 
+def _write_convergence(folder: Path) -> None:
+    stiffness = 10.0 ** np.arange(8, 13)
+    errors = {}
+    for name, (asymmetry, friction, inertia, phi, u, v, omega) in CONVERGING.items():
+        body = EXAMPLE_BODY._replace(inertia=inertia)
+        law = EXAMPLE_LAW._replace(asymmetry=asymmetry, friction=friction)
+        launch = State(0.0, support_height(body, phi), phi, u, v, omega)
+        exact = rigid_impact(body, law, launch).state
+        error = []
+        for c in stiffness.tolist():
+            soft = simulate(body, law._replace(stiffness=c), NO_GRAVITY, launch, max_rebounds=1).state
+            turning = body.radius * (soft.omega - exact.omega)
+            error.append(math.hypot(soft.u - exact.u, soft.v - exact.v, turning))
+        errors[name] = np.array(error)
+    note = "One impact of the two-stiffness contact against the exact rigid one, without gravity"
+    plot_convergence(stiffness, errors, note=note).savefig(folder / "convergence.png", dpi=_DPI)
+    _write_csv(
+        folder / "convergence.csv",
+        ("stiffness_n_m", *(f"{name.replace(' ', '_').replace(',', '')}_m_s" for name in errors)),
+        zip(stiffness.tolist(), *(error.tolist() for error in errors.values()), strict=True),
+    )
+
+
 def _middles(low: float, high: float, cells: int) -> Floats:
     """Middles of equal cells."""
     edges = np.linspace(low, high, cells + 1)
@@ -564,6 +600,7 @@ are derived in docs/physics.md, section 2. Written by `sledenv reproduce`; all n
 | Fig. 12-14, the sled on an incline | [fig_12_14.png](fig_12_14.png) | [fig_12_14.csv](fig_12_14.csv) |
 | Table 1, the collision scenarios of a wheel | [table_1.png](table_1.png) | [table_1.csv](table_1.csv) |
 | the same question for the eccentric body | [mode_map.png](mode_map.png) | [mode_map.csv](mode_map.csv) |
+| the rigid limit of the contact model | [convergence.png](convergence.png) | [convergence.csv](convergence.csv) |
 | every number | [table.md](table.md) | [table.csv](table.csv) |
 
 ## Fig. 7-10

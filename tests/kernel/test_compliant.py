@@ -407,9 +407,6 @@ def test_forces_of_sustained_contact_are_those_of_the_rigid_body(friction: float
     assert rows["rolling"] == pytest.approx(delta * normal, abs=1e-13)
 
 
-@pytest.mark.xfail(
-    reason="_choose_branch decides at a depth of 1e-12 of the body, first_event at the true one: livelock"
-)
 @pytest.mark.parametrize("angle", [1e-9, 1e-7, 1e-6])
 def test_a_body_at_rest_on_a_nearly_level_slope_jams(angle: float) -> None:
     """Oracle: statics, tan beta <= f; sticking needs f k+ times the depth, which starts at zero."""

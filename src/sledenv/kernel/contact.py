@@ -67,8 +67,8 @@ from sledenv.kernel.trajectory import add_sample
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
 BOTH_CORNERS = -2  # status: the second corner has come down
 MOST_STALLED = 60  # events in a row without any progress in time
-# A contact shallower than this share of the size of the body, or loaded less than this share of the other forces, is
-# resolved in the limit of a vanishing normal force.
+# A contact shallower than this share of the size of the body, or loaded less than this share of the force that drives
+# the slip, is resolved in the limit of a vanishing normal force.
 NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
 
@@ -110,9 +110,8 @@ def _choose_branch(
     drive_t = slope.gravity * math.sin(slope.angle) + a * square
     drive_n = -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square
     shallow = NO_DEPTH * size
-    loads = body.mass * (abs(drive_t) + abs(drive_n))
-    if loads > 0.0 and pair.k_closing < math.inf:
-        shallow = min(shallow, NO_LOAD * loads / pair.k_closing)
+    if drive_t != 0.0 and pair.k_closing < math.inf:
+        shallow = min(shallow, NO_LOAD * body.mass * abs(drive_t) / pair.k_closing)
     depth = max(-state[GAP], shallow)
     return resolve(
         mobility(body.mass, body.inertia, a, b),

@@ -30,6 +30,19 @@ def _branch_gap(body: Body, y: float, v: float, phi: float, omega: float, featur
 
 
 @kernel
+def _angle_left(body: Body, phi: float, omega: float) -> float:
+    """Angle [rad] that a body may turn until another feature is lowest; 2 pi without corners."""
+    if not has_corners(body):
+        return 2.0 * math.pi
+    at = phi if omega > 0.0 else -phi
+    least = math.pi - at
+    for edge in (-body.half_angle, body.half_angle):
+        if edge - at > EDGE:
+            least = min(least, edge - at)
+    return max(least, EDGE)
+
+
+@kernel
 def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float) -> float:
     """First time [s] at which the body meets the slope in free flight: docs/physics.md (7.1).
 
@@ -90,7 +103,8 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
                 lift = -gravity - h * math.cos(local + shift) * square
                 jerk = h * math.sin(local + shift) * square * omega
                 if lift > 1e-9 * bound:
-                    t = 1.5 * lift / (h_most * abs(omega) ** 3)  # gap''' >= -h |omega|^3 keeps the gap open this long
+                    # gap''' >= -h |omega|^3 keeps the gap open this long, if the feature does not end before.
+                    t = min(1.5 * lift / (h_most * abs(omega) ** 3), _angle_left(body, local, omega) / abs(omega))
                     continue
                 if lift > -1e-9 * bound and jerk > 0.0:
                     t = (600.0 * noise / jerk) ** (1.0 / 3.0)  # lifted off where the normal force vanished
@@ -98,7 +112,8 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
                 if rate <= 0.0:
                     return 0.0
         elif gap <= noise and rate <= 0.0:
-            return max(0.0, t - gap / rate) if rate < 0.0 else t
+            # One step of Newton where the curvature does not matter; a grazing root stays where it is.
+            return max(0.0, t - gap / rate) if rate * rate > 4.0 * bound * noise else t
         step = _safe_step(gap, rate, bound)
         if corners and omega != 0.0:
             # The support height has a kink at +-pi, where the other corner takes over: heed that corner as well,
@@ -125,4 +140,5 @@ def finish_time(x: float, u: float, acceleration: float, length: float) -> float
     discriminant = u * u + 2.0 * acceleration * ahead
     if discriminant < 0.0 or (acceleration < 0.0 and u <= 0.0):
         return math.inf
-    return 2.0 * ahead / (u + math.sqrt(discriminant))
+    root = math.sqrt(discriminant)
+    return 2.0 * ahead / (u + root) if u >= 0.0 else (root - u) / acceleration

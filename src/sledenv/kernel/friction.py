@@ -2,7 +2,7 @@
 
 Three velocities of the contact are set-valued together: slip ``v_t``, spin ``omega`` and gap rate ``v_n``. Each that is
 nonzero fixes its force by its sign; each that is zero either stays locked, its force within bounds, or leaves with
-either sign. The branch of least violation is the answer: docs/physics.md, section 4.
+either sign. The branch of least violation is the answer: docs/physics.md, section 4.2.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def branch_forces(
     slip: int,
     spin: int,
 ) -> tuple[float, float, float]:
-    """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md (4.2).
+    """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md, section 4.2.
 
     Each force is solved for in turn: a general solution of the three equations would cancel for a slender body.
     """

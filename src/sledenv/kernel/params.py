@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
+import numpy as np
+
 Rule = tuple[Callable[[float], bool], str]
 
 _FINITE: Rule = (math.isfinite, "a finite number")
@@ -30,6 +32,8 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     """
     accepts, allowed = rule
     try:
+        if isinstance(value, str | bytes) or getattr(value, "dtype", np.dtype(float)).kind not in "biuf":
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{owner}.{field} = {value!r}: must be a number {allowed}") from None
@@ -177,7 +181,8 @@ class ContactLaw(_ContactLawFields):
         """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
         rule: Rule = (lambda v: 0.0 < v <= 1.0, "in (0, 1]")
         squared = checked("ContactLaw", "restitution", restitution, rule) ** 2
-        return cls(stiffness, (1.0 - squared) / (1.0 + squared), friction, rolling_arm, corner_rolling_arm)
+        asymmetry = min((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
+        return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
 class RigidLaw(NamedTuple):

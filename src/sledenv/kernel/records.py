@@ -29,7 +29,7 @@ class Status(StrEnum):
     RUNNING = "running"  # never returned by a whole descent
     FINISH = "finish"  # the mass centre reached the end of the slope
     JAMMED = "jammed"  # at rest for good: full stick on the incline
-    TUMBLED = "tumbled"  # both corners touch: the body lies on its chord
+    TUMBLED = "tumbled"  # the body came to lie on its chord
     TIMEOUT = "timeout"  # max_time elapsed
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
     STEP_BUDGET = "step_budget"  # max_steps integration steps were spent

@@ -233,7 +233,8 @@ def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: 
     """Follow the impacts of a chord that lies on the slope, one corner at a time: docs/physics.md, section 8.
 
     The corners are hit in turn, the faster first, with the restitution of the law. A body that still approaches after
-    MOST_CHORD_IMPACTS of them, or with both corners slower than ``law.settle_speed``, lies on its chord.
+    MOST_CHORD_IMPACTS of them, or with both corners slower than ``law.settle_speed``, lies on its chord; so does
+    one that is pressed onto the slope with both corners at rest.
 
     Returns
     -------

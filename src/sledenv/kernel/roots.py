@@ -9,7 +9,8 @@ import numpy as np
 from sledenv.kernel.jit import kernel
 
 UNIT = 2.3e-16
-MOST_ITERATIONS = 400
+MOST_ITERATIONS = 1000
+PATIENCE = 12
 
 
 @kernel
@@ -19,6 +20,18 @@ def horner(series: np.ndarray, t: float) -> float:
     for k in range(series.shape[0] - 1, -1, -1):
         value = value * t + series[k]
     return value
+
+
+@kernel
+def _curvature(q: np.ndarray, first: int, end: float) -> float:
+    """Bound on the second derivative of the series ``q[first:]`` on [0, end]."""
+    total = 0.0
+    power = 1.0
+    for k in range(first + 2, q.shape[0]):
+        j = k - first
+        total += j * (j - 1) * abs(q[k]) * power
+        power *= end
+    return total
 
 
 @kernel
@@ -59,27 +72,34 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     if q[first] < 0.0:
         return 0.0
     rest = 0.0
-    curvature = 0.0
     for k in range(first + 2, size):
-        j = k - first
         rest += abs(q[k])
-        curvature += j * (j - 1) * abs(q[k])
     slope = q[first + 1] if first + 1 < size else 0.0
     if q[first] + min(slope, 0.0) - rest > 0.0:
         return math.inf
-    # |second derivative| <= curvature: go to the first root of the parabola below, never past a root of the series.
+    # |second derivative| <= curvature on [0, end]: go to the first root of the parabola below the series, which is
+    # never past a root of the series itself. Where that takes long the bound is too wide: shorten its interval.
     s = 0.0
+    end = 1.0
+    curvature = _curvature(q, first, end)
     value = q[first]
-    for _ in range(MOST_ITERATIONS):
+    for i in range(MOST_ITERATIONS):
+        if i % PATIENCE == PATIENCE - 1 and 2.0 * s < end:
+            end = 2.0 * s
+            curvature = _curvature(q, first, end)
         root = math.sqrt(slope * slope + 2.0 * curvature * value)
         if slope < 0.0:
             s += 2.0 * value / (root - slope)
         elif curvature > 0.0:
             s += (slope + root) / curvature
         else:
-            return math.inf
-        if s > 1.0:
-            return math.inf
+            s = 2.0
+        if s > end:
+            if end == 1.0:
+                return math.inf
+            s = end
+            end = min(1.0, 2.0 * end)
+            curvature = _curvature(q, first, end)
         value = 0.0
         slope = 0.0
         for k in range(size - 1, first - 1, -1):

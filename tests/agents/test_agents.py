@@ -1,0 +1,146 @@
+"""Agents train into folders that appear only when complete, and are judged on contexts that no training has seen."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+import agents.demo
+import agents.train
+from agents.evaluate import Score, evaluate, interval, main, table
+from agents.problem import Problem
+from agents.sac import Sac
+from agents.train import default_settings, load_run, run_folder, train
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Settings with which a training run takes seconds."""
+    original = default_settings
+
+    def settings(algo):
+        values = original(algo)
+        if algo == "sac":
+            values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
+        if algo == "best_fixed":
+            values |= {"n_timesteps": 400, "contexts": 20}
+        return values
+
+    monkeypatch.setattr(agents.train, "default_settings", settings)
+
+
+def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
+    problem = Problem("brake_mat")
+    splits = {split: set(problem.contexts(split, 200)) for split in ("train", "validation", "test")}
+    assert len(set.union(*splits.values())) == 600
+    assert problem.contexts("test", 3) == problem.contexts("test", 50)[:3]
+    assert problem.contexts("train", 3, seed=1) != problem.contexts("train", 3, seed=2)
+
+
+@pytest.mark.parametrize("algo", ["zero", "random", "best_fixed", "sac"])
+def test_a_trained_run_is_complete_and_loads_to_the_same_agent(algo, quick, tmp_path):
+    """Oracle: two loads judge alike; the folder holds the resolved configuration."""
+    folder = train(algo, "brake_mat", seed=3, runs=tmp_path)
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    assert config["algo"] == algo
+    assert config["scenario_hash"] == Problem("brake_mat").task.scenario.hash
+    assert "numba" in config["versions"]
+    assert not list(tmp_path.glob("*.part"))
+    rewards = []
+    for _ in range(2):
+        problem, agent, _ = load_run(folder)
+        rewards.append(evaluate(problem, agent, algo, 20).rewards)
+    assert np.array_equal(*rewards)
+    assert ((rewards[0] >= 0.0) & (rewards[0] <= 1.0)).all()
+
+
+def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
+    folder = train("sac", "brake_mat", seed=0, runs=tmp_path)
+    curve = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
+    assert curve[0, 0] == 0
+    assert curve[-1, 0] >= 160
+    problem, agent, _ = load_run(folder)
+    mean = problem.judge(agent, problem.contexts("validation", 128)).jam.reward.mean()
+    assert mean == pytest.approx(curve[:, 1].max(), abs=1e-12)
+    assert list((folder / "tensorboard").rglob("events*"))
+    assert Sac.load_untrained(folder).act(np.zeros((2, 8), np.float32)).shape == (2, 2)
+
+
+def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):
+    """Oracle: the same candidates, judged again one by one."""
+    folder = train("best_fixed", "brake_mat", seed=1, runs=tmp_path)
+    problem, agent, _ = load_run(folder)
+    contexts = problem.contexts("train", 20, 1)
+    best = problem.judge(agent, contexts).jam.reward.mean()
+    rng = np.random.default_rng(0)
+    others = [problem.descend(contexts, np.tile(a, (20, 1))).jam.reward.mean() for a in rng.uniform(-1, 1, (5, 2))]
+    assert best > np.median(others)
+
+
+def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(quick, tmp_path, monkeypatch):
+    def interrupt(*args):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(agents.train.ALGORITHMS["zero"], "train", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            train("zero", "brake_mat", runs=tmp_path)
+    folder = run_folder(tmp_path, "zero", "brake_mat", "both", 0)
+    assert not folder.exists()
+    assert train("zero", "brake_mat", runs=tmp_path) == folder
+    with pytest.raises(FileExistsError, match="--overwrite"):
+        train("zero", "brake_mat", runs=tmp_path)
+    train("zero", "brake_mat", runs=tmp_path, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scenario", "brake_mta"], "brake_mat"),
+        (["--algo", "zero", "--steps", "0"], "steps = 0: must be >= 1"),
+    ],
+)
+def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, message, tmp_path, capsys):
+    assert agents.train.main([*arguments, "--runs", str(tmp_path / "runs")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_evaluating_what_is_no_run_is_explained(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 2
+    assert "no finished run" in capsys.readouterr().err
+
+
+def test_a_run_of_another_version_of_the_scenario_is_refused(quick, tmp_path):
+    folder = train("zero", "brake_mat", runs=tmp_path)
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    (folder / "config.yaml").write_text(yaml.safe_dump(config | {"scenario_hash": "0" * 16}))
+    with pytest.raises(ValueError, match="has changed"):
+        load_run(folder)
+
+
+def test_the_table_compares_context_by_context():
+    """Oracle: a constant lead of .1 on noisy contexts has an interval without width."""
+    rng = np.random.default_rng(0)
+    base = rng.uniform(0.2, 0.6, 50)
+    status = np.full(50, "finish")
+    text = table([Score("low", base, status), Score("high", base + 0.125, status)])
+    assert "+0.1250 [+0.1250, +0.1250]" in text
+    low, high = interval(base)
+    assert low < base.mean() < high
+
+
+def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(agents.demo, "CONTEXTS", 12)
+    assert agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    assert "minus agent" in capsys.readouterr().out
+    scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
+    assert [score["agent"] for score in scores] == list(agents.demo.ALGORITHMS)
+    assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
+    assert agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    assert "already trained" in capsys.readouterr().out
