@@ -34,8 +34,8 @@ class Score(NamedTuple):
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """95 % bootstrap interval (BCa) of the mean over contexts."""
-    if np.ptp(values) == 0.0:
-        return float(values[0]), float(values[0])
+    if np.ptp(values) <= 1e-12:  # nothing to resample
+        return float(values.mean()), float(values.mean())
     result = bootstrap((values,), np.mean, n_resamples=2000, rng=np.random.default_rng(0))
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.records import FINISH
+from sledenv.kernel.records import FINISH, NON_FINITE
 
 
 class ReboundJam(NamedTuple):
@@ -52,9 +52,11 @@ def descent_jam(outcomes: np.ndarray | np.void, mass: float, length: np.ndarray 
     over gains nothing by it.
     """
     finished = outcomes["status"] == FINISH
-    progress = np.clip(outcomes["x"] / length, 0.0, 1.0)
-    kept = 0.5 * mass * np.square(np.maximum(outcomes["u"], 0.0))
-    supplied = outcomes["supplied"]
-    ratio = np.divide(kept, supplied, out=np.zeros_like(kept), where=(supplied > 0.0) & np.isfinite(kept))
-    retention = np.where(finished, np.clip(ratio, 0.0, 1.0), 0.0)
+    lost = outcomes["status"] == NON_FINITE
+    x = np.where(lost, 0.0, outcomes["x"])
+    u = np.where(finished, np.maximum(outcomes["u"], 0.0), 0.0)
+    supplied = np.where(finished, outcomes["supplied"], 1.0)
+    kept = 0.5 * mass * np.square(u)
+    retention = np.clip(np.divide(kept, supplied, out=np.zeros_like(kept), where=supplied > 0.0), 0.0, 1.0)
+    progress = np.clip(x / length, 0.0, 1.0)
     return DescentJam(progress, retention, 0.5 * progress + 0.5 * np.sqrt(retention))

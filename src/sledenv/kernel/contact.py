@@ -110,7 +110,7 @@ def _choose_branch(
     drive_t = slope.gravity * math.sin(slope.angle) + a * square
     drive_n = -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square
     shallow = NO_DEPTH * size
-    if drive_t != 0.0 and pair.k_closing < math.inf:
+    if abs(drive_t) > NO_DEPTH * abs(drive_n) and pair.k_closing < math.inf:
         shallow = min(shallow, NO_LOAD * body.mass * abs(drive_t) / pair.k_closing)
     depth = max(-state[GAP], shallow)
     return resolve(
@@ -151,6 +151,15 @@ def _longest_step(
     if state[OMEGA] != 0.0:
         step = min(step, 1.0 / abs(state[OMEGA]))  # sine and cosine converge fast
     return step
+
+
+@kernel
+def _drop_pull(velocity: np.ndarray, sign: int) -> int:
+    """Clear the second coefficient if it opposes ``sign``; return the number of leading coefficients that vanish."""
+    if sign * velocity[1] > 0.0:
+        return 1
+    velocity[1] = 0.0
+    return 2
 
 
 @kernel
@@ -293,13 +302,13 @@ def contact(
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break
-        # Drop the rounding error of an acceleration that vanishes by construction.
+        # An acceleration that vanishes by construction must not pull back by rounding.
         if gap_zeros == 2:
-            c[V_N, 1] = 0.0
+            gap_zeros = _drop_pull(c[V_N], gap_rate)
         if slip_zeros == 2:
-            c[V_T, 1] = 0.0
+            slip_zeros = _drop_pull(c[V_T], slip)
         if spin_zeros == 2:
-            c[OMEGA, 1] = 0.0
+            spin_zeros = _drop_pull(c[OMEGA], spin)
         step = _longest_step(body, feature, pair.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
