@@ -209,6 +209,18 @@ def test_a_landing_on_the_chord_has_a_mirror_image(phi: float, friction: float) 
     assert math.sin(other.state.phi) == pytest.approx(-math.sin(one.state.phi), abs=1e-11)
 
 
+@pytest.mark.parametrize("half_angle", [0.4, 1.4, 1.5, 2.5])
+@pytest.mark.parametrize("phi", [math.pi, -math.pi])
+def test_a_body_that_falls_flat_comes_to_lie_on_its_chord(half_angle: float, phi: float) -> None:
+    """Oracle: symmetry: both corners strike at once, again and again, and it loses energy each time."""
+    body = circular_segment(2.0, 0.3, half_angle)
+    law = ContactLaw(1e6, 0.85, 0.3, 0.0)
+    for clearance in (0.0, 0.1, 0.3):
+        end = simulate(body, law, Slope(0.0), launched(body, (clearance, phi, 0.0, 0.0, 0.0)), max_time=3.0)
+        assert end.status == Status.TUMBLED
+        assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-9)
+
+
 def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
     """Oracle: a rod set down upright without losses springs back to zero depth and speed, and again, for ever."""
     rod = Body(1.0, 0.0, 0.4, 0.02)
@@ -377,10 +389,10 @@ def test_a_state_that_overflows_is_reported(launch: State) -> None:
     assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
 
 
-@pytest.mark.parametrize("launch", [State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), State(0.0, 0.5, 0.0, 1e308)], ids=str)
-def test_a_state_that_overflows_earns_nothing(launch: State) -> None:
-    """Oracle: the reward lies in [0, 1] whatever happens, and a descent that did not close its books does not count."""
-    assert 0.0 <= simulate(DISC, LAW, Slope(0.0, 10.0), launch, max_time=10.0).jam.reward <= 0.5
+def test_a_state_that_overflows_earns_nothing() -> None:
+    """Oracle: a descent that did not close its books does not count."""
+    end = simulate(DISC, LAW, Slope(0.0, 10.0), State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), max_time=10.0)
+    assert end.jam.reward == 0.0
 
 
 @pytest.mark.parametrize("name", scenario_names())

@@ -15,13 +15,14 @@ from sledenv.jam import descent_jam, rebound_jam
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import FINISH as FINISHED
-from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, Status
+from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
 
 property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
 WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
-UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code != FINISHED]
+energies = st.one_of(st.just(0.0), st.floats(1e-9, 1e6))
+UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code not in (FINISHED, NON_FINITE)]
 
 
 def rebounds(**fields: Any) -> np.ndarray:
@@ -115,6 +116,12 @@ def test_a_descent_that_does_not_finish_earns_its_progress_alone(status: int) ->
     assert jam.reward == pytest.approx([0.45, 0.0, 0.0, 0.5])
 
 
+def test_a_descent_that_overflows_earns_nothing() -> None:
+    """Oracle: the place of a state that is not a number is no progress."""
+    jam = descent_jam(outcomes(status=[NON_FINITE] * 3, x=[np.nan, np.inf, 5.0], u=np.nan, supplied=np.inf), 2.0, 10.0)
+    assert jam.reward.tolist() == [0.0] * 3
+
+
 def test_progress_on_a_slope_without_end_is_none() -> None:
     """Oracle: x/inf."""
     jam = descent_jam(outcomes(status=[4], x=1e6, u=5.0, supplied=1.0), 2.0, math.inf)
@@ -141,7 +148,7 @@ def test_a_descent_without_supplied_energy_is_not_divided_by_it(supplied: float)
 
 
 @property_of_all
-@given(st.integers(0, 7), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(0.0, 1e6), st.floats(1e-3, 1e3))
+@given(st.integers(0, 7), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), energies, st.floats(1e-3, 1e3))
 def test_the_reward_lies_between_0_and_1(status: int, x: float, u: float, supplied: float, length: float) -> None:
     """Oracle: the range that the documentation promises, for any outcome."""
     jam = descent_jam(outcomes(status=[status], x=x, u=u, supplied=supplied), 2.0, length)

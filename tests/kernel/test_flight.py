@@ -205,6 +205,7 @@ def test_the_mirrored_flight_lands_at_the_same_time(
 def test_the_finish_is_the_first_place_at_the_end_of_the_slope(x: float, u: float, rate: float, length: float) -> None:
     """Oracle: numpy.roots, and the place at the time found."""
     assume(rate == 0.0 or abs(rate) > 0.1)
+    assume(u == 0.0 or abs(u) > 1e-100)  # numpy.roots divides by it
     roots = np.roots([0.5 * rate, u, x - length]) if rate != 0.0 else np.roots([u, x - length])
     ahead = [z.real for z in roots if z.imag == 0.0 and z.real > 0.0]
     found = finish_time(x, u, rate, length)

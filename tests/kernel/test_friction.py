@@ -259,6 +259,7 @@ def test_without_rolling_resistance_the_normal_force_turns_the_body(a: float, sp
     assert choose(a, 0.0, (-1, 0, 0), friction=0.0, arm=0.0) == (-1, 0, spin)
 
 
+@pytest.mark.jit_only  # plain Python refuses to divide by zero
 def test_a_singular_branch_is_not_chosen() -> None:
     """Oracle: J/m + a^2 + a b f s = 0 leaves a sliding contact without normal force to rest on (Painleve).
 

@@ -38,6 +38,7 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.trajectory import add_sample
 
+TOGETHER = 1e-12  # of the speed scale: gap rates of the two corners that are equal but for rounding
 ONE_CORNER = -3  # status: one corner has left, the other still touches
 
 # Rows of the table of series, which is the one of a single contact.
@@ -253,6 +254,11 @@ def chord_contact(
                 sign_of(now[SLIP]),
                 sign_of(now[SPIN]),
             )
+            # A friction without a force has no surface to stay on: its velocity passes zero freely.
+            if pair.friction == 0.0:
+                slip = 1
+            if pair.corner_rolling_arm == 0.0:
+                spin = 1
             choose = False
             zero_slip = 1 if now[SLIP] == 0.0 else 0
             zero_spin = 1 if now[SPIN] == 0.0 else 0
@@ -297,7 +303,7 @@ def chord_contact(
                 at = _bound_root(c, FORCE, sign, pair.friction, step)
                 if at < math.inf:
                     step, event, leave_slip = at, 5, -sign
-        else:
+        elif pair.friction > 0.0:
             at = _root(c, SLIP, slip, step, zero_slip)
             if at < math.inf:
                 step, event, leave_slip = at, 5, 0
@@ -306,7 +312,7 @@ def chord_contact(
                 at = _bound_root(c, MOMENT, sign, pair.corner_rolling_arm, step)
                 if at < math.inf:
                     step, event, leave_spin = at, 6, -sign
-        else:
+        elif pair.corner_rolling_arm > 0.0:
             at = _root(c, SPIN, spin, step, zero_spin)
             if at < math.inf:
                 step, event, leave_spin = at, 6, 0
@@ -357,11 +363,11 @@ def chord_contact(
             now[GAP_1] = 0.0
         if event == 4:
             now[GAP_2] = 0.0
-        difference = pair.k_closing - pair.k_opening
-        if sign_1 > 0:
-            state[HYSTERESIS] += 0.5 * difference * (before_1 * before_1 - now[GAP_1] * now[GAP_1])
-        if sign_2 > 0:
-            state[HYSTERESIS] += 0.5 * difference * (before_2 * before_2 - now[GAP_2] * now[GAP_2])
+        # One sum of both corners: a mirror image exchanges them.
+        eased = (before_1 * before_1 - now[GAP_1] * now[GAP_1] if sign_1 > 0 else 0.0) + (
+            before_2 * before_2 - now[GAP_2] * now[GAP_2] if sign_2 > 0 else 0.0
+        )
+        state[HYSTERESIS] += 0.5 * (pair.k_closing - pair.k_opening) * eased
         zero_1, zero_2, zero_slip, zero_spin = 0, 0, 0, 0
 
         if event == 0:
@@ -389,35 +395,32 @@ def chord_contact(
             zero_spin = 2
             choose = leave_spin == 0
         else:
-            # A gap rate is zero: does the corner turn back with the other stiffness, or does it rest?
+            # A gap rate is zero: does the corner turn back with the other stiffness, or does it rest? After a flat
+            # landing both turn at the same time.
             sine, cosine = math.sin(now[THETA]), math.cos(now[THETA])
-            side = 1.0 if event == 1 else -1.0
-            rates = np.zeros(2)
-            for trial in range(2):
-                stiffness = pair.k_closing if trial == 0 else pair.k_opening
-                _expand(
-                    body,
-                    pair,
-                    slope,
-                    stiffness if event == 1 else (pair.k_closing if sign_1 < 0 else pair.k_opening),
-                    stiffness if event == 2 else (pair.k_closing if sign_2 < 0 else pair.k_opening),
-                    slip,
-                    spin,
-                    now,
-                    c,
-                )
-                rates[trial] = c[GAP_1 if side > 0.0 else GAP_2, 2]
-            if rates[1] > 0.0:
-                turned = 1
-            elif rates[0] < 0.0:
-                turned = -1
-            else:
+            both = abs(2.0 * half * cosine * now[SPIN]) <= TOGETHER * scale
+            if both:
+                now[SPIN] = 0.0
+            turning_1, turning_2 = both or event == 1, both or event == 2
+            pulls, pushes = True, True  # whether every turning corner would close, or open
+            for sign in (-1, 1):
+                trial_1 = sign if turning_1 else sign_1
+                trial_2 = sign if turning_2 else sign_2
+                k_1 = pair.k_closing if trial_1 < 0 else pair.k_opening
+                k_2 = pair.k_closing if trial_2 < 0 else pair.k_opening
+                _expand(body, pair, slope, k_1, k_2, slip, spin, now, c)
+                for turning, row in ((turning_1, GAP_1), (turning_2, GAP_2)):
+                    if turning and sign < 0 and not c[row, 2] < 0.0:
+                        pulls = False
+                    if turning and sign > 0 and not c[row, 2] > 0.0:
+                        pushes = False
+            if not pulls and not pushes:
                 status = TUMBLED
                 break
-            if event == 1:
-                sign_1, zero_1 = turned, 1
-            else:
-                sign_2, zero_2 = turned, 1
+            if turning_1:
+                sign_1, zero_1 = 1 if pushes else -1, 1
+            if turning_2:
+                sign_2, zero_2 = 1 if pushes else -1, 1
             choose = True
 
     # Back to the coordinates of the corner that touches, or of the deeper one.

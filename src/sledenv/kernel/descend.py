@@ -143,7 +143,7 @@ def close_books(
     outcome["hysteresis"] = hysteresis
     outcome["sliding"] = sliding
     outcome["rolling"] = rolling
-    if not math.isfinite(x + y + phi + u + v + omega):
+    if not math.isfinite(x + y + phi + u + v + omega + outcome["kinetic"] + outcome["initial"]):
         status = NON_FINITE
     outcome["status"] = status
     outcome["t"] = t
