@@ -291,7 +291,10 @@ def contact(
             status = JAMMED
             break
         if rigid and gap_rate > 0:
-            status = RUNNING
+            h, _, shift = geometry
+            turning = h * math.cos(state[PHI] + shift) * state[OMEGA] * state[OMEGA]
+            pressed = slope.gravity * math.cos(slope.angle) + turning > 0.0
+            status = INCONSISTENT if pressed else RUNNING
             break
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET

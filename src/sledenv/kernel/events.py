@@ -14,6 +14,8 @@ from sledenv.kernel.roots import first_root
 from sledenv.kernel.series import ORDER, R_COSINE, R_FORCE, R_MOMENT, R_NORMAL, R_SCRATCH, R_SINE
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 
+FLAT = 1e-13  # [rad] rounding error of an orientation after many turns
+
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
 RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS = range(5, 11)
 
@@ -76,7 +78,7 @@ def _chord_down(body: Body, feature: int, shift: float, c: np.ndarray, step: flo
     q = c[R_SCRATCH]
     for k in range(ORDER + 1):
         q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
-    return first_root(q, step, 0, 4e-16 * abs(reach))
+    return first_root(q, step, 0, FLAT * abs(reach))
 
 
 @kernel

@@ -44,7 +44,8 @@ def branch_forces(
 ) -> tuple[float, float, float]:
     """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md, section 4.2.
 
-    Each force is solved for in turn: a general solution of the three equations would cancel for a slender body.
+    Each force is solved for in turn: a general solution of the three equations would cancel for a slender body. Where a
+    normal force would pull the surfaces together (the Painleve region) a locked gap repels: the branch is NaN.
     """
     per_mass, per_inertia, a, b = w
     mass = 1.0 / per_mass
@@ -57,14 +58,19 @@ def branch_forces(
         lever = -spin * arm - a  # of the normal force about the mass centre
         hinge = 1.0 + mass * b * b * per_inertia
         if locked_normal:
-            spin_rate = -mass * (lever * drive_n + b * drive_t) * per_inertia / (hinge - mass * a * lever * per_inertia)
+            yielding = hinge - mass * a * lever * per_inertia
+            if not yielding > 0.0:
+                return math.nan, math.nan, math.nan
+            spin_rate = -mass * (lever * drive_n + b * drive_t) * per_inertia / yielding
             normal = mass * (a * spin_rate - drive_n)
         else:
             spin_rate = (lever * normal - mass * b * drive_t) * per_inertia / hinge
         return -mass * (drive_t + b * spin_rate), -spin * arm * normal, normal
     if locked_normal:
-        lever = -spin * arm - a - slip * friction * b
-        normal = -drive_n / (per_mass - a * lever * per_inertia)
+        yielding = per_mass - a * (-spin * arm - a - slip * friction * b) * per_inertia
+        if not yielding > 0.0:
+            return math.nan, math.nan, math.nan
+        normal = -drive_n / yielding
     return -slip * friction * normal, -spin * arm * normal, normal
 
 
