@@ -12,10 +12,14 @@ from sledenv.kernel.chord import ONE_CORNER, chord_contact
 from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
+from sledenv.kernel.records import TUMBLED
 from sledenv.kernel.rigid import strike
-from sledenv.kernel.state import ON_CHORD
+from sledenv.kernel.state import ON_CHORD, TIME
 
 Law = ContactLaw | RigidLaw
+
+# Between two corners that hand a body over to each other so often without any time passing it lies on its chord.
+MOST_IDLE = 30
 
 
 @kernel
@@ -38,13 +42,19 @@ def _compliant_touch(
         law.corner_rolling_arm,
         np.inf,
     )
+    idle = 0
     while True:
+        start = state[TIME]
         status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
         if status != BOTH_CORNERS:
             break
         state[ON_CHORD] = 1.0
         status, steps, samples = chord_contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
         if status != ONE_CORNER:
+            break
+        idle = 0 if state[TIME] > start else idle + 1
+        if idle > MOST_IDLE:
+            status = TUMBLED
             break
     return status, steps, samples
 
