@@ -1,24 +1,52 @@
 """Contact of the chord: both corners touch, each by the two-stiffness law of its own; docs/physics.md, section 8.
 
-With ``theta`` = phi - pi the arms of the corners are ``a = -H sin(theta) -+ L cos(theta)`` and
-``b = H cos(theta) -+ L sin(theta)``; H is the distance of the mass centre from the chord, L half the chord. The two
-normal forces are independent; the chord slips as one, at the mean of the two arms b, which differ by no more than the
-penetrations do.
+With ``theta`` = phi - pi the point of each side lies at the arms ``a = -A sin(theta) - B cos(theta)`` and ``b = r + A
+cos(theta) - B sin(theta)``. While it is a corner, ``A`` is the distance of the mass centre from the chord, ``B`` half
+the chord (negative on the side of the nose) and ``r`` zero; where a body presses in so deep that it turns past the end
+of its arc, the arc takes over on that side with ``A = h``, ``B = 0`` and its radius. The two normal forces are
+independent; the body slips as one, at the mean of the two arms b, which differ by no more than the penetrations do.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.contact import MOST_STALLED, Pair, sign_of
+from sledenv.kernel.contact import MOST_STALLED, Pair, drop_pull, sign_of
+from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
-from sledenv.kernel.records import CHORD, FINISH, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT, TUMBLED
+from sledenv.kernel.records import (
+    ARC,
+    BURIED,
+    CHORD,
+    FINISH,
+    NON_FINITE,
+    NOSE,
+    RUNNING,
+    STEP_BUDGET,
+    TAIL,
+    TIMEOUT,
+    TUMBLED,
+)
 from sledenv.kernel.roots import first_root, horner
-from sledenv.kernel.series import ORDER, integral, product
+from sledenv.kernel.series import (
+    ORDER,
+    R_COSINE,
+    R_FORCE,
+    R_MOMENT,
+    R_NORMAL,
+    R_SCRATCH,
+    R_SINE,
+    R_SPIN_RATE,
+    R_SQUARE,
+    integral,
+    product,
+    step_size,
+)
 from sledenv.kernel.state import (
     FEATURE,
     GAP,
@@ -38,12 +66,37 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.trajectory import add_sample
 
-TOGETHER = 1e-12  # of the speed scale: gap rates of the two corners that are equal but for rounding
-ONE_CORNER = -3  # status: one corner has left, the other still touches
+TOGETHER = 1e-12  # of the speed scale: gap rates of the two sides that are equal but for rounding
+TOUCHING = 1e-9  # of the size: gap of the second corner where it starts to touch
+ONE_CORNER = -3  # status: one side has left, the other still touches
 
-# Rows of the table of series, which is the one of a single contact.
-THETA, X_, Y, V, SLIP, SPIN, GAP_1, GAP_2, SINE, COSINE = range(10)
-NORMAL_1, NORMAL_2, NORMAL, FORCE, MOMENT, ARM, DRIVE, TURNING, SPIN_RATE, SQUARE, DIVISOR, SCRATCH = range(10, 22)
+# Rows of the table of series, beside those of a single contact: GAP is the gap of the side of the tail, V_N the
+# velocity of the mass centre; PHI counts from the orientation in which the chord lies flat.
+Y, GAP_2, ARM, DRIVE, NORMAL_1, NORMAL_2, DIVISOR, LOAD, TURNING = 0, 12, 13, 16, 17, 18, 19, 20, 21
+STATE_ROWS = (Y, X, PHI, GAP, V_N, V_T, OMEGA, GAP_2)
+
+
+class Side(NamedTuple):
+    """Where one of the two contacts lies; see the top of this module."""
+
+    along: float  # [m] A
+    across: float  # [m] B
+    radius: float  # [m] r
+    rolling_arm: float  # [m] delta
+
+
+@kernel
+def _side(body: Body, pair: Pair, tail: bool, on_arc: bool) -> Side:
+    if on_arc:
+        return Side(body.eccentricity, 0.0, body.radius, pair.rolling_arm)
+    height, half = chord_lengths(body)
+    return Side(height, half if tail else -half, 0.0, pair.corner_rolling_arm)
+
+
+@kernel
+def _arms(side: Side, theta: float) -> tuple[float, float]:
+    sine, cosine = math.sin(theta), math.cos(theta)
+    return -side.along * sine - side.across * cosine, side.radius + side.along * cosine - side.across * sine
 
 
 @kernel
@@ -56,89 +109,93 @@ def chord_lengths(body: Body) -> tuple[float, float]:
 
 
 @kernel
+def _mean(one: Side, two: Side) -> Side:
+    """Where the body slips."""
+    return Side(0.5 * (one.along + two.along), 0.5 * (one.across + two.across), 0.5 * (one.radius + two.radius), 0.0)
+
+
+@kernel
 def _expand(
     body: Body,
-    pair: Pair,
+    friction: float,
     slope: Slope,
+    one: Side,
+    two: Side,
     stiffness_1: float,
     stiffness_2: float,
     slip: int,
     spin: int,
-    start: np.ndarray,
+    now: np.ndarray,
     c: np.ndarray,
 ) -> None:
-    """Fill ``c`` with the series of one step from the first eight entries of ``start``: docs/physics.md (8.4)."""
+    """Fill ``c`` with the series of one step from the state rows of ``now``: docs/physics.md (8.4)."""
     m = body.mass
-    height, half = chord_lengths(body)
     downhill = slope.gravity * math.sin(slope.angle)
     inward = slope.gravity * math.cos(slope.angle)
-    mu = -slip * pair.friction
-    rho = -spin * pair.corner_rolling_arm
-    for row in range(8):
-        c[row, 0] = start[row]
-    sine, cosine, spins, speed = c[SINE], c[COSINE], c[SPIN], c[V]
-    sine[0] = math.sin(start[THETA])
-    cosine[0] = math.cos(start[THETA])
+    mu = -slip * friction
+    middle = _mean(one, two)
+    for row in STATE_ROWS:
+        c[row, 0] = now[row]
+    sine, cosine, spins, speed = c[R_SINE], c[R_COSINE], c[OMEGA], c[V_N]
+    sine[0] = math.sin(now[PHI])
+    cosine[0] = math.cos(now[PHI])
     for k in range(ORDER):
-        one = 1.0 if k == 0 else 0.0
-        c[ARM, k] = height * cosine[k]
-        c[SQUARE, k] = product(spins, spins, k)
-        c[NORMAL_1, k] = -stiffness_1 * c[GAP_1, k]
+        on = 1.0 if k == 0 else 0.0
+        c[ARM, k] = middle.radius * on + middle.along * cosine[k] - middle.across * sine[k]
+        c[R_SQUARE, k] = product(spins, spins, k)
+        c[NORMAL_1, k] = -stiffness_1 * c[GAP, k]
         c[NORMAL_2, k] = -stiffness_2 * c[GAP_2, k]
-        c[NORMAL, k] = c[NORMAL_1, k] + c[NORMAL_2, k]
+        c[R_NORMAL, k] = c[NORMAL_1, k] + c[NORMAL_2, k]
+        c[LOAD, k] = one.rolling_arm * c[NORMAL_1, k] + two.rolling_arm * c[NORMAL_2, k]
         # -(a_1 N_1 + a_2 N_2)
         c[TURNING, k] = 0.0
         for i in range(k + 1):
-            total, difference = c[NORMAL, k - i], c[NORMAL_1, k - i] - c[NORMAL_2, k - i]
-            c[TURNING, k] += height * sine[i] * total + half * cosine[i] * difference
-        c[DRIVE, k] = downhill * one - height * product(sine, c[SQUARE], k)
+            n_1, n_2 = c[NORMAL_1, k - i], c[NORMAL_2, k - i]
+            c[TURNING, k] += sine[i] * (one.along * n_1 + two.along * n_2)
+            c[TURNING, k] += cosine[i] * (one.across * n_1 + two.across * n_2)
+        c[DRIVE, k] = (
+            downhill * on
+            - middle.along * product(sine, c[R_SQUARE], k)
+            - middle.across * product(cosine, c[R_SQUARE], k)
+        )
         if spin == 0:
-            c[SPIN_RATE, k] = 0.0
-            c[FORCE, k] = -m * c[DRIVE, k] if slip == 0 else mu * c[NORMAL, k]
-            c[MOMENT, k] = -c[TURNING, k] - product(c[ARM], c[FORCE], k)
+            c[R_SPIN_RATE, k] = 0.0
+            c[R_FORCE, k] = -m * c[DRIVE, k] if slip == 0 else mu * c[R_NORMAL, k]
+            c[R_MOMENT, k] = -c[TURNING, k] - product(c[ARM], c[R_FORCE], k)
         else:
-            c[MOMENT, k] = rho * c[NORMAL, k]
+            c[R_MOMENT, k] = -spin * c[LOAD, k]
             if slip == 0:
-                c[DIVISOR, k] = body.inertia * one + m * product(c[ARM], c[ARM], k)
-                rest = c[TURNING, k] + c[MOMENT, k] - m * product(c[ARM], c[DRIVE], k)
+                c[DIVISOR, k] = body.inertia * on + m * product(c[ARM], c[ARM], k)
+                rest = c[TURNING, k] + c[R_MOMENT, k] - m * product(c[ARM], c[DRIVE], k)
                 for i in range(k):
-                    rest -= c[SPIN_RATE, i] * c[DIVISOR, k - i]
-                c[SPIN_RATE, k] = rest / c[DIVISOR, 0]
-                c[FORCE, k] = -m * (c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k))
+                    rest -= c[R_SPIN_RATE, i] * c[DIVISOR, k - i]
+                c[R_SPIN_RATE, k] = rest / c[DIVISOR, 0]
+                c[R_FORCE, k] = -m * (c[DRIVE, k] + product(c[ARM], c[R_SPIN_RATE], k))
             else:
-                c[FORCE, k] = mu * c[NORMAL, k]
-                rest = c[TURNING, k] + c[MOMENT, k] + product(c[ARM], c[FORCE], k)
-                c[SPIN_RATE, k] = rest / body.inertia
+                c[R_FORCE, k] = mu * c[R_NORMAL, k]
+                rest = c[TURNING, k] + c[R_MOMENT, k] + product(c[ARM], c[R_FORCE], k)
+                c[R_SPIN_RATE, k] = rest / body.inertia
         after = 1.0 / (k + 1)
-        slip_rate = c[FORCE, k] / m + c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k)
-        c[SLIP, k + 1] = 0.0 if slip == 0 else slip_rate * after
-        speed[k + 1] = (c[NORMAL, k] / m - inward * one) * after
-        tilt = height * product(sine, spins, k)
-        lever = half * product(cosine, spins, k)
-        c[GAP_1, k + 1] = (speed[k] + tilt + lever) * after
-        c[GAP_2, k + 1] = (speed[k] + tilt - lever) * after
-        c[X_, k + 1] = (c[SLIP, k] - product(c[ARM], spins, k)) * after
+        slip_rate = c[R_FORCE, k] / m + c[DRIVE, k] + product(c[ARM], c[R_SPIN_RATE], k)
+        c[V_T, k + 1] = 0.0 if slip == 0 else slip_rate * after
+        speed[k + 1] = (c[R_NORMAL, k] / m - inward * on) * after
+        tilt, lever = product(sine, spins, k), product(cosine, spins, k)
+        c[GAP, k + 1] = (speed[k] + one.along * tilt + one.across * lever) * after
+        c[GAP_2, k + 1] = (speed[k] + two.along * tilt + two.across * lever) * after
+        c[X, k + 1] = (c[V_T, k] - product(c[ARM], spins, k)) * after
         c[Y, k + 1] = speed[k] * after
-        c[THETA, k + 1] = spins[k] * after
-        spins[k + 1] = c[SPIN_RATE, k] * after
-        sine[k + 1] = product(cosine, spins, k) * after
-        cosine[k + 1] = -product(sine, spins, k) * after
-    for row in (NORMAL_1, NORMAL_2, NORMAL, FORCE, MOMENT):
+        c[PHI, k + 1] = spins[k] * after
+        spins[k + 1] = c[R_SPIN_RATE, k] * after
+        sine[k + 1] = lever * after
+        cosine[k + 1] = -tilt * after
+    for row in (R_NORMAL, NORMAL_1, NORMAL_2, LOAD, R_FORCE, R_MOMENT):
         c[row, ORDER] = 0.0
-
-
-@kernel
-def _root(c: np.ndarray, row: int, sign: float, step: float, vanishing: int) -> float:
-    q = c[SCRATCH]
-    for k in range(ORDER + 1):
-        q[k] = sign * c[row, k]
-    return first_root(q, step, vanishing, 0.0)
 
 
 @kernel
 def _rate_root(c: np.ndarray, row: int, sign: float, step: float, vanishing: int) -> float:
     """First zero of the derivative of a gap."""
-    q = c[SCRATCH]
+    q = c[R_SCRATCH]
     for k in range(ORDER):
         q[k] = sign * (k + 1) * c[row, k + 1]
     q[ORDER] = 0.0
@@ -146,21 +203,21 @@ def _rate_root(c: np.ndarray, row: int, sign: float, step: float, vanishing: int
 
 
 @kernel
-def _bound_root(c: np.ndarray, row: int, sign: float, factor: float, step: float) -> float:
-    """Time at which ``sign`` times a locked force exceeds ``factor`` times the normal force."""
-    q = c[SCRATCH]
+def _edge_root(c: np.ndarray, sign: float, edge: float, step: float, at_edge: int) -> float:
+    """Time at which ``sign * theta`` falls below ``edge``."""
+    q = c[R_SCRATCH]
     for k in range(ORDER + 1):
-        q[k] = factor * c[NORMAL, k] - sign * c[row, k]
-    noise = 1e-15 * (abs(factor * c[NORMAL, 0]) + abs(c[row, 0]))
-    return first_root(q, step, 0, noise)
+        q[k] = sign * c[PHI, k]
+    q[0] -= edge
+    return first_root(q, step, at_edge, 0.0)
 
 
 @kernel
-def _loss(c: np.ndarray, row: int, factor: float, step: float) -> float:
-    """Work of the bound of a friction force against the velocity in ``row``."""
-    q = c[SCRATCH]
+def _loss(c: np.ndarray, bound: int, row: int, factor: float, step: float) -> float:
+    """Work of ``factor`` times the bound of a friction force against the velocity in ``row``."""
+    q = c[R_SCRATCH]
     for k in range(ORDER):
-        q[k] = factor * product(c[NORMAL], c[row], k)
+        q[k] = factor * product(c[bound], c[row], k)
     return max(integral(q, step), 0.0)
 
 
@@ -185,94 +242,99 @@ def chord_contact(
     pair : Pair
         Compliant.
     state
-        That of the corner that came down first; overwritten by that of the one that touches last.
+        That of the feature that came down first; overwritten by that of the one that touches last.
     c, steps, trajectory, samples
         As for :func:`sledenv.kernel.contact.contact`.
 
     Returns
     -------
     tuple of int
-        Status (ONE_CORNER where one corner has left, RUNNING where both have, TUMBLED where a corner comes to rest),
-        steps and samples.
+        Status (ONE_CORNER where one side has left, RUNNING where both have, TUMBLED where a side comes to rest, BURIED
+        where both corners are in the slope with the arc between them down), steps and samples.
     """
-    height, half = chord_lengths(body)
     size = body.radius + body.eccentricity
     downhill = slope.gravity * math.sin(slope.angle)
     inward = slope.gravity * math.cos(slope.angle)
-    feature_side = 1.0 if state[FEATURE] == TAIL else -1.0
+    _, half = chord_lengths(body)
+    edge = math.pi - body.half_angle  # of theta, where the arc takes over from a corner
     turns = math.pi * (2.0 * math.floor(state[PHI] / (2.0 * math.pi)) + 1.0)  # the odd multiple of pi nearby
     theta = state[PHI] - turns
-    sine, cosine = math.sin(theta), math.cos(theta)
-    a = -height * sine - feature_side * half * cosine
-    b = height * cosine - feature_side * half * sine
+    started = int(state[FEATURE])
+    tail_first = started == TAIL or (started == ARC and theta < 0.0)
+    arc_1, arc_2 = started == ARC and tail_first, started == ARC and not tail_first
+    one, two = _side(body, pair, True, arc_1), _side(body, pair, False, arc_2)
+    a, b = _arms(one if tail_first else two, theta)
+    _, b_other = _arms(two if tail_first else one, theta)
+    # Of two corners the difference of the arms suffers no cancellation.
+    other = state[GAP] + (b - b_other if started == ARC else (-2.0 if tail_first else 2.0) * half * math.sin(theta))
+    if abs(other) > TOUCHING * size:
+        return BURIED, steps, samples
     omega = state[OMEGA]
-    now = np.zeros(8)
-    now[THETA] = theta
-    now[X_] = state[X]
+    now = np.zeros(GAP_2 + 1)
+    now[PHI] = theta
+    now[X] = state[X]
     now[Y] = state[GAP] + b
-    now[V] = state[V_N] + a * omega
-    now[SPIN] = omega
-    now[SLIP] = state[V_T] + (height * cosine - b) * omega
-    if abs(now[SLIP]) <= 1e-15 * (abs(state[V_T]) + size * abs(omega)):
-        now[SLIP] = 0.0
-    other = state[GAP] + 2.0 * feature_side * -half * sine  # gap of the other corner
-    now[GAP_1] = state[GAP] if feature_side > 0 else min(other, 0.0)
-    now[GAP_2] = min(other, 0.0) if feature_side > 0 else state[GAP]
-    scale = max(abs(now[V]), abs(now[SLIP]), size * abs(omega), math.sqrt(slope.gravity * size), 1e-12)
-    slip, spin = sign_of(now[SLIP]), sign_of(now[SPIN])
-    sign_1, sign_2 = -1, -1
-    zero_1, zero_2, zero_slip, zero_spin = 0, 0, 0, 0  # leading coefficients that are zero by construction
+    now[V_N] = state[V_N] + a * omega
+    now[OMEGA] = omega
+    now[V_T] = state[V_T] + (_arms(_mean(one, two), theta)[1] - b) * omega
+    if abs(now[V_T]) <= 1e-15 * (abs(state[V_T]) + size * abs(omega)):
+        now[V_T] = 0.0
+    now[GAP] = state[GAP] if tail_first else min(other, 0.0)
+    now[GAP_2] = min(other, 0.0) if tail_first else state[GAP]
+    scale = max(abs(now[V_N]), abs(now[V_T]), size * abs(omega), math.sqrt(slope.gravity * size), 1e-12)
+    sign_1 = 1 if now[V_N] - _arms(one, theta)[0] * omega > 0.0 else -1
+    sign_2 = 1 if now[V_N] - _arms(two, theta)[0] * omega > 0.0 else -1
+    slip, spin = 0, 0
+    zero_1, zero_2, zero_slip, zero_spin = 0, 0, 0, 0  # leading coefficients that vanish by construction
+    at_edge = 0  # the side whose feature has just changed
+    left_slip, left_spin = 0, 0  # signs with which velocities have just been released
     choose = True
     stalled = 0
-    first = True
     while True:
-        sine, cosine = math.sin(now[THETA]), math.cos(now[THETA])
-        rate_1 = now[V] + (height * sine + half * cosine) * now[SPIN]
-        rate_2 = now[V] + (height * sine - half * cosine) * now[SPIN]
-        if first:
-            sign_1 = 1 if rate_1 > 0.0 else -1
-            sign_2 = 1 if rate_2 > 0.0 else -1
-            first = False
         k_1 = pair.k_closing if sign_1 < 0 else pair.k_opening
         k_2 = pair.k_closing if sign_2 < 0 else pair.k_opening
         if choose:
-            n_1 = max(-k_1 * now[GAP_1], 1e-12 * k_1 * size)
+            n_1 = max(-k_1 * now[GAP], 1e-12 * k_1 * size)
             n_2 = max(-k_2 * now[GAP_2], 1e-12 * k_2 * size)
             # For the box rule the two normal forces act as their sum, at the arm of their resultant.
-            arm = -height * sine - half * cosine * (n_1 - n_2) / (n_1 + n_2)
-            square = now[SPIN] * now[SPIN]
+            lever = (_arms(one, now[PHI])[0] * n_1 + _arms(two, now[PHI])[0] * n_2) / (n_1 + n_2)
+            arm = (one.rolling_arm * n_1 + two.rolling_arm * n_2) / (n_1 + n_2)
+            middle = _mean(one, two)
+            a, b = _arms(middle, now[PHI])
+            locked = (slip, spin)
             _, slip, spin = resolve(
-                mobility(body.mass, body.inertia, arm, height * cosine),
-                downhill - height * sine * square,
+                mobility(body.mass, body.inertia, lever, b),
+                downhill + a * now[OMEGA] * now[OMEGA],
                 -inward,
                 pair.friction,
-                pair.corner_rolling_arm,
+                arm,
                 size,
                 n_1 + n_2,
                 n_1 + n_2,
                 -1,
-                sign_of(now[SLIP]),
-                sign_of(now[SPIN]),
+                2 * left_slip if left_slip != 0 else sign_of(now[V_T]),
+                2 * left_spin if left_spin != 0 else sign_of(now[OMEGA]),
             )
             # A friction without a force has no surface to stay on: its velocity passes zero freely.
             if pair.friction == 0.0:
                 slip = 1
-            if pair.corner_rolling_arm == 0.0:
+            if arm == 0.0:
                 spin = 1
+            leaving = 2 if (slip != locked[0]) + (spin != locked[1]) == 1 else 1
+            zero_slip = (leaving if left_slip != 0 else 1) if now[V_T] == 0.0 else 0
+            zero_spin = (leaving if left_spin != 0 else 1) if now[OMEGA] == 0.0 else 0
             choose = False
-            zero_slip = 1 if now[SLIP] == 0.0 else 0
-            zero_spin = 1 if now[SPIN] == 0.0 else 0
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET
             break
         steps += 1
-        _expand(body, pair, slope, k_1, k_2, slip, spin, now, c)
-        step = math.inf
-        for k in (ORDER - 1, ORDER):
-            large = max(abs(c[V, k]), abs(c[SLIP, k]), size * abs(c[SPIN, k]))
-            if large > 0.0:
-                step = min(step, math.exp(math.log(limits.tolerance * scale / large) / k))
-        softness = 2.0 / body.mass + 2.0 * (abs(height) + half) ** 2 * (1.0 + pair.friction) / body.inertia
+        _expand(body, pair.friction, slope, one, two, k_1, k_2, slip, spin, now, c)
+        if zero_slip == 2:
+            zero_slip = drop_pull(c[V_T], slip)
+        if zero_spin == 2:
+            zero_spin = drop_pull(c[OMEGA], spin)
+        step = step_size(c, size, scale, limits.tolerance)
+        softness = 2.0 / body.mass + 2.0 * size**2 * (1.0 + pair.friction) / body.inertia
         step = min(step, 1.4 / math.sqrt(pair.k_closing * softness))
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
@@ -281,135 +343,158 @@ def chord_contact(
             status = NON_FINITE
             break
 
-        # 0 nothing, 1 and 2 a gap rate is zero, 3 and 4 a corner leaves, 5 and 6 slip and spin, 7 the slope ends
+        # 0 nothing, 1 and 2 a gap rate is zero, 3 and 4 a side leaves, 5 and 6 slip and spin, 7 the slope ends, 8 and 9
+        # the arc takes over from a corner or the corner from the arc, 10 the middle of the arc is lowest
         event = 0
-        at = _rate_root(c, GAP_1, sign_1, step, zero_1)
-        if at < math.inf:
-            step, event = at, 1
-        at = _rate_root(c, GAP_2, sign_2, step, zero_2)
-        if at < math.inf:
-            step, event = at, 2
-        if sign_1 > 0:
-            at = _root(c, GAP_1, -1.0, step, 0)
+        # The side that came down first is asked first: the order must not tell a body from its mirror image.
+        for i in (0, 1):
+            tail = (i == 0) == tail_first
+            row, sign, zero = (GAP, sign_1, zero_1) if tail else (GAP_2, sign_2, zero_2)
+            at = _rate_root(c, row, sign, step, zero)
             if at < math.inf:
-                step, event = at, 3
-        if sign_2 > 0:
-            at = _root(c, GAP_2, -1.0, step, 0)
-            if at < math.inf:
-                step, event = at, 4
-        leave_slip, leave_spin = 0, 0
+                step, event = at, 1 if tail else 2
+            if sign > 0:
+                at = series_root(c, row, -1, step, 0)
+                if at < math.inf:
+                    step, event = at, 3 if tail else 4
+        release_slip, release_spin = 0, 0
         if slip == 0:
-            for sign in (1, -1):
-                at = _bound_root(c, FORCE, sign, pair.friction, step)
+            for sign in both_signs(c[R_FORCE, 0]):
+                at = bound_root(c, R_NORMAL, R_FORCE, sign, pair.friction, step)
                 if at < math.inf:
-                    step, event, leave_slip = at, 5, -sign
+                    step, event, release_slip = at, 5, -sign
         elif pair.friction > 0.0:
-            at = _root(c, SLIP, slip, step, zero_slip)
+            at = series_root(c, V_T, slip, step, zero_slip)
             if at < math.inf:
-                step, event, leave_slip = at, 5, 0
+                step, event, release_slip = at, 5, 0
         if spin == 0:
-            for sign in (1, -1):
-                at = _bound_root(c, MOMENT, sign, pair.corner_rolling_arm, step)
+            for sign in both_signs(c[R_MOMENT, 0]):
+                at = bound_root(c, LOAD, R_MOMENT, sign, 1.0, step)
                 if at < math.inf:
-                    step, event, leave_spin = at, 6, -sign
-        elif pair.corner_rolling_arm > 0.0:
-            at = _root(c, SPIN, spin, step, zero_spin)
+                    step, event, release_spin = at, 6, -sign
+        elif one.rolling_arm + two.rolling_arm > 0.0:
+            at = series_root(c, OMEGA, spin, step, zero_spin)
             if at < math.inf:
-                step, event, leave_spin = at, 6, 0
+                step, event, release_spin = at, 6, 0
         if slope.length < math.inf:
-            q = c[SCRATCH]
-            for k in range(ORDER + 1):
-                q[k] = -c[X_, k]
-            q[0] += slope.length
-            at = first_root(q, step, 0, 0.0)
+            at = slope_end(slope.length, c, step)
             if at < math.inf:
                 step, event = at, 7
+        zero_edge = 1 if at_edge == 1 else 0
+        at = _edge_root(c, -1.0, edge, step, zero_edge) if arc_1 else _edge_root(c, 1.0, -edge, step, zero_edge)
+        if at < math.inf:
+            step, event = at, 8
+        zero_edge = 1 if at_edge == 2 else 0
+        at = _edge_root(c, 1.0, edge, step, zero_edge) if arc_2 else _edge_root(c, -1.0, -edge, step, zero_edge)
+        if at < math.inf:
+            step, event = at, 9
+        if arc_1 or arc_2:
+            at = _edge_root(c, 1.0 if arc_1 else -1.0, -math.pi, step, 0)
+            if at < math.inf:
+                step, event = at, 10
 
         if trajectory.shape[0] > 0:
+            middle = _mean(one, two)
             for i in range(3):
                 t = step * i / 3
-                turn = horner(c[THETA], t)
-                spin_now = horner(c[SPIN], t)
+                turn = horner(c[PHI], t)
+                spin_now = horner(c[OMEGA], t)
                 samples = add_sample(
                     trajectory,
                     samples,
                     state[TIME] + t,
-                    horner(c[X_], t),
+                    horner(c[X], t),
                     horner(c[Y], t),
                     turn + turns,
-                    horner(c[SLIP], t) - height * math.cos(turn) * spin_now,
-                    horner(c[V], t),
+                    horner(c[V_T], t) - _arms(middle, turn)[1] * spin_now,
+                    horner(c[V_N], t),
                     spin_now,
-                    horner(c[NORMAL], t),
-                    horner(c[FORCE], t),
-                    horner(c[MOMENT], t),
+                    horner(c[R_NORMAL], t),
+                    horner(c[R_FORCE], t),
+                    horner(c[R_MOMENT], t),
                     CHORD,
                     slip,
                     spin,
                 )
         stalled = 0 if state[TIME] + step > state[TIME] else stalled + 1
-        before_1, before_2 = now[GAP_1], now[GAP_2]
+        before_1, before_2 = now[GAP], now[GAP_2]
         state[TIME] += step
-        state[IMPULSE_N] += integral(c[NORMAL], step)
-        state[IMPULSE_T] += integral(c[FORCE], step)
-        state[IMPULSE_R] += integral(c[MOMENT], step)
+        state[IMPULSE_N] += integral(c[R_NORMAL], step)
+        state[IMPULSE_T] += integral(c[R_FORCE], step)
+        state[IMPULSE_R] += integral(c[R_MOMENT], step)
         if slip != 0:
-            state[SLIDING] += _loss(c, SLIP, slip * pair.friction, step)
+            state[SLIDING] += _loss(c, R_NORMAL, V_T, slip * pair.friction, step)
         if spin != 0:
-            state[ROLLING] += _loss(c, SPIN, spin * pair.corner_rolling_arm, step)
-        for row in range(8):
+            state[ROLLING] += _loss(c, LOAD, OMEGA, spin, step)
+        for row in STATE_ROWS:
             now[row] = horner(c[row], step)
         if event == 3:
-            now[GAP_1] = 0.0
+            now[GAP] = 0.0
         if event == 4:
             now[GAP_2] = 0.0
-        # One sum of both corners: a mirror image exchanges them.
-        eased = (before_1 * before_1 - now[GAP_1] * now[GAP_1] if sign_1 > 0 else 0.0) + (
+        # One sum of both sides: a mirror image exchanges them.
+        eased = (before_1 * before_1 - now[GAP] * now[GAP] if sign_1 > 0 else 0.0) + (
             before_2 * before_2 - now[GAP_2] * now[GAP_2] if sign_2 > 0 else 0.0
         )
         state[HYSTERESIS] += 0.5 * (pair.k_closing - pair.k_opening) * eased
-        zero_1, zero_2, zero_slip, zero_spin = 0, 0, 0, 0
+        at_edge = 0
+        if step > 0.0:
+            zero_1, zero_2, zero_slip, zero_spin = 0, 0, 0, 0
+            left_slip, left_spin = 0, 0
 
         if event == 0:
             if last:
                 status = TIMEOUT
                 break
-            if not math.isfinite(now[Y] + now[V] + now[SPIN] + now[SLIP]):
+            if not math.isfinite(now[Y] + now[V_N] + now[OMEGA] + now[V_T]):
                 status = NON_FINITE
                 break
         elif event in (3, 4):
             status = ONE_CORNER
             break
         elif event == 7:
-            now[X_] = slope.length
+            now[X] = slope.length
             status = FINISH
             break
+        elif event == 10:
+            status = BURIED
+            break
         elif event == 5:
-            now[SLIP] = 0.0
-            slip = leave_slip
-            zero_slip = 2
-            choose = leave_slip == 0
+            now[V_T] = 0.0
+            left_slip = release_slip
+            choose = True
         elif event == 6:
-            now[SPIN] = 0.0
-            spin = leave_spin
-            zero_spin = 2
-            choose = leave_spin == 0
+            now[OMEGA] = 0.0
+            left_spin = release_spin
+            choose = True
+        elif event in (8, 9):
+            if event == 8:
+                arc_1 = not arc_1
+                now[PHI] = -edge
+                at_edge = 1
+                one = _side(body, pair, True, arc_1)
+            else:
+                arc_2 = not arc_2
+                now[PHI] = edge
+                at_edge = 2
+                two = _side(body, pair, False, arc_2)
+            choose = True
         else:
-            # A gap rate is zero: does the corner turn back with the other stiffness, or does it rest? After a flat
+            # A gap rate is zero: does the side turn back with the other stiffness, or does it rest? After a flat
             # landing both turn at the same time.
-            sine, cosine = math.sin(now[THETA]), math.cos(now[THETA])
-            both = abs(2.0 * half * cosine * now[SPIN]) <= TOGETHER * scale
+            apart = _arms(one, now[PHI])[0] - _arms(two, now[PHI])[0]
+            both = abs(apart * now[OMEGA]) <= TOGETHER * scale
             if both:
-                now[SPIN] = 0.0
+                now[OMEGA] = 0.0
             turning_1, turning_2 = both or event == 1, both or event == 2
-            pulls, pushes = True, True  # whether every turning corner would close, or open
+            pulls, pushes = True, True  # whether every turning side would close, or open
             for sign in (-1, 1):
                 trial_1 = sign if turning_1 else sign_1
                 trial_2 = sign if turning_2 else sign_2
                 k_1 = pair.k_closing if trial_1 < 0 else pair.k_opening
                 k_2 = pair.k_closing if trial_2 < 0 else pair.k_opening
-                _expand(body, pair, slope, k_1, k_2, slip, spin, now, c)
-                for turning, row in ((turning_1, GAP_1), (turning_2, GAP_2)):
+                _expand(body, pair.friction, slope, one, two, k_1, k_2, slip, spin, now, c)
+                for turning, row in ((turning_1, GAP), (turning_2, GAP_2)):
                     if turning and sign < 0 and not c[row, 2] < 0.0:
                         pulls = False
                     if turning and sign > 0 and not c[row, 2] > 0.0:
@@ -423,20 +508,18 @@ def chord_contact(
                 sign_2, zero_2 = 1 if pushes else -1, 1
             choose = True
 
-    # Back to the coordinates of the corner that touches, or of the deeper one.
-    tail = now[GAP_1] < now[GAP_2] or (now[GAP_1] == now[GAP_2] and now[THETA] < 0.0)
-    side = 1.0 if tail else -1.0
-    sine, cosine = math.sin(now[THETA]), math.cos(now[THETA])
-    a = -height * sine - side * half * cosine
-    b = height * cosine - side * half * sine
-    state[FEATURE] = TAIL if tail else NOSE
-    state[PHI] = now[THETA] + turns
-    state[X] = now[X_]
-    state[OMEGA] = now[SPIN]
-    state[GAP] = now[GAP_1] if tail else now[GAP_2]
-    state[V_N] = now[V] - a * now[SPIN]
-    state[V_T] = now[SLIP] - (height * cosine - b) * now[SPIN]
-    state[STORED] = 0.5 * pair.k_closing * (min(now[GAP_1], 0.0) ** 2 + min(now[GAP_2], 0.0) ** 2)
+    # Back to the coordinates of the side that touches, or of the deeper one.
+    tail = now[GAP] < now[GAP_2] or (now[GAP] == now[GAP_2] and now[PHI] < 0.0)
+    a, b = _arms(one if tail else two, now[PHI])
+    on_arc = arc_1 if tail else arc_2
+    state[FEATURE] = ARC if on_arc else (TAIL if tail else NOSE)
+    state[PHI] = now[PHI] + turns
+    state[X] = now[X]
+    state[OMEGA] = now[OMEGA]
+    state[GAP] = now[GAP] if tail else now[GAP_2]
+    state[V_N] = now[V_N] - a * now[OMEGA]
+    state[V_T] = now[V_T] - (_arms(_mean(one, two), now[PHI])[1] - b) * now[OMEGA]
+    state[STORED] = 0.5 * pair.k_closing * (min(now[GAP], 0.0) ** 2 + min(now[GAP_2], 0.0) ** 2)
     if status == ONE_CORNER and state[GAP] >= 0.0:
         status = RUNNING
     return status, steps, samples

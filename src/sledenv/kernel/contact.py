@@ -154,7 +154,7 @@ def _longest_step(
 
 
 @kernel
-def _drop_pull(velocity: np.ndarray, sign: int) -> int:
+def drop_pull(velocity: np.ndarray, sign: int) -> int:
     """Clear the second coefficient if it opposes ``sign``; return the number of leading coefficients that vanish."""
     if sign * velocity[1] > 0.0:
         return 1
@@ -307,11 +307,11 @@ def contact(
             break
         # An acceleration that vanishes by construction must not pull back by rounding.
         if gap_zeros == 2:
-            gap_zeros = _drop_pull(c[V_N], gap_rate)
+            gap_zeros = drop_pull(c[V_N], gap_rate)
         if slip_zeros == 2:
-            slip_zeros = _drop_pull(c[V_T], slip)
+            slip_zeros = drop_pull(c[V_T], slip)
         if spin_zeros == 2:
-            spin_zeros = _drop_pull(c[OMEGA], spin)
+            spin_zeros = drop_pull(c[OMEGA], spin)
         step = _longest_step(body, feature, pair.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left

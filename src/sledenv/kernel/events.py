@@ -21,7 +21,14 @@ RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_END
 
 
 @kernel
-def _velocity_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int) -> float:
+def both_signs(value: float) -> tuple[int, int]:
+    """Both signs, that of ``value`` first: the order must not tell a body from its mirror image."""
+    return (-1, 1) if value < 0.0 else (1, -1)
+
+
+@kernel
+def series_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int) -> float:
+    """Time at which ``sign`` times a series, positive at first, becomes negative; see :func:`first_root`."""
     q = c[R_SCRATCH]
     for k in range(ORDER + 1):
         q[k] = sign * c[row, k]
@@ -29,13 +36,13 @@ def _velocity_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: i
 
 
 @kernel
-def _bound_root(c: np.ndarray, row: int, sign: int, factor: float, step: float) -> float:
-    """Time at which ``sign`` times a locked force exceeds ``factor`` times the normal force."""
+def bound_root(c: np.ndarray, load: int, row: int, sign: int, factor: float, step: float) -> float:
+    """Time at which ``sign`` times a locked force exceeds ``factor`` times its load."""
     q = c[R_SCRATCH]
     for k in range(ORDER):
-        q[k] = factor * c[R_NORMAL, k] - sign * c[row, k]
+        q[k] = factor * c[load, k] - sign * c[row, k]
     q[ORDER] = 0.0
-    noise = 1e-15 * (abs(factor * c[R_NORMAL, 0]) + abs(c[row, 0]))
+    noise = 1e-15 * (abs(factor * c[load, 0]) + abs(c[row, 0]))
     return first_root(q, step, 0, noise)
 
 
@@ -73,16 +80,26 @@ def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing
 
 @kernel
 def _chord_down(body: Body, feature: int, shift: float, c: np.ndarray, step: float) -> float:
-    """Time at which the other corner comes down: its gap is larger by 2 r sin(alpha) |sin phi|."""
-    reach = 2.0 * body.radius * math.sin(body.half_angle) * (1.0 if feature == TAIL else -1.0)
+    """Time at which the corner on the other side comes down: docs/physics.md, section 8.2."""
     q = c[R_SCRATCH]
-    for k in range(ORDER + 1):
-        q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
+    if feature == ARC:
+        # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
+        radius, across = body.radius, 1.0 if c[PHI, 0] > 0.0 else -1.0
+        cosine, sine = radius * math.cos(body.half_angle), across * radius * math.sin(body.half_angle)
+        for k in range(ORDER + 1):
+            q[k] = c[GAP, k] - cosine * c[R_COSINE, k] + sine * c[R_SINE, k]
+        q[0] += radius
+        reach = radius
+    else:
+        reach = 2.0 * body.radius * math.sin(body.half_angle) * (1.0 if feature == TAIL else -1.0)
+        for k in range(ORDER + 1):
+            q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
     return first_root(q, step, 0, FLAT * abs(reach))
 
 
 @kernel
-def _slope_end(length: float, c: np.ndarray, step: float) -> float:
+def slope_end(length: float, c: np.ndarray, step: float) -> float:
+    """Time at which the mass centre reaches the end of the slope."""
     q = c[R_SCRATCH]
     for k in range(ORDER + 1):
         q[k] = -c[X, k]
@@ -148,43 +165,43 @@ def first_event(
         if at < math.inf:
             step, event, released = at, RATE_RELEASED, 1
     else:
-        at = _velocity_root(c, V_N, gap_rate, step, vanishing[0])
+        at = series_root(c, V_N, gap_rate, step, vanishing[0])
         if at < math.inf:
             step, event = at, RATE_ZERO
         if gap_rate > 0:
-            at = _velocity_root(c, GAP, -1, step, 0)
+            at = series_root(c, GAP, -1, step, 0)
             if at < math.inf:
                 step, event = at, SEPARATION
     # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
     before = step * (1.0 - 1e-12) if event == SEPARATION else math.inf
     if slip == 0:
-        for sign in (1, -1):
-            at = _bound_root(c, R_FORCE, sign, friction, step)
+        for sign in both_signs(c[R_FORCE, 0]):
+            at = bound_root(c, R_NORMAL, R_FORCE, sign, friction, step)
             if at < before:
                 step, event, released = at, SLIP_RELEASED, -sign
     else:
-        at = _velocity_root(c, V_T, slip, step, vanishing[1])
+        at = series_root(c, V_T, slip, step, vanishing[1])
         if at < math.inf:
             step, event = at, SLIP_ZERO
     if spin == 0:
-        for sign in (1, -1):
-            at = _bound_root(c, R_MOMENT, sign, arm, step)
+        for sign in both_signs(c[R_MOMENT, 0]):
+            at = bound_root(c, R_NORMAL, R_MOMENT, sign, arm, step)
             if at < before:
                 step, event, released = at, SPIN_RELEASED, -sign
     else:
-        at = _velocity_root(c, OMEGA, spin, step, vanishing[2])
+        at = series_root(c, OMEGA, spin, step, vanishing[2])
         if at < math.inf:
             step, event = at, SPIN_ZERO
     if has_corners(body):
         at = _feature_end(body, feature, c, step, at_edge)
         if at < math.inf:
             step, event = at, FEATURE_ENDS
-        if feature != ARC:
+        if feature != ARC or body.half_angle > 0.5 * math.pi:
             at = _chord_down(body, feature, shift, c, step)
             if at < math.inf:
                 step, event = at, CHORD_DOWN
     if length < math.inf:
-        at = _slope_end(length, c, step)
+        at = slope_end(length, c, step)
         if at < math.inf:
             step, event = at, SLOPE_ENDS
     return step, event, released

@@ -16,6 +16,7 @@ TIMEOUT: Final = 4
 LOG_FULL: Final = 5
 STEP_BUDGET: Final = 6
 NON_FINITE: Final = 7
+BURIED: Final = 8
 
 ARC: Final = 1
 NOSE: Final = 2
@@ -34,6 +35,7 @@ class Status(StrEnum):
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
     STEP_BUDGET = "step_budget"  # max_steps integration steps were spent
     NON_FINITE = "non_finite"  # a state overflowed or was not a number
+    BURIED = "buried"  # pressed so deep into a soft slope that the model of the contact ends
 
 
 STATUS_OF_CODE: Final = tuple(Status)  # in the order of the codes above
