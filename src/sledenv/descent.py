@@ -176,7 +176,7 @@ def simulate(
     max_rebounds: int = 1000,
     record: Record = "rebounds",
     sample_interval: float = 0.01,
-    tolerance: float = 1e-16,
+    tolerance: float = 1e-14,
     step: float = 2.5e-7,
     friction_sign: FrictionSign = "dissipative",
     settle_speed: float | None = None,
@@ -302,7 +302,7 @@ def simulate_batch(
     max_time: float = 60.0,
     max_rebounds: int = 1000,
     keep_rebounds: bool = False,
-    tolerance: float = 1e-16,
+    tolerance: float = 1e-14,
     settle_speed: float | None = None,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from sledenv.descent import Descent, simulate
 from sledenv.kernel.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State
+from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import Feature, Mode, Status
 from tests.oracles import DATA_FILE, wheel_table
 
@@ -32,7 +33,11 @@ PAPER = Body(1.0, 0.1, 0.05, 7.5e-3)  # the worked example, stiffness apart
 LEVEL = Slope(0.0, math.inf, 0.0)
 
 
-def replay(record: dict[str, Any], rebounds: list[dict[str, str]]) -> Descent:
+TIGHT = 1e-16  # a tolerance that leaves the rounding error
+exactly = partial(simulate, tolerance=TIGHT)
+
+
+def replay(record: dict[str, Any], rebounds: list[dict[str, str]], tolerance: float = TIGHT) -> Descent:
     """Simulate a descent of the data file."""
     given = record["parameters"]
     return simulate(
@@ -41,6 +46,7 @@ def replay(record: dict[str, Any], rebounds: list[dict[str, str]]) -> Descent:
         Slope(given["slope"], math.inf, given["gravity"]),
         State(**record["state"]),
         max_rebounds=len(rebounds),
+        tolerance=tolerance,
     )
 
 
@@ -58,7 +64,7 @@ def errors(descent: Descent, rebounds: list[dict[str, str]]) -> list[float]:
 def struck(body: Body, law: ContactLaw, phi: float, u: float, v: float, omega: float, slope: Slope = LEVEL) -> Any:
     """Record of the single impact of a body that touches the slope and moves towards it."""
     state = State(0.0, support_height(body, phi), phi, u, v, omega)
-    descent = simulate(body, law, slope, state, max_rebounds=1, max_time=100.0)
+    descent = exactly(body, law, slope, state, max_rebounds=1, max_time=100.0)
     assert descent.status == Status.LOG_FULL
     return descent.rebounds[0]
 
@@ -69,6 +75,14 @@ def test_the_reference_descent_is_that_of_extended_precision() -> None:
     rebounds = record["rebounds_from_double_inputs"]
     assert len(rebounds) == 20
     assert max(errors(replay(record, rebounds), rebounds)) < 1e-12
+
+
+@pytest.mark.parametrize(("tolerance", "error"), [(Limits().tolerance, 1e-9), (1e-13, 1e-11)])
+def test_the_tolerance_bounds_the_error_of_the_reference_descent(tolerance: float, error: float) -> None:
+    """Oracle: extended precision, after 20 rebounds."""
+    record = REFERENCE["reference"]
+    rebounds = record["rebounds_from_double_inputs"]
+    assert max(errors(replay(record, rebounds, tolerance), rebounds)) < error
 
 
 def test_the_seventh_contact_of_the_reference_settles_and_rolls() -> None:
@@ -118,7 +132,7 @@ def test_a_vertical_bounce_leaves_iff_it_is_fast_enough(restitution: float) -> N
     slope = Slope(0.0, math.inf, gravity)
     for factor, ending in ((1.0 + 1e-9, Status.LOG_FULL), (1.0 - 1e-9, Status.JAMMED)):
         state = State(0.0, 0.1, 0.0, 0.0, -threshold * factor * unit, 0.0)
-        assert simulate(body, law, slope, state, max_rebounds=1).status == ending
+        assert exactly(body, law, slope, state, max_rebounds=1).status == ending
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.7])
@@ -131,7 +145,7 @@ def test_a_slow_vertical_landing_rests_at_its_deepest_point(restitution: float) 
     unit = gravity / math.sqrt(k_closing / mass)
     fastest = math.sqrt((restitution**-2 - 1.0) ** 2 - 1.0)
     for nu in (0.0, 0.5 * fastest, 0.999 * fastest, 1.001 * fastest):
-        descent = simulate(body, law, Slope(0.0, math.inf, gravity), State(0.0, 0.1, 0.0, 0.0, -nu * unit, 0.0))
+        descent = exactly(body, law, Slope(0.0, math.inf, gravity), State(0.0, 0.1, 0.0, 0.0, -nu * unit, 0.0))
         deepest = mass * gravity / k_closing * (1.0 + math.sqrt(1.0 + nu**2))
         rests_there = restitution**2 * (1.0 + math.sqrt(1.0 + nu**2)) <= 1.0
         assert descent.status == Status.JAMMED
@@ -223,7 +237,7 @@ def test_the_disc_of_siconos_rebounds_rolling() -> None:
     """
     disc = Body(1.0, 0.5, 0.0, 0.1)
     law = ContactLaw.from_restitution(0.9, stiffness=1e12, friction=0.1, rolling_arm=0.0)
-    descent = simulate(disc, law, Slope(0.0), State(0.0, 1.0, 0.0, 0.0, 0.0, 2.0), max_rebounds=1)
+    descent = exactly(disc, law, Slope(0.0), State(0.0, 1.0, 0.0, 0.0, 0.0, 2.0), max_rebounds=1)
     row = descent.rebounds[0]
     assert row["v_after"] == pytest.approx(2.818883, abs=3e-6)
     assert row["omega_after"] == pytest.approx(4.0 / 7.0, rel=1e-12)
@@ -282,7 +296,7 @@ def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: floa
     u0, f, g, r, delta, inertia = 1.0, 0.3, 9.81, 0.5, 0.1, 0.1
     disc = Body(1.0, r, 0.0, inertia)
     law = ContactLaw.from_restitution(0.5, stiffness=stiffness, friction=f, rolling_arm=delta)
-    descent = simulate(disc, law, Slope(0.0), State(0.0, r, 0.0, u0, 0.0, 0.0), record="trajectory")
+    descent = exactly(disc, law, Slope(0.0), State(0.0, r, 0.0, u0, 0.0, 0.0), record="trajectory")
     slides_until = u0 / (f * g + r * g * (f * r - delta) / inertia)
     u_rolling = u0 - f * g * slides_until
     braking = delta * g * r / (inertia + r * r)
@@ -307,7 +321,7 @@ def test_a_wheel_rolls_down_at_the_textbook_acceleration(angle: float, arm: floa
     mass, radius, inertia, gravity = 2.0, 0.5, 0.3, 9.81
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.5, rolling_arm=arm)
     wheel = Body(mass, radius, 0.0, inertia)
-    descent = simulate(wheel, law, Slope(angle), State(0.0, radius, 0.0), max_time=2.0, record="trajectory")
+    descent = exactly(wheel, law, Slope(angle), State(0.0, radius, 0.0), max_time=2.0, record="trajectory")
     rows = descent.trajectory[descent.trajectory["t"] > 0.1]
     expected = gravity * (math.sin(angle) - arm / radius * math.cos(angle)) / (1.0 + inertia / (mass * radius**2))
     assert (rows["slip"][:-1] == 0).all()
@@ -336,7 +350,7 @@ def test_a_body_set_down_at_rest_stays_iff_friction_and_rolling_arm_hold_it(
     held = math.tan(angle) <= friction and needed <= arm
     stiffness = 1e9
     law = ContactLaw.from_restitution(0.4, stiffness=stiffness, friction=friction, rolling_arm=arm)
-    descent = simulate(
+    descent = exactly(
         PAPER,
         law,
         Slope(beta),
@@ -354,7 +368,7 @@ def test_a_body_that_slides_without_turning_brakes_like_a_block(angle: float) ->
     """Oracle: xddot = g sin beta - f g cos beta while |a + b f s| <= delta, physics.md, section 6."""
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.1, rolling_arm=0.05)
     state = State(0.0, 0.05, 0.0, 3.0, 0.0, 0.0)
-    descent = simulate(PAPER, law, Slope(angle), state, max_time=1.0, record="trajectory")
+    descent = exactly(PAPER, law, Slope(angle), state, max_time=1.0, record="trajectory")
     rows = descent.trajectory[descent.trajectory["t"] > 0.1]
     expected = 9.81 * (math.sin(angle) - 0.1 * math.cos(angle))
     assert rows["u"] - rows["u"][0] == pytest.approx(expected * (rows["t"] - rows["t"][0]), abs=1e-13)
@@ -366,7 +380,7 @@ def test_an_eccentric_disc_that_rolls_without_losses_keeps_its_energy() -> None:
     """Oracle: (J + m (a^2 + b^2)) omega^2/2 + m g b is constant once the penetration is: the gap stays locked."""
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=1.0, rolling_arm=0.0)
     start = State(0.0, support_height(PAPER, 0.8), 0.8)
-    descent = simulate(PAPER, law, Slope(0.0), start, max_time=2.0, record="trajectory")
+    descent = exactly(PAPER, law, Slope(0.0), start, max_time=2.0, record="trajectory")
     rows = descent.trajectory[descent.trajectory["t"] > 0.05]
     a, b = 0.05 * np.sin(rows["phi"]), 0.1 - 0.05 * np.cos(rows["phi"])
     energy = 0.5 * (7.5e-3 + a**2 + b**2) * rows["omega"] ** 2 + 9.81 * b
@@ -383,7 +397,7 @@ def test_forces_of_sustained_contact_are_those_of_the_rigid_body(friction: float
     omega = -6.0
     u = 2.0 if slip else -omega * 0.05
     start = State(0.0, 0.05, 0.0, u, 0.0, omega)
-    descent = simulate(
+    descent = exactly(
         PAPER, law, Slope(beta), start, max_time=0.2, max_rebounds=1, record="trajectory", sample_interval=1e-3
     )
     rows = descent.trajectory[(descent.trajectory["t"] > 0.01) & (descent.trajectory["feature"] == Feature.ARC)]
@@ -411,7 +425,7 @@ def test_forces_of_sustained_contact_are_those_of_the_rigid_body(friction: float
 def test_a_body_at_rest_on_a_nearly_level_slope_jams(angle: float) -> None:
     """Oracle: statics, tan beta <= f; sticking needs f k+ times the depth, which starts at zero."""
     law = ContactLaw(1.5e7, 0.6, 0.3, 0.01)
-    descent = simulate(Body(1.0, 0.5, 0.0, 0.1), law, Slope(angle), State(0.0, 0.5, 0.0), max_time=1.0)
+    descent = exactly(Body(1.0, 0.5, 0.0, 0.1), law, Slope(angle), State(0.0, 0.5, 0.0), max_time=1.0)
     assert descent.status == Status.JAMMED
 
 
@@ -420,7 +434,7 @@ def test_a_contact_that_ends_on_another_feature_is_continuous() -> None:
     body = Body(1.0, 0.5, 0.2, 0.08, 2.0)
     law = ContactLaw(2e4, 0.3, 0.4, 0.01, 0.0)
     before = State(0.0, support_height(body, 1.98), 1.98, -2.0, -1.0, 12.0)
-    descent = simulate(body, law, LEVEL, before, max_rebounds=1, record="trajectory", sample_interval=1e-4)
+    descent = exactly(body, law, LEVEL, before, max_rebounds=1, record="trajectory", sample_interval=1e-4)
     row = descent.rebounds[0]
     touched = descent.trajectory["feature"]
     assert set(touched[touched != Feature.NONE].tolist()) == {Feature.ARC, Feature.TAIL}

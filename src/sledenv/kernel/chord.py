@@ -41,11 +41,7 @@ from sledenv.kernel.series import (
     R_NORMAL,
     R_SCRATCH,
     R_SINE,
-    R_SPIN_RATE,
-    R_SQUARE,
-    integral,
-    product,
-    step_size,
+    TERMS,
 )
 from sledenv.kernel.state import (
     FEATURE,
@@ -71,8 +67,10 @@ TOUCHING = 1e-9  # of the size: gap of the second corner where it starts to touc
 ONE_CORNER = -3  # status: one side has left, the other still touches
 
 # Rows of the table of series, beside those of a single contact: GAP is the gap of the side of the tail, V_N the
-# velocity of the mass centre; PHI counts from the orientation in which the chord lies flat.
-Y, GAP_2, ARM, DRIVE, NORMAL_1, NORMAL_2, DIVISOR, LOAD, TURNING = 0, 12, 13, 16, 17, 18, 19, 20, 21
+# velocity of the mass centre; PHI counts from the orientation in which the chord lies flat. Time is in seconds.
+Y = 0
+GAP_2, ARM, SPIN_RATE, SQUARE, DRIVE, NORMAL_1, NORMAL_2, DIVISOR, LOAD, TURNING = range(13, 23)
+ROWS = 23
 STATE_ROWS = (Y, X, PHI, GAP, V_N, V_T, OMEGA, GAP_2)
 
 
@@ -115,6 +113,35 @@ def _mean(one: Side, two: Side) -> Side:
 
 
 @kernel
+def product(p: np.ndarray, q: np.ndarray, k: int) -> float:
+    """Coefficient ``k`` of the product of two series."""
+    total = 0.0
+    for i in range(k + 1):
+        total += p[i] * q[k - i]
+    return total
+
+
+@kernel
+def integral(series: np.ndarray, t: float) -> float:
+    """Integral of a force or power series from 0 to ``t``."""
+    total = 0.0
+    for k in range(ORDER - 1, -1, -1):
+        total = total * t + series[k] / (k + 1)
+    return total * t
+
+
+@kernel
+def step_size(c: np.ndarray, length: float, scale: float, tolerance: float) -> float:
+    """Step [s] of which the last terms of every velocity stay below ``tolerance * scale``."""
+    step = math.inf
+    for k in (ORDER - 1, ORDER):
+        size = max(abs(c[V_N, k]), abs(c[V_T, k]), length * abs(c[OMEGA, k]))
+        if size > 0.0:
+            step = min(step, math.exp(math.log(tolerance * scale / size) / k))
+    return step
+
+
+@kernel
 def _expand(
     body: Body,
     friction: float,
@@ -142,7 +169,7 @@ def _expand(
     for k in range(ORDER):
         on = 1.0 if k == 0 else 0.0
         c[ARM, k] = middle.radius * on + middle.along * cosine[k] - middle.across * sine[k]
-        c[R_SQUARE, k] = product(spins, spins, k)
+        c[SQUARE, k] = product(spins, spins, k)
         c[NORMAL_1, k] = -stiffness_1 * c[GAP, k]
         c[NORMAL_2, k] = -stiffness_2 * c[GAP_2, k]
         c[R_NORMAL, k] = c[NORMAL_1, k] + c[NORMAL_2, k]
@@ -154,12 +181,10 @@ def _expand(
             c[TURNING, k] += sine[i] * (one.along * n_1 + two.along * n_2)
             c[TURNING, k] += cosine[i] * (one.across * n_1 + two.across * n_2)
         c[DRIVE, k] = (
-            downhill * on
-            - middle.along * product(sine, c[R_SQUARE], k)
-            - middle.across * product(cosine, c[R_SQUARE], k)
+            downhill * on - middle.along * product(sine, c[SQUARE], k) - middle.across * product(cosine, c[SQUARE], k)
         )
         if spin == 0:
-            c[R_SPIN_RATE, k] = 0.0
+            c[SPIN_RATE, k] = 0.0
             c[R_FORCE, k] = -m * c[DRIVE, k] if slip == 0 else mu * c[R_NORMAL, k]
             c[R_MOMENT, k] = -c[TURNING, k] - product(c[ARM], c[R_FORCE], k)
         else:
@@ -168,15 +193,15 @@ def _expand(
                 c[DIVISOR, k] = body.inertia * on + m * product(c[ARM], c[ARM], k)
                 rest = c[TURNING, k] + c[R_MOMENT, k] - m * product(c[ARM], c[DRIVE], k)
                 for i in range(k):
-                    rest -= c[R_SPIN_RATE, i] * c[DIVISOR, k - i]
-                c[R_SPIN_RATE, k] = rest / c[DIVISOR, 0]
-                c[R_FORCE, k] = -m * (c[DRIVE, k] + product(c[ARM], c[R_SPIN_RATE], k))
+                    rest -= c[SPIN_RATE, i] * c[DIVISOR, k - i]
+                c[SPIN_RATE, k] = rest / c[DIVISOR, 0]
+                c[R_FORCE, k] = -m * (c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k))
             else:
                 c[R_FORCE, k] = mu * c[R_NORMAL, k]
                 rest = c[TURNING, k] + c[R_MOMENT, k] + product(c[ARM], c[R_FORCE], k)
-                c[R_SPIN_RATE, k] = rest / body.inertia
+                c[SPIN_RATE, k] = rest / body.inertia
         after = 1.0 / (k + 1)
-        slip_rate = c[R_FORCE, k] / m + c[DRIVE, k] + product(c[ARM], c[R_SPIN_RATE], k)
+        slip_rate = c[R_FORCE, k] / m + c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k)
         c[V_T, k + 1] = 0.0 if slip == 0 else slip_rate * after
         speed[k + 1] = (c[R_NORMAL, k] / m - inward * on) * after
         tilt, lever = product(sine, spins, k), product(cosine, spins, k)
@@ -185,7 +210,7 @@ def _expand(
         c[X, k + 1] = (c[V_T, k] - product(c[ARM], spins, k)) * after
         c[Y, k + 1] = speed[k] * after
         c[PHI, k + 1] = spins[k] * after
-        spins[k + 1] = c[R_SPIN_RATE, k] * after
+        spins[k + 1] = c[SPIN_RATE, k] * after
         sine[k + 1] = lever * after
         cosine[k + 1] = -tilt * after
     for row in (R_NORMAL, NORMAL_1, NORMAL_2, LOAD, R_FORCE, R_MOMENT):
@@ -228,7 +253,6 @@ def chord_contact(
     slope: Slope,
     limits: Limits,
     state: np.ndarray,
-    c: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
@@ -243,7 +267,7 @@ def chord_contact(
         Compliant.
     state
         That of the feature that came down first; overwritten by that of the one that touches last.
-    c, steps, trajectory, samples
+    steps, trajectory, samples
         As for :func:`sledenv.kernel.contact.contact`.
 
     Returns
@@ -270,6 +294,7 @@ def chord_contact(
     if abs(other) > TOUCHING * size:
         return BURIED, steps, samples
     omega = state[OMEGA]
+    c = np.zeros((ROWS, TERMS))
     now = np.zeros(GAP_2 + 1)
     now[PHI] = theta
     now[X] = state[X]

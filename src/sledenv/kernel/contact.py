@@ -28,6 +28,7 @@ from sledenv.kernel.events import (
     SPIN_RELEASED,
     SPIN_ZERO,
     first_event,
+    other_corner,
 )
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
@@ -36,14 +37,57 @@ from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
+    E_FORCE,
+    E_GAP,
+    E_MOMENT,
+    E_NORMAL,
+    E_OMEGA,
+    E_PHI,
+    E_SLIP,
+    E_SPIN,
+    E_V_N,
+    E_V_T,
+    E_X,
+    ORDER,
     R_FORCE,
     R_MOMENT,
     R_NORMAL,
-    R_POWER_ROLLING,
-    R_POWER_SLIDING,
+    Z_ARM,
+    Z_CERTAIN,
+    Z_COSINE,
+    Z_DOWNHILL,
+    Z_FRICTION,
+    Z_GAP,
+    Z_GUESS,
+    Z_H,
+    Z_INWARD,
+    Z_LARGEST,
+    Z_LEAST,
+    Z_MOST,
+    Z_MU,
+    Z_OMEGA,
+    Z_OTHER,
+    Z_PER_INERTIA,
+    Z_PER_MASS,
+    Z_PHI,
+    Z_R,
+    Z_RHO,
+    Z_ROOT,
+    Z_SINE,
+    Z_STEP,
+    Z_STIFFNESS,
+    Z_THETA,
+    Z_UNIT,
+    Z_V_N,
+    Z_V_T,
+    Z_X,
+    complete,
+    complete_locked,
     expand,
-    integral,
-    step_size,
+    locate_gap,
+    locate_rate,
+    locate_slip,
+    locate_spin,
 )
 from sledenv.kernel.state import (
     FEATURE,
@@ -71,6 +115,8 @@ MOST_STALLED = 60  # events in a row without any progress in time
 # the slip, is resolved in the limit of a vanishing normal force.
 NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
+UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
+MOST_UNITS = 2.0  # length of a step
 
 
 class Pair(NamedTuple):
@@ -129,28 +175,146 @@ def _choose_branch(
 
 
 @kernel
-def _longest_step(
+def _tell(
+    body: Body,
+    geometry: tuple[float, float, float],
+    slope: Slope,
+    feature: int,
+    mu: float,
+    rho: float,
+    stiffness: float,
+    state: np.ndarray,
+    z: np.ndarray,
+) -> None:
+    """Write what the series of a step need."""
+    h, r, shift = geometry
+    z[Z_PER_MASS] = 1.0 / body.mass
+    z[Z_PER_INERTIA] = 1.0 / body.inertia
+    z[Z_H] = h
+    z[Z_R] = r
+    z[Z_MU] = mu
+    z[Z_RHO] = rho
+    z[Z_STIFFNESS] = stiffness
+    z[Z_INWARD] = slope.gravity * math.cos(slope.angle)
+    z[Z_DOWNHILL] = slope.gravity * math.sin(slope.angle)
+    z[Z_THETA] = state[PHI] + shift
+    z[Z_X] = state[X]
+    z[Z_PHI] = state[PHI]
+    z[Z_GAP] = state[GAP]
+    z[Z_V_N] = state[V_N]
+    z[Z_V_T] = state[V_T]
+    z[Z_OMEGA] = state[OMEGA]
+    z[Z_OTHER], z[Z_SINE], z[Z_COSINE] = other_corner(body, feature, shift, state[PHI])
+
+
+@kernel
+def _expect(gap_rate: int, slip: int, spin: int, z: np.ndarray) -> int:
+    """Event that ends this phase of the contact oscillation; write the unit of time and when to expect it.
+
+    The contact is taken for a harmonic oscillator with frozen arms: the event is found exactly, only faster if the
+    guess is good.
+    """
+    sine, cosine = math.sin(z[Z_THETA]), math.cos(z[Z_THETA])
+    a, b = z[Z_H] * sine, z[Z_R] - z[Z_H] * cosine
+    turning = z[Z_H] * cosine * z[Z_OMEGA] * z[Z_OMEGA]
+    if spin == 0:
+        yielding = z[Z_PER_MASS]
+    else:
+        lever = z[Z_RHO] - a + (z[Z_MU] * b if slip != 0 else 0.0)
+        inertia = 1.0 / z[Z_PER_INERTIA] + (b * b / z[Z_PER_MASS] if slip == 0 else 0.0)
+        yielding = max(z[Z_PER_MASS] - a * lever / inertia, 0.05 * z[Z_PER_MASS])
+    pulsation = math.sqrt(z[Z_STIFFNESS] * yielding)
+    gap, speed = z[Z_GAP], z[Z_V_N] / pulsation
+    rest = -(z[Z_INWARD] + turning) / (pulsation * pulsation)  # the gap in balance
+    apart = gap - rest
+    swing = math.hypot(apart, speed)
+    if gap_rate > 0 and swing > -rest:
+        angle = math.atan2(speed, apart) - math.acos(-rest / swing)
+        event = SEPARATION
+    else:
+        # apart cos + speed sin turns back where tan = speed / apart
+        angle = math.atan2(speed, apart)
+        angle = angle + math.pi if gap_rate < 0 and angle < 0.0 else angle
+        event = RATE_ZERO
+    z[Z_UNIT] = UNIT_ANGLE / pulsation
+    z[Z_GUESS] = angle / UNIT_ANGLE
+    return event if math.isfinite(angle) else NOTHING
+
+
+@kernel
+def _longest_step(size: float, scale: float, tolerance: float, c: np.ndarray) -> float:
+    """Step, in units, of which the last terms of the velocities stay below the tolerance."""
+    step = MOST_UNITS
+    for k, most in ((ORDER - 1, MOST_UNITS ** (ORDER - 1)), (ORDER, MOST_UNITS**ORDER)):
+        last = max(abs(c[V_N, k]), abs(c[V_T, k]), size * abs(c[OMEGA, k]))
+        if not last * most <= tolerance * scale:
+            step = min(step, math.exp(math.log(tolerance * scale / last) / k))
+    return step
+
+
+@kernel
+def _settled_unit(size: float, gravity: float, omega: float) -> float:
+    """Unit of time [s] of a step with a locked gap, in which nothing oscillates."""
+    rate = max(abs(omega), math.sqrt(gravity / size))
+    return 0.5 / rate if rate > 0.0 else 1.0
+
+
+@kernel
+def _sooner(row: int, end: float, z: np.ndarray) -> bool:
+    """Whether a velocity has changed its sign over the step; then say where it is expected to have been zero."""
+    before = z[Z_X - X + row]
+    if not before * end < 0.0:
+        return False
+    z[Z_MOST] = z[Z_STEP]
+    z[Z_GUESS] = z[Z_STEP] * before / (before - end)
+    return True
+
+
+@kernel
+def _take_step(
     body: Body,
     feature: int,
-    friction: float,
-    arm: float,
-    stiffness: float,
-    gap_rate: int,
-    scale: float,
-    tolerance: float,
-    state: np.ndarray,
+    length: float,
+    branch: tuple[int, int, int],
+    vanishing: tuple[int, int, int],
+    at_edge: int,
+    expected: int,
+    z: np.ndarray,
     c: np.ndarray,
-) -> float:
-    """Step [s] that keeps the truncation error of the series below the tolerance."""
-    step = step_size(c, body.radius + body.eccentricity, scale, tolerance)
-    if gap_rate != 0:
-        # Below half a contact oscillation, or the bound on the curvature of the series becomes useless.
-        a, b = arms(body, feature, state[PHI])
-        softness = 1.0 / body.mass + abs(a) * (abs(a) + friction * abs(b) + arm) / body.inertia
-        step = min(step, 1.4 / math.sqrt(stiffness * softness))
-    if state[OMEGA] != 0.0:
-        step = min(step, 1.0 / abs(state[OMEGA]))  # sine and cosine converge fast
-    return step
+) -> tuple[int, int]:
+    """Complete a step of at most Z_MOST units up to its first event; see :func:`first_event`.
+
+    What is likely to end the step is sought first, where it is expected. If the series prove that nothing else comes
+    before, that was all.
+    """
+    _, slip, spin = branch
+    event = NOTHING
+    z[Z_STEP] = z[Z_MOST]
+    if expected != NOTHING and z[Z_GUESS] < 1.1 * z[Z_MOST]:
+        if expected == SEPARATION:
+            locate_gap(z, c)
+        else:
+            locate_rate(z, c)
+        if z[Z_CERTAIN] > 0.0:
+            z[Z_STEP], event = z[Z_ROOT], expected
+    complete(z, c)
+    if slip != 0 and vanishing[1] == 0 and _sooner(V_T, z[E_V_T], z):
+        locate_slip(z, c)
+        if z[Z_CERTAIN] > 0.0:
+            z[Z_STEP], event = z[Z_ROOT], SLIP_ZERO
+            complete(z, c)
+    if spin != 0 and vanishing[2] == 0 and _sooner(OMEGA, z[E_OMEGA], z):
+        locate_spin(z, c)
+        if z[Z_CERTAIN] > 0.0:
+            z[Z_STEP], event = z[Z_ROOT], SPIN_ZERO
+            complete(z, c)
+    if branch[0] == 0 or slip == 0 or spin == 0:
+        complete_locked(z, c)
+    step, event, released = first_event(body, feature, length, branch, vanishing, at_edge, event, z, c)
+    if step < z[Z_STEP]:
+        z[Z_STEP] = step
+        complete(z, c)
+    return event, released
 
 
 @kernel
@@ -163,17 +327,23 @@ def drop_pull(velocity: np.ndarray, sign: int) -> int:
 
 
 @kernel
-def _advance(state: np.ndarray, c: np.ndarray, step: float) -> None:
+def _advance(mu: float, rho: float, slip: int, spin: int, z: np.ndarray, state: np.ndarray) -> None:
     """Move the state, the impulses and the losses to the end of the step."""
-    state[TIME] += step
-    for row in (X, PHI, GAP, V_N, V_T, OMEGA):
-        state[row] = horner(c[row], step)
-    state[IMPULSE_N] += integral(c[R_NORMAL], step)
-    state[IMPULSE_T] += integral(c[R_FORCE], step)
-    state[IMPULSE_R] += integral(c[R_MOMENT], step)
+    state[TIME] += z[Z_STEP] * z[Z_UNIT]
+    state[X] = z[E_X]
+    state[PHI] = z[E_PHI]
+    state[GAP] = z[E_GAP]
+    state[V_N] = z[E_V_N]
+    state[V_T] = z[E_V_T]
+    state[OMEGA] = z[E_OMEGA]
+    state[IMPULSE_N] += z[E_NORMAL]
+    state[IMPULSE_T] += z[E_FORCE]
+    state[IMPULSE_R] += z[E_MOMENT]
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
-    state[SLIDING] += max(integral(c[R_POWER_SLIDING], step), 0.0)
-    state[ROLLING] += max(integral(c[R_POWER_ROLLING], step), 0.0)
+    if slip != 0:
+        state[SLIDING] += max(-mu * z[E_SLIP], 0.0)
+    if spin != 0:
+        state[ROLLING] += max(-rho * z[E_SPIN], 0.0)
 
 
 @kernel
@@ -185,6 +355,7 @@ def _sample_step(
     spin: int,
     turns: float,
     start: float,
+    unit: float,
     step: float,
     interval: float,
     c: np.ndarray,
@@ -193,7 +364,7 @@ def _sample_step(
 ) -> int:
     """Add rows over one step, its start included, close enough to draw the contact."""
     h, r, shift = geometry
-    rows = max(3, math.ceil(step / interval))
+    rows = max(3, math.ceil(step * unit / interval))
     for i in range(rows):
         t = step * i / rows
         phi = horner(c[PHI], t)
@@ -203,7 +374,7 @@ def _sample_step(
         samples = add_sample(
             trajectory,
             samples,
-            start + t,
+            start + t * unit,
             horner(c[X], t),
             horner(c[GAP], t) + b,
             phi + turns,
@@ -228,6 +399,7 @@ def contact(
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
+    z: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
@@ -242,7 +414,7 @@ def contact(
         How the two surfaces meet; a rigid pair starts at rest, without gap or gap rate.
     state : ndarray, shape (STATE_SIZE,)
         Contact state at touchdown; overwritten by the state at the end. Impulses and losses are accumulated.
-    c : ndarray, shape (ROWS, ORDER + 1)
+    c, z : ndarray, shapes (ROWS, TERMS) and (Z_ROWS,)
         Work space.
     steps : int
         Integration steps spent so far.
@@ -301,7 +473,18 @@ def contact(
             break
         steps += 1
         stiffness = pair.k_closing if gap_rate < 0 else pair.k_opening
-        expand(body, geometry, pair.friction, arm, slope, stiffness, gap_rate, slip, spin, state, c)
+        mu, rho = -slip * pair.friction, -spin * arm
+        _tell(body, geometry, slope, feature, mu, rho, stiffness, state, z)
+        expected = NOTHING
+        if gap_rate == 0:
+            z[Z_UNIT] = _settled_unit(size, slope.gravity, state[OMEGA])
+        else:
+            expected = _expect(gap_rate, slip, spin, z)
+        if state[OMEGA] != 0.0 and not abs(state[OMEGA]) * z[Z_UNIT] < 1.0:
+            # Sine and cosine converge fast.
+            expected = NOTHING
+            z[Z_UNIT] = 1.0 / abs(state[OMEGA])
+        expand(gap_rate, slip, spin, z, c)
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break
@@ -312,28 +495,27 @@ def contact(
             slip_zeros = drop_pull(c[V_T], slip)
         if spin_zeros == 2:
             spin_zeros = drop_pull(c[OMEGA], spin)
-        step = _longest_step(body, feature, pair.friction, arm, stiffness, gap_rate, scale, limits.tolerance, state, c)
-        left = max(limits.max_time - state[TIME], 0.0)
+        step = _longest_step(size, scale, limits.tolerance, c)
+        left = max(limits.max_time - state[TIME], 0.0) / z[Z_UNIT]
         last = step >= left
         step = min(step, left)
         if not math.isfinite(step):
             status = NON_FINITE
             break
         depth = -state[GAP]
-        step, event, sign_after = first_event(
+        z[Z_MOST] = step
+        z[Z_LEAST], z[Z_LARGEST] = pair.k_opening * depth, math.inf if rigid else pair.k_closing * depth
+        z[Z_FRICTION], z[Z_ARM] = pair.friction, arm
+        event, sign_after = _take_step(
             body,
             feature,
-            geometry[2],
-            pair.friction,
-            arm,
-            math.inf if rigid else pair.k_closing * depth,
-            pair.k_opening * depth,
             slope.length,
             (gap_rate, slip, spin),
             (gap_zeros, slip_zeros, spin_zeros),
             at_edge,
+            expected,
+            z,
             c,
-            step,
         )
         if trajectory.shape[0] > 0:
             samples = _sample_step(
@@ -344,14 +526,16 @@ def contact(
                 spin,
                 turns,
                 state[TIME],
-                step,
+                z[Z_UNIT],
+                z[Z_STEP],
                 limits.sample_interval,
                 c,
                 trajectory,
                 samples,
             )
+        step = z[Z_STEP] * z[Z_UNIT]
         stalled = 0 if state[TIME] + step > state[TIME] else stalled + 1
-        _advance(state, c, step)
+        _advance(mu, rho, slip, spin, z, state)
         if event == SEPARATION:
             state[GAP] = 0.0
         if gap_rate > 0:

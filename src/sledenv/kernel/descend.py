@@ -13,7 +13,7 @@ from sledenv.kernel.jit import kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
-from sledenv.kernel.series import ORDER, ROWS
+from sledenv.kernel.series import ROWS, TERMS, Z_ROWS
 from sledenv.kernel.state import (
     FEATURE,
     GAP,
@@ -216,7 +216,8 @@ def descend(
     """
     downhill = slope.gravity * math.sin(slope.angle)
     inward = slope.gravity * math.cos(slope.angle)
-    c = np.zeros((ROWS, ORDER + 1))
+    c = np.zeros((ROWS, TERMS))
+    z = np.zeros(Z_ROWS)
     state = np.zeros(STATE_SIZE)
     before = np.zeros(STATE_SIZE)
     t = 0.0
@@ -266,7 +267,7 @@ def descend(
         state[OMEGA] = omega
         state[FEATURE] = feature
         before[:] = state
-        status, steps, samples = touch(body, law, slope, limits, state, c, steps, trajectory, samples)
+        status, steps, samples = touch(body, law, slope, limits, state, c, z, steps, trajectory, samples)
         a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebounds[count], before, state, feature, b, a, u, v)
         u = rebounds[count]["u_after"]

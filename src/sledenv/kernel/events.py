@@ -11,7 +11,38 @@ from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.roots import first_root
-from sledenv.kernel.series import ORDER, R_COSINE, R_FORCE, R_MOMENT, R_NORMAL, R_SCRATCH, R_SINE
+from sledenv.kernel.series import (
+    E_LEFT_OMEGA,
+    E_LEFT_V_N,
+    E_LEFT_V_T,
+    E_SAFE_FORCE,
+    E_SAFE_GAP,
+    E_SAFE_MOMENT,
+    E_SAFE_NORMAL,
+    E_SAFE_OMEGA,
+    E_SAFE_OTHER,
+    E_SAFE_V_N,
+    E_SAFE_V_T,
+    E_TRAVEL,
+    E_TURN,
+    ORDER,
+    R_COSINE,
+    R_FORCE,
+    R_MOMENT,
+    R_NORMAL,
+    R_SCRATCH,
+    R_SINE,
+    Z_ARM,
+    Z_COSINE,
+    Z_FRICTION,
+    Z_LARGEST,
+    Z_LEAST,
+    Z_OTHER,
+    Z_PHI,
+    Z_SINE,
+    Z_STEP,
+    Z_X,
+)
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 
 FLAT = 1e-13  # [rad] rounding error of an orientation after many turns
@@ -60,7 +91,6 @@ def _normal_root(c: np.ndarray, sign: int, limit: float, step: float) -> float:
 @kernel
 def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing: int) -> float:
     """Time at which the contact passes from the arc to a corner or back."""
-    omega = c[OMEGA, 0]
     q = c[R_SCRATCH]
     best = math.inf
     for side in (1, -1):
@@ -73,28 +103,41 @@ def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing
         for k in range(ORDER + 1):
             q[k] = sign * c[PHI, k]
         q[0] -= sign * side * body.half_angle
-        at_edge = vanishing if abs(q[0]) <= 1e-15 * (body.half_angle + abs(omega) * step) else 0
+        at_edge = vanishing if abs(q[0]) <= 1e-15 * (body.half_angle + abs(c[PHI, 1]) * step) else 0
         best = min(best, first_root(q, step, at_edge, 0.0))
     return best
 
 
 @kernel
-def _chord_down(body: Body, feature: int, shift: float, c: np.ndarray, step: float) -> float:
-    """Time at which the corner on the other side comes down: docs/physics.md, section 8.2."""
-    q = c[R_SCRATCH]
+def other_corner(body: Body, feature: int, shift: float, phi: float) -> tuple[float, float, float]:
+    """What the gap of the corner on the other side has over that of the feature: docs/physics.md, section 8.2.
+
+    Returns
+    -------
+    tuple of float
+        A constant [m], and the factors of sine and cosine of ``phi + shift``; inf, 0, 0 where no corner can come down.
+    """
+    if not has_corners(body):
+        return math.inf, 0.0, 0.0
     if feature == ARC:
+        if body.half_angle <= 0.5 * math.pi:
+            return math.inf, 0.0, 0.0
         # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
-        radius, across = body.radius, 1.0 if c[PHI, 0] > 0.0 else -1.0
-        cosine, sine = radius * math.cos(body.half_angle), across * radius * math.sin(body.half_angle)
-        for k in range(ORDER + 1):
-            q[k] = c[GAP, k] - cosine * c[R_COSINE, k] + sine * c[R_SINE, k]
-        q[0] += radius
-        reach = radius
-    else:
-        reach = 2.0 * body.radius * math.sin(body.half_angle) * (1.0 if feature == TAIL else -1.0)
-        for k in range(ORDER + 1):
-            q[k] = c[GAP, k] + reach * (c[R_SINE, k] * math.cos(shift) - c[R_COSINE, k] * math.sin(shift))
-    return first_root(q, step, 0, FLAT * abs(reach))
+        side = 1.0 if phi > 0.0 else -1.0
+        r = body.radius
+        return r, side * r * math.sin(body.half_angle), -r * math.cos(body.half_angle)
+    reach = 2.0 * body.radius * math.sin(body.half_angle) * (1.0 if feature == TAIL else -1.0)
+    return 0.0, reach * math.cos(shift), -reach * math.sin(shift)
+
+
+@kernel
+def _chord_down(z: np.ndarray, c: np.ndarray, step: float) -> float:
+    """Time at which the corner on the other side comes down."""
+    q = c[R_SCRATCH]
+    for k in range(ORDER + 1):
+        q[k] = c[GAP, k] + z[Z_SINE] * c[R_SINE, k] + z[Z_COSINE] * c[R_COSINE, k]
+    q[0] += z[Z_OTHER]
+    return first_root(q, step, 0, FLAT * (abs(z[Z_SINE]) + abs(z[Z_COSINE])))
 
 
 @kernel
@@ -108,32 +151,32 @@ def slope_end(length: float, c: np.ndarray, step: float) -> float:
 
 
 @kernel
+def _keeps(safe: float, left: float, vanishing: int) -> bool:
+    """Whether a velocity keeps its sign over the step, by what has been answered for it."""
+    return safe > 0.0 or (vanishing == 1 and left > 0.0)
+
+
+@kernel
 def first_event(
     body: Body,
     feature: int,
-    shift: float,
-    friction: float,
-    arm: float,
-    closing_normal: float,
-    opening_normal: float,
     length: float,
     branch: tuple[int, int, int],
     vanishing: tuple[int, int, int],
     at_edge: int,
+    event: int,
+    z: np.ndarray,
     c: np.ndarray,
-    step: float,
 ) -> tuple[float, int, int]:
-    """Find the first event of a step.
+    """Find the first event of a step that has been completed.
+
+    The answers of :func:`sledenv.kernel.series.complete` tell most of what cannot happen; the rest is sought.
 
     Parameters
     ----------
     body : Body
-    feature, shift
-        What touches, and its angle from :func:`feature_geometry`.
-    friction, arm : float
-        Coulomb coefficient [-] and rolling arm [m] of the feature.
-    closing_normal, opening_normal : float
-        Bounds of the normal force [N] where the gap is locked; inf and 0 if the contact is rigid.
+    feature : int
+        What touches.
     length : float
         End of the slope [m].
     branch : tuple of int
@@ -142,65 +185,72 @@ def first_event(
         Number of leading coefficients of v_n, v_t and omega that are zero by construction.
     at_edge : int
         1 if the contact has just passed from one feature to the other.
-    c : ndarray, shape (ROWS, ORDER + 1)
-        The series of the step.
-    step : float
-        Length of the step [s].
+    event : int
+        What happens at the end of the step, NOTHING if that is not known.
+    z, c : ndarray, shapes (Z_ROWS,) and (ROWS, TERMS)
+        The series of the step, completed.
 
     Returns
     -------
     tuple
-        Time of the event (``step`` if there is none), its code, and the sign with which a released velocity leaves.
+        Time of the event in units (that of the step if there is none), its code, and the sign with which a released
+        velocity leaves.
     """
     gap_rate, slip, spin = branch
-    event = NOTHING
+    step = z[Z_STEP]
     released = 0
     # Each event found shortens the interval in which the next one is sought.
     if gap_rate == 0:
-        if closing_normal < math.inf:
-            at = _normal_root(c, 1, closing_normal, step)
+        if not z[E_SAFE_NORMAL] > 0.0:
+            if z[Z_LARGEST] < math.inf:
+                at = _normal_root(c, 1, z[Z_LARGEST], step)
+                if at < math.inf:
+                    step, event, released = at, RATE_RELEASED, -1
+            at = _normal_root(c, -1, z[Z_LEAST], step)
             if at < math.inf:
-                step, event, released = at, RATE_RELEASED, -1
-        at = _normal_root(c, -1, opening_normal, step)
-        if at < math.inf:
-            step, event, released = at, RATE_RELEASED, 1
+                step, event, released = at, RATE_RELEASED, 1
     else:
-        at = series_root(c, V_N, gap_rate, step, vanishing[0])
-        if at < math.inf:
-            step, event = at, RATE_ZERO
-        if gap_rate > 0:
+        if event != RATE_ZERO and not _keeps(z[E_SAFE_V_N], z[E_LEFT_V_N], vanishing[0]):
+            at = series_root(c, V_N, gap_rate, step, vanishing[0])
+            if at < math.inf:
+                step, event = at, RATE_ZERO
+        if gap_rate > 0 and event != SEPARATION and not z[E_SAFE_GAP] > 0.0:
             at = series_root(c, GAP, -1, step, 0)
             if at < math.inf:
                 step, event = at, SEPARATION
     # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
     before = step * (1.0 - 1e-12) if event == SEPARATION else math.inf
     if slip == 0:
-        for sign in both_signs(c[R_FORCE, 0]):
-            at = bound_root(c, R_NORMAL, R_FORCE, sign, friction, step)
-            if at < before:
-                step, event, released = at, SLIP_RELEASED, -sign
-    else:
+        if not z[E_SAFE_FORCE] > 0.0:
+            for sign in both_signs(c[R_FORCE, 0]):
+                at = bound_root(c, R_NORMAL, R_FORCE, sign, z[Z_FRICTION], step)
+                if at < before:
+                    step, event, released = at, SLIP_RELEASED, -sign
+    elif event != SLIP_ZERO and not _keeps(z[E_SAFE_V_T], z[E_LEFT_V_T], vanishing[1]):
         at = series_root(c, V_T, slip, step, vanishing[1])
         if at < math.inf:
             step, event = at, SLIP_ZERO
     if spin == 0:
-        for sign in both_signs(c[R_MOMENT, 0]):
-            at = bound_root(c, R_NORMAL, R_MOMENT, sign, arm, step)
-            if at < before:
-                step, event, released = at, SPIN_RELEASED, -sign
-    else:
+        if not z[E_SAFE_MOMENT] > 0.0:
+            for sign in both_signs(c[R_MOMENT, 0]):
+                at = bound_root(c, R_NORMAL, R_MOMENT, sign, z[Z_ARM], step)
+                if at < before:
+                    step, event, released = at, SPIN_RELEASED, -sign
+    elif event != SPIN_ZERO and not _keeps(z[E_SAFE_OMEGA], z[E_LEFT_OMEGA], vanishing[2]):
         at = series_root(c, OMEGA, spin, step, vanishing[2])
         if at < math.inf:
             step, event = at, SPIN_ZERO
     if has_corners(body):
-        at = _feature_end(body, feature, c, step, at_edge)
-        if at < math.inf:
-            step, event = at, FEATURE_ENDS
-        if feature != ARC or body.half_angle > 0.5 * math.pi:
-            at = _chord_down(body, feature, shift, c, step)
+        inside = body.half_angle - abs(z[Z_PHI])
+        if at_edge != 0 or not (inside if feature == ARC else -inside) > z[E_TURN]:
+            at = _feature_end(body, feature, c, step, at_edge)
+            if at < math.inf:
+                step, event = at, FEATURE_ENDS
+        if z[Z_OTHER] < math.inf and not z[E_SAFE_OTHER] > 0.0:
+            at = _chord_down(z, c, step)
             if at < math.inf:
                 step, event = at, CHORD_DOWN
-    if length < math.inf:
+    if not length - z[Z_X] > z[E_TRAVEL]:
         at = slope_end(length, c, step)
         if at < math.inf:
             step, event = at, SLOPE_ENDS

@@ -30,6 +30,7 @@ def _compliant_touch(
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
+    z: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
@@ -45,11 +46,11 @@ def _compliant_touch(
     idle = 0
     while True:
         start = state[TIME]
-        status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        status, steps, samples = contact(body, pair, slope, limits, state, c, z, steps, trajectory, samples)
         if status != BOTH_CORNERS:
             break
         state[ON_CHORD] = 1.0
-        status, steps, samples = chord_contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        status, steps, samples = chord_contact(body, pair, slope, limits, state, steps, trajectory, samples)
         if status != ONE_CORNER:
             break
         idle = 0 if state[TIME] > start else idle + 1
@@ -66,27 +67,28 @@ def touch(
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
+    z: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
 ) -> tuple[int, int, int]:
     """Follow one contact by the given law: see :func:`sledenv.kernel.contact.contact`."""
     follow = strike if isinstance(law, RigidLaw) else _compliant_touch
-    return follow(body, law, slope, limits, state, c, steps, trajectory, samples)  # type: ignore[arg-type]
+    return follow(body, law, slope, limits, state, c, z, steps, trajectory, samples)  # type: ignore[arg-type]
 
 
 @overload(touch)
-def _touch(
-    body: Any, law: Any, slope: Any, limits: Any, state: Any, c: Any, steps: Any, trajectory: Any, samples: Any
+def _touch(  # type: ignore[no-untyped-def]
+    body, law, slope, limits, state, c, z, steps, trajectory, samples
 ) -> Callable[..., Any]:
-    follow = strike if law.instance_class is RigidLaw else _compliant_touch
-
-    def call(
-        body: Any, law: Any, slope: Any, limits: Any, state: Any, c: Any, steps: Any, trajectory: Any, samples: Any
-    ) -> Any:
-        return follow(body, law, slope, limits, state, c, steps, trajectory, samples)
-
-    return call
+    # numba hands these names to the implementation, which must repeat them.
+    if law.instance_class is RigidLaw:
+        return lambda body, law, slope, limits, state, c, z, steps, trajectory, samples: strike(
+            body, law, slope, limits, state, c, z, steps, trajectory, samples
+        )
+    return lambda body, law, slope, limits, state, c, z, steps, trajectory, samples: _compliant_touch(
+        body, law, slope, limits, state, c, z, steps, trajectory, samples
+    )
 
 
 def law_of_row(like: Law, row: np.ndarray) -> Law:

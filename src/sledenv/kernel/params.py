@@ -276,7 +276,7 @@ class Limits(_LimitsFields):
         cls,
         max_time: float = 60.0,
         max_steps: float = 1e6,
-        tolerance: float = 1e-16,
+        tolerance: float = 1e-14,
         sample_interval: float = 0.01,
         step: float = 2.5e-7,
         printed_sign: float = 0.0,

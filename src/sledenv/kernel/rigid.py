@@ -279,6 +279,7 @@ def strike(
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
+    z: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
@@ -317,7 +318,7 @@ def strike(
                 return STEP_BUDGET, steps, samples
             if state[V_N] > 0.0:
                 return RUNNING, steps, samples
-        status, steps, samples = contact(body, pair, slope, limits, state, c, steps, trajectory, samples)
+        status, steps, samples = contact(body, pair, slope, limits, state, c, z, steps, trajectory, samples)
         if status != INCONSISTENT and status != BOTH_CORNERS:
             return status, steps, samples
     return STEP_BUDGET, steps, samples

@@ -1,0 +1,232 @@
+"""Straight-line programs written once in Python and compiled for one lane or for several side by side.
+
+A program reads numbers from the rows of one array, reads and writes those of another, and may use arithmetic, the
+functions below and loops whose bounds are known beforehand. :func:`compiled` runs it once with values that write LLVM
+instructions instead of computing. Rows of one number make a scalar kernel, rows of LANES numbers one that handles as
+many lanes with vector instructions. Each lane goes through the same sequence of correctly rounded operations in both,
+so their results agree bit for bit; and no type inference looks at the thousands of instructions of an unrolled
+recurrence, which is what takes numba long.
+
+With NUMBA_DISABLE_JIT the program runs as it stands, on floats or on arrays of lanes; a fused multiply-add is then a
+multiplication and an addition.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import zip_longest
+from typing import Any, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils, config
+from numba.extending import intrinsic
+
+LANES = 8
+
+Program = Callable[[Any, Any], None]
+
+
+class _Value:
+    """A double, or LANES of them, in the function that is being written."""
+
+    __slots__ = ("builder", "value")
+
+    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
+        self.builder = builder
+        self.value = value
+
+    def lift(self, other: Any) -> ir.Value:
+        """Return the LLVM value of a number or a value."""
+        if isinstance(other, _Value):
+            return other.value
+        kind = self.value.type
+        if isinstance(kind, ir.VectorType):
+            return ir.Constant(kind, [ir.Constant(ir.DoubleType(), float(other))] * kind.count)
+        return ir.Constant(kind, float(other))
+
+    def _make(self, value: ir.Value) -> _Value:
+        return _Value(self.builder, value)
+
+    def __add__(self, other: Any) -> _Value:
+        return self._make(self.builder.fadd(self.value, self.lift(other)))
+
+    def __radd__(self, other: Any) -> _Value:
+        return self._make(self.builder.fadd(self.lift(other), self.value))
+
+    def __sub__(self, other: Any) -> _Value:
+        return self._make(self.builder.fsub(self.value, self.lift(other)))
+
+    def __rsub__(self, other: Any) -> _Value:
+        return self._make(self.builder.fsub(self.lift(other), self.value))
+
+    def __mul__(self, other: Any) -> _Value:
+        return self._make(self.builder.fmul(self.value, self.lift(other)))
+
+    def __rmul__(self, other: Any) -> _Value:
+        return self._make(self.builder.fmul(self.lift(other), self.value))
+
+    def __truediv__(self, other: Any) -> _Value:
+        return self._make(self.builder.fdiv(self.value, self.lift(other)))
+
+    def __rtruediv__(self, other: Any) -> _Value:
+        return self._make(self.builder.fdiv(self.lift(other), self.value))
+
+    def __neg__(self) -> _Value:
+        return self._make(self.builder.fneg(self.value))
+
+    def call(self, name: str, *others: Any) -> _Value:
+        """Call an LLVM intrinsic function of doubles."""
+        kind = self.value.type
+        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
+        signature = ir.FunctionType(kind, [kind] * (1 + len(others)))
+        write: Any = cgutils.get_or_insert_function
+        function = write(self.builder.module, signature, f"{name}.{suffix}")
+        return self._make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
+
+
+def fma(a: Any, b: Any, c: Any) -> Any:
+    """``a * b + c``, rounded once."""
+    for value in (a, b, c):
+        if isinstance(value, _Value):
+            return _Value(value.builder, value.lift(a)).call("llvm.fma", b, c)
+    return a * b + c
+
+
+def absolute(a: Any) -> Any:
+    """Absolute value."""
+    return a.call("llvm.fabs") if isinstance(a, _Value) else np.abs(a)
+
+
+def root(a: Any) -> Any:
+    """Square root; NaN for a negative number."""
+    return a.call("llvm.sqrt") if isinstance(a, _Value) else np.sqrt(a)
+
+
+def nearest(a: Any) -> Any:
+    """Round to the nearest integer, half to even."""
+    return a.call("llvm.rint") if isinstance(a, _Value) else np.rint(a)
+
+
+def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
+    """``then`` where ``a < b``, else ``otherwise``; also where one of them is not a number."""
+    for value in (a, b, then, otherwise):
+        if isinstance(value, _Value):
+            less = value.builder.fcmp_ordered("<", value.lift(a), value.lift(b))
+            return _Value(value.builder, value.builder.select(less, value.lift(then), value.lift(otherwise)))
+    return np.where(a < b, then, otherwise)[()]
+
+
+def smaller(a: Any, b: Any) -> Any:
+    """Return the smaller of two; ``b`` if one of them is not a number."""
+    return where_less(a, b, a, b)
+
+
+def larger(a: Any, b: Any) -> Any:
+    """Return the larger of two; ``b`` if one of them is not a number."""
+    return where_less(b, a, a, b)
+
+
+def total(terms: Sequence[Any]) -> Any:
+    """Sum of the terms of a power series, each of four chains from its small end, so that they run side by side."""
+    chains = []
+    for first in range(min(4, len(terms))):
+        chain = None
+        for term in reversed(terms[first::4]):
+            chain = term if chain is None else chain + term
+        chains.append(chain)
+    while len(chains) > 1:
+        chains = [a if b is None else a + b for a, b in zip_longest(chains[::2], chains[1::2])]
+    return chains[0]
+
+
+class _Rows:
+    """An array in the function that is being written; each row is loaded once."""
+
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, lanes: int) -> None:
+        self.builder = builder
+        self.data = data
+        self.lanes = lanes
+        self.kind = ir.DoubleType() if lanes == 1 else ir.VectorType(ir.DoubleType(), lanes)
+        self.known: dict[int, _Value] = {}
+
+    def _place(self, row: int) -> ir.Value:
+        offset = ir.Constant(ir.IntType(64), row * self.lanes)
+        at = self.builder.gep(self.data, [offset], source_etype=ir.DoubleType())
+        return self.builder.bitcast(at, ir.PointerType(self.kind))
+
+    def __getitem__(self, row: int) -> _Value:
+        if row not in self.known:
+            self.known[row] = _Value(self.builder, self.builder.load(self._place(row), align=8, typ=self.kind))
+        return self.known[row]
+
+    def __setitem__(self, row: int, value: Any) -> None:
+        zero = _Value(self.builder, ir.Constant(self.kind, None))
+        self.known[row] = _Value(self.builder, zero.lift(value))
+        self.builder.store(self.known[row].value, self._place(row), align=8)
+
+
+def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
+    """Return a function ``f(z, c)`` that runs a program, for use in kernels, which compile it.
+
+    Each call in a kernel writes the program into it: call it in one kernel of its own.
+
+    Parameters
+    ----------
+    program : callable
+        Of two objects that are indexed by row: it reads ``z`` and reads and writes ``c``.
+
+    Returns
+    -------
+    callable
+        Of two contiguous arrays: ``z``, shape (rows,) or (rows, LANES), and ``c``, whose last axis is that of the lanes
+        if ``z`` has two axes; its other axes are counted as one.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(z: np.ndarray, c: np.ndarray) -> None:
+            with np.errstate(all="ignore"):
+                program(z, c.reshape(-1) if z.ndim == 1 else c.reshape(-1, LANES))
+
+        return interpreted
+
+    @intrinsic
+    def straight(typing_context: Any, z: Any, c: Any) -> Any:
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            lanes = LANES if signature.args[0].ndim == 2 else 1
+            source, target = (
+                _Rows(builder, context.make_array(of)(context, builder, argument).data, lanes)
+                for of, argument in zip(signature.args, arguments, strict=True)
+            )
+            program(source, target)
+            return context.get_dummy_value()
+
+        return types.void(z, c), write
+
+    return cast(Callable[[np.ndarray, np.ndarray], None], straight)
+
+
+def sine_cosine(angle: Any) -> tuple[Any, Any]:
+    """Sine and cosine of an angle within a few turns of zero, to 1 ulp or two: Taylor series on [-pi/4, pi/4]."""
+    quarter = nearest(angle * (2.0 / math.pi))
+    # pi/2 in three parts, of which the first two are exact in 33 bits (Cody and Waite).
+    x = fma(quarter, -1.57079632673412561417e00, angle)
+    x = fma(quarter, -6.07710050630396597660e-11, x)
+    x = fma(quarter, -2.02226624879595063154e-21, x)
+    square = x * x
+    odd, even = 0.0, 0.0
+    for k in range(8, 0, -1):
+        odd = fma(square, odd, (-1.0) ** k / math.factorial(2 * k + 1))
+        even = fma(square, even, (-1.0) ** k / math.factorial(2 * k))
+    s = fma(x, square * odd, x)
+    c = fma(square, even, 1.0)
+    # Which of the two, and with which sign: quarter modulo 4.
+    left = quarter - 4.0 * nearest(quarter * 0.25)  # -2, -1, 0, 1 or 2
+    swapped = 0.5 - absolute(absolute(left) - 1.0)  # positive where left is odd
+    sine = where_less(0.0, swapped, c, s)
+    cosine = where_less(0.0, swapped, s, c)
+    sine = where_less(left, -0.5, -sine, where_less(1.5, left, -sine, sine))
+    cosine = where_less(absolute(left), 1.5, where_less(0.5, left, -cosine, cosine), -cosine)
+    return sine, cosine
