@@ -1,22 +1,23 @@
-"""The Python face of the descent loop: :func:`simulate` and :func:`simulate_batch`."""
+"""The Python face of the descent loop: :func:`simulate`, :func:`simulate_batch` and, hop by hop, :class:`Ride`."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.descend import descend, descend_batch
+from sledenv.kernel.descend import begin, close_books, descend, descend_batch, hop, trim, work_space
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State, checked
+from sledenv.kernel.params import FINITE, POSITIVE, Body, ContactLaw, Limits, RigidLaw, Slope, State, checked
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
 Solver = Literal["compliant", "rigid", "euler"]
@@ -32,23 +33,26 @@ class Energy(NamedTuple):
     """Energy ledger of a descent [J]: docs/physics.md, section 9."""
 
     initial: float  # kinetic + potential at launch
-    kinetic: float  # at the end
+    kinetic: float  # of the body at the end
     potential: float  # at the end; zero at x = 0, y = 0
     stored: float  # in the compressed contact at the end
     hysteresis: float  # lost between loading and unloading stiffness
     sliding: float  # lost to Coulomb friction
     rolling: float  # lost to rolling resistance
-    supplied: float  # launch kinetic energy + drop height + slope descended
+    rotor: float  # kinetic energy of the rider's rotor at the end
+    work: float  # done by the rider's trim
+    absorbed: float  # taken up by the rider's trim, and lost
+    supplied: float  # launch kinetic energy + drop height + slope descended + work
 
     @property
     def lost(self) -> float:
         """All losses [J]."""
-        return self.hysteresis + self.sliding + self.rolling
+        return self.hysteresis + self.sliding + self.rolling + self.absorbed
 
     @property
     def residual(self) -> float:
         """Energy [J] that the ledger cannot account for: the integration error."""
-        return self.kinetic + self.potential + self.stored + self.lost - self.initial
+        return self.kinetic + self.potential + self.stored + self.rotor + self.lost - self.initial - self.work
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,6 +257,19 @@ def simulate(
     if record == "trajectory" and outcome["samples"] > len(trajectory):
         trajectory = np.zeros(outcome["samples"], TRAJECTORY)
         run()
+    return _descent(body, law, slope, launch, outcome, rebounds, trajectory)
+
+
+def _descent(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    launch: State,
+    outcome: np.void,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray,
+) -> Descent:
+    """Descent out of what the kernel has written; shares no log with it."""
     return Descent(
         body=body,
         law=law,
@@ -260,9 +277,9 @@ def simulate(
         launch=launch,
         status=STATUS_OF_CODE[outcome["status"]],
         time=float(outcome["t"]),
-        state=_final_state(outcome),
+        state=_state(outcome),
         rebounds=rebounds[: outcome["rebounds"]].copy(),
-        trajectory=trajectory[: outcome["samples"]] if record == "trajectory" else trajectory,
+        trajectory=trajectory[: outcome["samples"]],
         energy=Energy(*(float(outcome[name]) for name in LEDGER_FIELDS)),
         outcome=outcome,
     )
@@ -276,9 +293,150 @@ def _rigid(body: Body, law: ContactLaw, slope: Slope, settle_speed: float | None
     return RigidLaw(law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, settle)
 
 
-def _final_state(outcome: np.void) -> State:
+def _state(outcome: np.void) -> State:
     # A non-finite final state is a status, not an error.
     return State._make(float(outcome[name]) for name in State._fields)
+
+
+class Ride:
+    """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
+
+    A ride that is never trimmed ends with the very :class:`Descent` that :func:`simulate` returns, bit for bit. It can
+    be copied (:meth:`copy`) and pickled at any rebound; the copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, state, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
+        As for :func:`simulate`, but for the Euler solver.
+    rotor_inertia : float, optional
+        Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: ContactLaw,
+        slope: Slope,
+        state: State,
+        *,
+        solver: Literal["compliant", "rigid"] = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        record: Record = "rebounds",
+        sample_interval: float = 0.01,
+        tolerance: float = 1e-16,
+        settle_speed: float | None = None,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        _choice("solver", solver, ("compliant", "rigid"))
+        _choice("record", record, get_args(Record))
+        self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
+        self.launch = _check_launch(self.body, self.slope, State(*state))
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._touching: Law = _rigid(self.body, self.law, self.slope, settle_speed) if solver == "rigid" else self.law
+        self._limits = Limits(max_time=max_time, tolerance=tolerance, sample_interval=sample_interval)
+        self._space = work_space()
+        self._rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
+        self._trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+        self._flight = np.zeros(1, OUTCOME)
+        begin(self.launch, self._flight[0])
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    @property
+    def status(self) -> Status:
+        """Why the descent has ended; "running" until then."""
+        return STATUS_OF_CODE[int(self._flight[0]["status"])]
+
+    @property
+    def time(self) -> float:
+        """Time [s] since the launch."""
+        return float(self._flight[0]["t"])
+
+    @property
+    def state(self) -> State:
+        """Where the body is: at the launch, at a rebound or at the end."""
+        return _state(self._flight[0])
+
+    @property
+    def lent(self) -> float:
+        """Spin [rad/s] that the rider's rotor lends to the body."""
+        return float(self._flight[0]["trim"])
+
+    def trim(self, spin: float) -> None:
+        """Let the rider's rotor lend ``spin`` [rad/s] to the body from here on: docs/physics.md, section 9.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended or the ride has no rotor.
+        TypeError, ValueError
+            If ``spin`` is not a finite number.
+        """
+        self._check_running()
+        if self.rotor_inertia is None:
+            raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
+        lent = checked("Ride.trim", "spin", spin, FINITE)
+        trim(self.body, self.rotor_inertia, self._flight[0], lent)
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    def hop(self) -> Status:
+        """Follow one hop, to the next rebound or to the end of the descent, and return the status.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended.
+        """
+        self._check_running()
+        start = self._flight.copy()
+        self._hop()
+        if 0 < len(self._trajectory) < self._flight[0]["samples"]:
+            longer = np.zeros(2 * self._flight[0]["samples"], TRAJECTORY)
+            longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
+            self._trajectory, self._flight = longer, start
+            self._hop()
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+        return self.status
+
+    def run(self) -> Descent:
+        """Follow the descent to its end and return it."""
+        while self.status == Status.RUNNING:
+            self.hop()
+        return self.descent()
+
+    def descent(self) -> Descent:
+        """Return the descent so far, of status "running" until it has ended; later hops do not change it."""
+        outcome = self._flight.copy()[0]
+        trajectory = self._trajectory[: outcome["samples"]]
+        if self.status == Status.RUNNING and len(self._trajectory) > 0:
+            here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
+            for name in ("t", *State._fields):
+                here[name] = outcome[name]
+            trajectory = np.append(trajectory, here)
+            outcome["samples"] += 1
+        return _descent(self.body, self.law, self.slope, self.launch, outcome, self._rebounds, trajectory.copy())
+
+    def copy(self) -> Self:
+        """Return an independent ride that stands where this one stands."""
+        return copy.deepcopy(self)
+
+    def _hop(self) -> None:
+        flight = self._flight[0]
+        rebound = self._rebounds[flight["rebounds"]]
+        log_length = len(self._rebounds)
+        limits, space = self._limits, self._space
+        hop(self.body, self._touching, self.slope, limits, flight, rebound, log_length, space, self._trajectory)
+
+    def _check_running(self) -> None:
+        if self.status != Status.RUNNING:
+            raise RuntimeError(f"the descent has ended with status {str(self.status)!r}")
 
 
 def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:

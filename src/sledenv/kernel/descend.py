@@ -125,10 +125,42 @@ def begin(launch: State, flight: np.void) -> None:
     flight["u"] = launch.u
     flight["v"] = launch.v
     flight["omega"] = launch.omega
+    flight["trim"] = 0.0
     flight["stored"] = 0.0
     flight["hysteresis"] = 0.0
     flight["sliding"] = 0.0
     flight["rolling"] = 0.0
+    flight["rotor"] = 0.0
+    flight["work"] = 0.0
+    flight["absorbed"] = 0.0
+
+
+@kernel
+def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None:
+    """Let the rider's rotor lend ``spin`` [rad/s] to the body in flight: docs/physics.md, section 9.
+
+    Parameters
+    ----------
+    body : Body
+    rotor_inertia : float
+        Moment of inertia of the rotor [kg m^2], > 0; the same throughout a descent.
+    flight : record of OUTCOME
+        Where the descent is, see :func:`hop`.
+    spin : float
+        What the body spins faster than with the rotor at rest [rad/s].
+    """
+    change = spin - flight["trim"]
+    if change != 0.0:  # or a spin of -0.0 would lose its sign
+        omega = flight["omega"]
+        rotor = 0.5 * (body.inertia * spin) ** 2 / rotor_inertia
+        done = body.inertia * change * (omega + 0.5 * change) + rotor - flight["rotor"]
+        flight["omega"] = omega + change
+        flight["trim"] = spin
+        flight["rotor"] = rotor
+        if done > 0.0:
+            flight["work"] += done
+        else:
+            flight["absorbed"] -= done
 
 
 @kernel
@@ -139,9 +171,8 @@ def close_books(body: Body, slope: Slope, launch: State, flight: np.void) -> Non
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    flight["supplied"] = kinetic + body.mass * slope.gravity * (
-        drop * math.cos(slope.angle) + along * math.sin(slope.angle)
-    )
+    raised = body.mass * slope.gravity * (drop * math.cos(slope.angle) + along * math.sin(slope.angle))
+    flight["supplied"] = kinetic + raised + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
     if flight["status"] != RUNNING and not finite:
@@ -184,6 +215,12 @@ def write_rebound(
 
 
 @kernel
+def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays that :func:`hop` works in; it may get the same ones again and again."""
+    return np.zeros((ROWS, ORDER + 1)), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+
+
+@kernel
 def hop(
     body: Body,
     law: Law,
@@ -192,9 +229,7 @@ def hop(
     flight: np.void,
     rebound: np.void,
     log_length: int,
-    work: np.ndarray,
-    state: np.ndarray,
-    before: np.ndarray,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray],
     trajectory: np.ndarray,
 ) -> None:
     """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
@@ -210,8 +245,8 @@ def hop(
         Overwritten if there was a contact, that is if ``flight["rebounds"]`` has grown.
     log_length : int
         Number of rebounds at which the descent ends with status LOG_FULL.
-    work, state, before : ndarray, shapes (ROWS, ORDER + 1), (STATE_SIZE,) and (STATE_SIZE,)
-        Work space.
+    space : tuple of ndarray
+        See :func:`work_space`.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
@@ -220,6 +255,7 @@ def hop(
     t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
     u, v, omega = flight["u"], flight["v"], flight["omega"]
     samples = flight["samples"]
+    series, state, before = space
     status = RUNNING
 
     # Flight, to whatever comes first.
@@ -260,7 +296,7 @@ def hop(
         state[OMEGA] = omega
         state[FEATURE] = feature
         before[:] = state
-        status, steps, samples = touch(body, law, slope, limits, state, work, flight["steps"], trajectory, samples)
+        status, steps, samples = touch(body, law, slope, limits, state, series, flight["steps"], trajectory, samples)
         a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebound, before, state, feature, b, a, u, v)
         t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
@@ -306,13 +342,11 @@ def descend(
     outcome : record of OUTCOME
         Overwritten.
     """
-    work = np.zeros((ROWS, ORDER + 1))
-    state = np.zeros(STATE_SIZE)
-    before = np.zeros(STATE_SIZE)
+    space = work_space()
     begin(launch, outcome)
     while outcome["status"] == RUNNING:
         rebound = rebounds[outcome["rebounds"]]
-        hop(body, law, slope, limits, outcome, rebound, rebounds.shape[0], work, state, before, trajectory)
+        hop(body, law, slope, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
     close_books(body, slope, launch, outcome)
 
 
@@ -366,16 +400,22 @@ def hop_batch(
     slopes: np.ndarray,
     launches: np.ndarray,
     limits: Limits,
+    rotor_inertia: float,
+    trims: np.ndarray,
     flights: np.ndarray,
     rebounds: np.ndarray,
     log_length: int,
 ) -> None:
-    """Follow one hop of many descents, one a lane; lanes that have ended stay as they are.
+    """Trim and follow one hop of many descents, one a lane; lanes that have ended stay as they are.
 
     Parameters
     ----------
     body, like, laws, slopes, launches, limits, log_length
         As for :func:`descend_batch`.
+    rotor_inertia : float
+        Of the rider's rotor [kg m^2], shared by all lanes.
+    trims : ndarray, shape (N,)
+        Spin [rad/s] that the rotor lends to each body during the hop, see :func:`trim`.
     flights : ndarray of OUTCOME, shape (N,)
         Where each descent is, see :func:`hop`; moved on, their ledgers brought up to date. Those whose status is not
         RUNNING are left alone.
@@ -390,9 +430,6 @@ def hop_batch(
             law = law_of_row(like, p)
             slope = Slope(q[0], q[1], q[2])
             launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-            work = np.zeros((ROWS, ORDER + 1))
-            state = np.zeros(STATE_SIZE)
-            before = np.zeros(STATE_SIZE)
-            trajectory = np.empty(0, TRAJECTORY)
-            hop(body, law, slope, limits, flights[i], rebounds[i], log_length, work, state, before, trajectory)
+            trim(body, rotor_inertia, flights[i], trims[i])
+            hop(body, law, slope, limits, flights[i], rebounds[i], log_length, work_space(), np.empty(0, TRAJECTORY))
             close_books(body, slope, launch, flights[i])

@@ -10,8 +10,8 @@ import numpy as np
 
 Rule = tuple[Callable[[float], bool], str]
 
-_FINITE: Rule = (math.isfinite, "a finite number")
-_POSITIVE: Rule = (lambda v: 0.0 < v < math.inf, "in (0, inf)")
+FINITE: Rule = (math.isfinite, "a finite number")
+POSITIVE: Rule = (lambda v: 0.0 < v < math.inf, "in (0, inf)")
 _NOT_NEGATIVE: Rule = (lambda v: 0.0 <= v < math.inf, "in [0, inf)")
 _HALF_ANGLE: Rule = (lambda v: 0.0 < v <= math.pi, "in (0, pi] rad")
 _FRACTION: Rule = (lambda v: 0.0 <= v < 1.0, "in [0, 1)")
@@ -79,10 +79,10 @@ class Body(_BodyFields):
     ) -> Self:
         return super().__new__(
             cls,
-            checked("Body", "mass", mass, _POSITIVE),
+            checked("Body", "mass", mass, POSITIVE),
             checked("Body", "radius", radius, _NOT_NEGATIVE),
             checked("Body", "eccentricity", eccentricity, _NOT_NEGATIVE),
-            checked("Body", "inertia", inertia, _POSITIVE),
+            checked("Body", "inertia", inertia, POSITIVE),
             checked("Body", "half_angle", half_angle, _HALF_ANGLE),
         )
 
@@ -104,8 +104,8 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
     Body
         With the eccentricity and the inertia of the lamina.
     """
-    mass = checked("circular_segment", "mass", mass, _POSITIVE)
-    radius = checked("circular_segment", "radius", radius, _POSITIVE)
+    mass = checked("circular_segment", "mass", mass, POSITIVE)
+    radius = checked("circular_segment", "radius", radius, POSITIVE)
     alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     area = alpha - sine * cosine  # of the segment, over r^2
@@ -156,7 +156,7 @@ class ContactLaw(_ContactLawFields):
     ) -> Self:
         return super().__new__(
             cls,
-            checked("ContactLaw", "stiffness", stiffness, _POSITIVE),
+            checked("ContactLaw", "stiffness", stiffness, POSITIVE),
             checked("ContactLaw", "asymmetry", asymmetry, _FRACTION),
             checked("ContactLaw", "friction", friction, _NOT_NEGATIVE),
             checked("ContactLaw", "rolling_arm", rolling_arm, _NOT_NEGATIVE),
@@ -255,7 +255,7 @@ class State(_StateFields):
 
     def __new__(cls, x: float, y: float, phi: float, u: float = 0.0, v: float = 0.0, omega: float = 0.0) -> Self:
         values = zip(cls._fields, (x, y, phi, u, v, omega), strict=True)
-        return super().__new__(cls, *(checked("State", field, value, _FINITE) for field, value in values))
+        return super().__new__(cls, *(checked("State", field, value, FINITE) for field, value in values))
 
 
 class _LimitsFields(NamedTuple):
@@ -284,10 +284,10 @@ class Limits(_LimitsFields):
         tolerance_rule: Rule = (lambda v: 1e-18 <= v <= 1e-3, "in [1e-18, 1e-3]")
         return super().__new__(
             cls,
-            checked("Limits", "max_time", max_time, _POSITIVE),
-            checked("Limits", "max_steps", max_steps, _POSITIVE),
+            checked("Limits", "max_time", max_time, POSITIVE),
+            checked("Limits", "max_steps", max_steps, POSITIVE),
             checked("Limits", "tolerance", tolerance, tolerance_rule),
-            checked("Limits", "sample_interval", sample_interval, _POSITIVE),
-            checked("Limits", "step", step, _POSITIVE),
+            checked("Limits", "sample_interval", sample_interval, POSITIVE),
+            checked("Limits", "step", step, POSITIVE),
             checked("Limits", "printed_sign", printed_sign, CLOSED_FRACTION),
         )
