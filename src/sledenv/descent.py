@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -335,9 +334,7 @@ def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
         raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
     table = np.array(table, dtype=float, ndmin=2, order="C")
     if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(
-            f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}"
-        )
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
     return table
 
 

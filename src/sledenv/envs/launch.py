@@ -47,7 +47,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
-    action_space: spaces.Box
+    action_space: spaces.Box  # type: ignore[assignment]
 
     def __init__(
         self,

@@ -172,7 +172,7 @@ class Task:
                 case "context":
                     info[key] = self.context_info(contexts)
                 case "rebounds":
-                    info[key] = {name: _lists(batch, name) for name in REBOUND.names or ()}
+                    info[key] = _lists(batch)
                 case "jam":
                     info[key] = {
                         "progress": jam.progress,
@@ -238,8 +238,14 @@ def only_lane(columns: dict[str, Any]) -> dict[str, Any]:
     return {key: only_lane(value) if isinstance(value, dict) else value.item() for key, value in columns.items()}
 
 
-def _lists(batch: DescentBatch, name: str) -> np.ndarray:
-    """One field of the rebounds of many descents: an array of lists, because logs differ in length."""
-    counts = batch.outcomes["rebounds"].tolist()
-    rows = (column[:count].tolist() for column, count in zip(batch.rebounds[name], counts, strict=True))
-    return np.fromiter(rows, dtype=object, count=len(counts))
+def _lists(batch: DescentBatch) -> dict[str, np.ndarray]:
+    """Fields of the rebounds of many descents: arrays of lists, because logs differ in length."""
+    counts = batch.outcomes["rebounds"]
+    rows = batch.rebounds[np.arange(batch.rebounds.shape[1]) < counts[:, np.newaxis]]
+    ends = np.cumsum(counts).tolist()
+    spans = list(zip([0, *ends[:-1]], ends, strict=True))
+
+    def column(values: list[float]) -> np.ndarray:
+        return np.fromiter((values[start:end] for start, end in spans), dtype=object, count=len(spans))
+
+    return {name: column(rows[name].tolist()) for name in REBOUND.names or ()}

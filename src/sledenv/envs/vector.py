@@ -192,9 +192,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self._restart(lanes, info, fixed)
         return self._observe(np.arange(self.num_envs)), info
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
         """Advance every lane by one step; a lane that is reset by it ("NextStep") ignores its action.
 
         Parameters
