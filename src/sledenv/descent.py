@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +14,23 @@ from numpy.typing import ArrayLike
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.kernel.descend import begin, close_books, descend, descend_batch, hop, trim, work_space
 from sledenv.kernel.euler import descend_euler
-from sledenv.kernel.geometry import support_height
+from sledenv.kernel.geometry import support_heights
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import FINITE, POSITIVE, Body, ContactLaw, Limits, RigidLaw, Slope, State, checked
+from sledenv.kernel.params import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Body,
+    ContactLaw,
+    Limits,
+    RigidLaw,
+    Rule,
+    Slope,
+    State,
+    checked,
+    checked_rows,
+    restitution_of,
+)
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
 Solver = Literal["compliant", "rigid", "euler"]
@@ -26,6 +39,7 @@ FrictionSign = Literal["dissipative", "printed"]
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _FIRST_TRAJECTORY = 4096
+_SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
@@ -94,6 +108,11 @@ class Descent:
         """Progress, retention, reward and jam index of the descent."""
         return descent_jam(self.outcome, self.body.mass, self.slope.length)
 
+    def as_batch(self) -> DescentBatch:
+        """Return a batch of this one descent."""
+        jam = DescentJam(*(np.reshape(field, 1) for field in self.jam))
+        return DescentBatch(self.outcome.reshape(1), self.rebounds[np.newaxis], jam)
+
     @cached_property
     def rebound_jam(self) -> ReboundJam:
         """Grip, tangential loss and stuck flags of each rebound."""
@@ -148,25 +167,38 @@ def _count(name: str, value: int) -> int:
     return int(value)
 
 
-def _check_launch(body: Body, slope: Slope, state: State, owner: str = "State") -> State:
-    """Return the launch, put on the surface if it lies there up to rounding.
+def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
+    """Put launches, shape (N, 6), that lie on the surface up to rounding exactly there, in place.
 
     Raises
     ------
     ValueError
-        If it lies below the surface or beyond the end of the slope.
+        If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
-    lowest = support_height(body, state.phi)
-    gap = state.y - lowest
-    size = body.radius + body.eccentricity
-    if gap < -_SURFACE * size:
+    x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
+    lowest = support_heights(body, phi)
+    below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)
+    if below.any():
+        i = int(np.argmax(below))
         raise ValueError(
-            f"{owner}.y = {state.y!r}: the launch lies below the surface; at phi = {state.phi!r} rad the mass centre "
-            f"must be at y >= {lowest!r} m"
+            f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
+            f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
         )
-    if state.x >= slope.length:
-        raise ValueError(f"{owner}.x = {state.x!r}: must be < Slope.length = {slope.length!r} m")
-    return state if gap > 0.0 else State(*state._replace(y=lowest))
+    lengths = np.broadcast_to(slopes[:, 1], x.shape)
+    beyond = x >= lengths
+    if beyond.any():
+        i = int(np.argmax(beyond))
+        raise ValueError(
+            f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {float(lengths[i])!r} m"
+        )
+    np.maximum(y, lowest, out=y)
+
+
+def _launched(body: Body, slope: Slope, state: State) -> State:
+    """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
+    launches = np.array([state])
+    _on_the_surface("State", body, np.array([slope]), launches)
+    return State(*launches[0].tolist())
 
 
 def simulate(
@@ -231,7 +263,7 @@ def simulate(
     if friction_sign == "printed" and solver != "euler":
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
     body, law, slope = Body(*body), ContactLaw(*law), Slope(*slope)
-    launch = _check_launch(body, slope, State(*state))
+    launch = _launched(body, slope, State(*state))
     euler = solver == "euler"
     limits = Limits(
         max_time=max_time,
@@ -241,7 +273,7 @@ def simulate(
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
     )
-    touching: Law = _rigid(body, law, slope, settle_speed) if solver == "rigid" else law
+    touching = _touching(body, law, slope, solver, settle_speed)
     rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
@@ -285,12 +317,22 @@ def _descent(
     )
 
 
-def _rigid(body: Body, law: ContactLaw, slope: Slope, settle_speed: float | None) -> RigidLaw:
-    """Stiff limit of a contact law."""
+def _touching(body: Body, law: ContactLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
+    """Return the law that the kernel follows."""
+    if solver != "rigid":
+        return law
+    return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
+
+
+def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
+    """Stiff limits of contact laws, shape (1 or N, 5): fields of RigidLaw."""
+    _, asymmetry, friction, rolling_arm, corner_rolling_arm = laws.T
     if settle_speed is None:
-        settle_speed = _SETTLE * math.sqrt(slope.gravity * (body.radius + body.eccentricity))
-    settle = checked("simulate", "settle_speed", settle_speed, (lambda v: 0.0 <= v < math.inf, "in [0, inf) m/s"))
-    return RigidLaw(law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, settle)
+        settle = _SETTLE * np.sqrt(slopes[:, 2] * (body.radius + body.eccentricity))
+    else:
+        settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
+    fields = np.broadcast_arrays(restitution_of(asymmetry), friction, rolling_arm, corner_rolling_arm, settle)
+    return np.stack(fields, axis=-1)
 
 
 def _state(outcome: np.void) -> State:
@@ -336,11 +378,11 @@ class Ride:
         _choice("solver", solver, ("compliant", "rigid"))
         _choice("record", record, get_args(Record))
         self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
-        self.launch = _check_launch(self.body, self.slope, State(*state))
+        self.launch = _launched(self.body, self.slope, State(*state))
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._touching: Law = _rigid(self.body, self.law, self.slope, settle_speed) if solver == "rigid" else self.law
+        self._touching = _touching(self.body, self.law, self.slope, solver, settle_speed)
         self._limits = Limits(max_time=max_time, tolerance=tolerance, sample_interval=sample_interval)
         self._space = work_space()
         self._rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
@@ -443,17 +485,33 @@ def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes:
     """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])
-    if isinstance(given, np.ndarray | Sequence) and not isinstance(given, tuple | str):
-        if len(given) != lanes:
-            raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
-        return np.array([kind(*row) for row in given])
-    raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+    if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
+        raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+    if len(given) != lanes:
+        raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
+    rows = _table(name, given, kind._fields)
+    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    return rows
+
+
+def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
+    """Return a new array of floats, shape (N, fields), of N tuples, or of one."""
+    try:
+        table = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        table = np.asarray(given, dtype=object)
+    if table.dtype.kind not in "biuf":
+        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
+    table = np.array(table, dtype=float, ndmin=2, order="C")
+    if table.ndim != 2 or table.shape[1] != len(fields):
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
+    return table
 
 
 def simulate_batch(
     body: Body,
-    law: ContactLaw | Sequence[ContactLaw],
-    slope: Slope | Sequence[Slope],
+    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
+    slope: Slope | Sequence[Slope] | np.ndarray,
     states: ArrayLike,
     *,
     solver: Literal["compliant", "rigid"] = "compliant",
@@ -469,7 +527,7 @@ def simulate_batch(
     ----------
     body : Body
         Shared by all lanes.
-    law, slope : ContactLaw, Slope or sequences of N of them
+    law, slope : ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5) and (N, 3)
         One for all lanes or one a lane.
     states : array_like, shape (N, 6)
         Launches, columns as in :class:`State`.
@@ -487,9 +545,7 @@ def simulate_batch(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
     """
-    launches = np.array(states, dtype=float, ndmin=2)
-    if launches.ndim != 2 or launches.shape[1] != len(State._fields):
-        raise ValueError(f"states has shape {np.shape(states)}: must be (N, 6), columns {', '.join(State._fields)}")
+    launches = _table("states", states, State._fields)
     lanes = len(launches)
     body = Body(*body)
     _choice("solver", solver, ("compliant", "rigid"))
@@ -497,14 +553,12 @@ def simulate_batch(
     slopes = _rows("slope", Slope, slope, lanes)
     like: Law = ContactLaw(*laws[0])
     if solver == "rigid":
-        pairs = zip(laws, slopes if len(slopes) >= len(laws) else np.repeat(slopes, len(laws), 0), strict=False)
-        laws = np.array([_rigid(body, ContactLaw(*p), Slope(*q), settle_speed) for p, q in pairs])
+        laws = _rigid(body, laws, slopes, settle_speed)
         like = RigidLaw(*laws[0])
     length = _count("max_rebounds", max_rebounds)
     limits = Limits(max_time=max_time, tolerance=tolerance)
-    for i, row in enumerate(launches):
-        lane_slope = Slope(*slopes[i if len(slopes) > 1 else 0])
-        launches[i] = _check_launch(body, lane_slope, State(*row), f"states[{i}]")
+    checked_rows("states[{lane}]", State, launches)
+    _on_the_surface("states[{lane}]", body, slopes, launches)
     outcomes = np.zeros(lanes, OUTCOME)
     rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
     descend_batch(body, like, laws, slopes, launches, limits, rebounds, length, outcomes)

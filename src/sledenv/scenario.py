@@ -21,8 +21,21 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from sledenv.kernel.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.kernel.geometry import support_heights
+from sledenv.kernel.params import (
+    FINITE,
+    NOT_NEGATIVE,
+    RESTITUTION,
+    STEEPNESS,
+    Body,
+    ContactLaw,
+    Rule,
+    Slope,
+    State,
+    asymmetry_of,
+    checked,
+    circular_segment,
+)
 
 Pair = tuple[float, float]
 
@@ -221,9 +234,7 @@ class LimitsSection(Section):
     max_rebounds: Annotated[int, _Whole("[1, 1000000]")]
 
 
-class Context(NamedTuple):
-    """One draw from the ranges of a scenario: all that differs between two of its descents."""
-
+class _ContextFields(NamedTuple):
     angle: float  # [rad] of the slope
     friction: float  # [-] f
     restitution: float  # [-] e
@@ -232,6 +243,20 @@ class Context(NamedTuple):
     fall: float  # [m/s] towards the slope
     orientation: float  # [rad] phi at launch
     spin: float  # [rad/s] omega at launch
+
+
+class Context(_ContextFields):
+    """One draw from the ranges of a scenario: all that differs between two of its descents.
+
+    Many contexts are an array of shape (N, 8) with these fields as columns. ``rules`` says what can be simulated,
+    whatever the ranges of a scenario are; a context is checked where it is used.
+    """
+
+    __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (
+        *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
+        *(FINITE, NOT_NEGATIVE, FINITE, FINITE, FINITE),
+    )
 
 
 class Scenario(Section):
@@ -287,9 +312,12 @@ class Scenario(Section):
 
     def sample(self, rng: np.random.Generator) -> Context:
         """Draw a context, uniform in the ranges; every call takes eight doubles from ``rng``."""
-        draws = rng.random(len(Context._fields)).tolist()
-        pairs = zip(draws, self._pairs(), strict=True)
-        return Context(*(min(low + (high - low) * draw, high) for draw, (low, high) in pairs))
+        return Context(*self.contexts(rng.random(len(Context._fields))).tolist())
+
+    def contexts(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, both of shape (..., 8)."""
+        low, high = self.ranges
+        return np.minimum(low + (high - low) * draws, high)
 
     def _pairs(self) -> tuple[Pair, ...]:
         """Range of each field of ``Context``."""
@@ -311,17 +339,24 @@ class Scenario(Section):
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
-        return ContactLaw.from_restitution(
-            context.restitution,
-            stiffness=self.contact.stiffness_n_m,
-            friction=context.friction,
-            rolling_arm=self.contact.rolling_arm_m,
-            corner_rolling_arm=self.contact.corner_rolling_arm_m,
+        return ContactLaw(*self.laws(np.array([context]))[0].tolist())
+
+    def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the contact laws of contexts of shape (N, 8): fields of ContactLaw, shape (N, 5)."""
+        _, friction, restitution, *_ = contexts.T
+        law = self.contact
+        return _columns(
+            law.stiffness_n_m, asymmetry_of(restitution), friction, law.rolling_arm_m, law.corner_rolling_arm_m
         )
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
-        return Slope(context.angle, self.slope_section.length_m, self.slope_section.gravity_m_s2)
+        return Slope(*self.slopes(np.array([context]))[0].tolist())
+
+    def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the slopes of contexts of shape (N, 8): fields of Slope, shape (N, 3)."""
+        slope = self.slope_section
+        return _columns(contexts[:, 0], slope.length_m, slope.gravity_m_s2)
 
     def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
@@ -345,10 +380,16 @@ class Scenario(Section):
         TypeError, ValueError
             If ``orientation`` or ``spin`` is not a finite number.
         """
-        phi = context.orientation if orientation is None else orientation
-        omega = context.spin if spin is None else spin
-        upright = State(0.0, 0.0, phi, context.speed, 0.0 - context.fall, omega)
-        return upright._replace(y=context.drop + support_height(self.body(), upright.phi))
+        phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
+        omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
+        launches = self.launches(np.array([context._replace(orientation=phi, spin=omega)]))
+        return State(*launches[0].tolist())
+
+    def launches(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
+        *_, speed, drop, fall, orientation, spin = contexts.T
+        height = drop + support_heights(self.body(), np.ascontiguousarray(orientation))
+        return _columns(0.0, height, orientation, speed, 0.0 - fall, spin)
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -461,6 +502,11 @@ def _hint(word: str, known: Any) -> str:
     """Return a suggestion for a misspelt word, empty if nothing is near."""
     nearest = get_close_matches(word, known, n=1)
     return f" (did you mean {nearest[0]!r}?)" if nearest else ""
+
+
+def _columns(*fields: Any) -> NDArray[np.float64]:
+    """Return numbers and arrays of shape (N,) as the columns of a table."""
+    return np.stack(np.broadcast_arrays(*fields), axis=-1)
 
 
 def _radians(degrees: Pair) -> Pair:

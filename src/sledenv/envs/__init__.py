@@ -10,4 +10,8 @@ LAUNCH_ID = "sledenv/SledLaunch-v0"
 def register() -> None:
     """Register the environments with Gymnasium; a second call does nothing."""
     if LAUNCH_ID not in gym.registry:
-        gym.register(id=LAUNCH_ID, entry_point="sledenv.envs.launch:SledLaunch")
+        gym.register(
+            id=LAUNCH_ID,
+            entry_point="sledenv.envs.launch:SledLaunch",
+            vector_entry_point="sledenv.envs.vector:SledLaunchVector",
+        )

@@ -7,12 +7,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import Control, Task
-from sledenv.kernel.params import State
+from sledenv.envs.task import Contexts, Control, Task, checked_actions, only_lane
 from sledenv.scenario import Context, Scenario
 
 
@@ -47,6 +47,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
+    action_space: spaces.Box  # type: ignore[assignment]
 
     def __init__(
         self,
@@ -61,8 +62,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = self.task.action_space
         self.render_mode = render_mode
         self._renderer: DescentRenderer | None = None
-        self._context: Context | None = None
-        self._launch: State | None = None  # of the last step; None while a launch is awaited
+        self._context: Contexts | None = None  # one lane
+        self._launch: NDArray[np.float64] | None = None  # of the last step; None while a launch is awaited
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -72,18 +73,19 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises
         ------
         ValueError
-            For an unknown option or a context that is not finite.
+            For an unknown option, or naming the field of a context that cannot be simulated.
         """
-        super().reset(seed=seed)
         given = dict(options or {})
         context = given.pop("context", None)
         if given:
             raise ValueError(f"unknown option {next(iter(given))!r}: 'context' is the only one")
-        self._context = self.task.scenario.sample(self.np_random) if context is None else Context(*context)
+        fixed = None if context is None else self.task.given(context)
+        super().reset(seed=seed)
+        self._context = self.task.draw(self.np_random.random((1, self.task.draws))) if fixed is None else fixed
         self._launch = None
         if self.render_mode == "human":
             self._show()
-        return self.task.observe(self._context), {"context": self._context._asdict()}
+        return self.task.observe(self._context)[0], only_lane({"context": self.task.context_info(self._context)})
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run the whole descent.
@@ -97,13 +99,13 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._context is None or self._launch is not None:
             raise ResetNeeded("call reset before step: an episode has one step")
-        launch = self.task.launch(self._context, action)
+        launch = self.task.launches(self._context, checked_actions(self.action_space, [action], 1))
         descent = self.task.descend(self._context, launch)
         self._launch = launch
         if self.render_mode == "human":
             self._show()
-        info = self.task.info(self._context, descent)
-        return self.task.observe(self._context), self.task.reward(descent), True, False, info
+        info = self.task.info(self._context, descent.as_batch())
+        return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the launch, or of the whole descent after the step: shape (H, W, 3), uint8."""
@@ -116,8 +118,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             return None  # drawn by reset and step
         renderer = self._drawing()
         if self._launch is None:
-            slope = self.task.scenario.slope(self._context)
-            return renderer.launch_frame(slope, self.task.scenario.launch(self._context))
+            return self._launch_frame()
         return renderer.strobe(self.task.descend(self._context, self._launch, record="trajectory"))
 
     def close(self) -> None:
@@ -131,11 +132,16 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer = DescentRenderer(self.task.body, fps=self.metadata["render_fps"])
         return self._renderer
 
+    def _launch_frame(self) -> NDArray[np.uint8]:
+        assert self._context is not None
+        context = Context(*self._context[0].tolist())
+        scenario = self.task.scenario
+        return self._drawing().launch_frame(scenario.slope(context), scenario.launch(context))
+
     def _show(self) -> None:
         assert self._context is not None
         renderer = self._drawing()
         if self._launch is None:
-            slope = self.task.scenario.slope(self._context)
-            renderer.show(renderer.launch_frame(slope, self.task.scenario.launch(self._context)))
+            renderer.show(self._launch_frame())
         else:
             renderer.play(self.task.descend(self._context, self._launch, record="trajectory"))
