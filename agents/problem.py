@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sledenv import DescentBatch
 from sledenv.envs.task import Contexts, Control, Task, checked_actions
-
-Split = Literal["train", "validation", "test"]
-
-# Each split draws from its own seed streams, so no context of one ever shows up in another.
-_STREAMS: dict[Split, int] = {"train": 1, "validation": 2, "test": 3}
+from sledenv.scenario import Split
 
 
 class Agent(Protocol):
@@ -43,8 +39,8 @@ class Problem:
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
-        generators = (np.random.default_rng([_STREAMS[split], seed, i]) for i in range(count))
-        return self.task.draw(np.array([generator.random(self.task.draws) for generator in generators]))
+        draws = np.array([np.random.default_rng([seed, i]).random(self.task.draws) for i in range(count)])
+        return self.task.scenario.contexts(draws, split)
 
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
         """Simulate one descent a context with actions of shape (n, k), on all cores."""

@@ -92,7 +92,7 @@ class Sac:
             LAUNCH_ID,
             settings.pop("n_envs"),
             seed,
-            env_kwargs={"scenario": problem.scenario, "control": problem.control},
+            env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
         )
         env = VecMonitor(lanes)
         model = SAC(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)

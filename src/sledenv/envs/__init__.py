@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium as gym
 
 LAUNCH_ID = "sledenv/SledLaunch-v0"
+DESCENT_ID = "sledenv/SledDescent-v0"
 
 
 def register() -> None:
@@ -15,3 +16,5 @@ def register() -> None:
             entry_point="sledenv.envs.launch:SledLaunch",
             vector_entry_point="sledenv.envs.vector:SledLaunchVector",
         )
+    if DESCENT_ID not in gym.registry:
+        gym.register(id=DESCENT_ID, entry_point="sledenv.envs.descent:SledDescent")

@@ -15,8 +15,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.envs.task import INFO_KEYS, Contexts, Control, Task, checked_actions
-from sledenv.scenario import Scenario
+from sledenv.envs.task import INFO_KEYS, Contexts, Control, Given, Solver, Task, checked_actions
+from sledenv.scenario import Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
@@ -157,7 +157,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         seed : int or sequence of int or None, optional
             Lane i is seeded with ``seed + i``, or with an entry of its own; a lane without goes on with its stream.
         options : dict, optional
-            ``context``: one context for all lanes or one a lane, shape (8,) or (num_envs, 8), in place of drawn ones.
+            ``context``, ``split``: what is fixed of the contexts of all lanes, see :meth:`Task.given`.
             ``reset_mask``: bool array of shape (num_envs,), the lanes to reset; all by default.
 
         Returns
@@ -174,9 +174,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             If the very first reset leaves lanes out.
         """
         given = dict(options or {})
-        mask, context = given.pop("reset_mask", None), given.pop("context", None)
-        if given:
-            raise ValueError(f"unknown option {next(iter(given))!r}: must be 'context' or 'reset_mask'")
+        mask = given.pop("reset_mask", None)
         lanes = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._checked_mask(mask))
         if self._contexts is None and len(lanes) < self.num_envs:
             raise ResetNeeded("the first reset must be one of all lanes")
@@ -186,10 +184,10 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             seeds = [seed[i] for i in lanes.tolist()]
         else:
             raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
-        fixed = None if context is None else self.task.given(context, self.num_envs)[lanes]
+        fixed, split = self.task.given(given, self.num_envs)
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
-        self._restart(lanes, info, fixed)
+        self._restart(lanes, info, Given(fixed[lanes], split))
         return self._observe(np.arange(self.num_envs)), info
 
     def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
@@ -256,9 +254,11 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             raise ValueError("options['reset_mask'] has no lane to reset: at least one entry must be True")
         return mask
 
-    def _restart(self, lanes: Lanes, info: dict[str, Any], fixed: Contexts | None = None) -> None:
-        """Begin an episode in lanes, in drawn or in fixed contexts, and add its info."""
-        contexts = self.task.draw(self._streams.take(lanes)) if fixed is None else fixed
+    def _restart(self, lanes: Lanes, info: dict[str, Any], given: Given | None = None) -> None:
+        """Begin an episode in lanes, in contexts of which something may be given, and add its info."""
+        if given is None:
+            given = self.task.given(None, len(lanes))
+        contexts = self.task.begin(given, self._streams.take(lanes) if self.task.draws_for(given) else None)
         if self._contexts is None:
             self._contexts = np.empty((self.num_envs, contexts.shape[1]))
         self._contexts[lanes] = contexts
@@ -287,7 +287,7 @@ class SledLaunchVector(SledVectorEnv):
     ----------
     num_envs : int
         Number of lanes.
-    scenario, control
+    scenario, control, solver, split, launch_noise
         As for :class:`sledenv.envs.launch.SledLaunch`.
     autoreset_mode : AutoresetMode or str
         ``"NextStep"`` (Gymnasium's default) spends every second step on resets, ``"SameStep"`` none.
@@ -305,10 +305,14 @@ class SledLaunchVector(SledVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
         render_mode: None = None,
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: must be None; vectorization_mode='sync' draws")
-        task = Task(scenario, control)
+        task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
         super().__init__(task, num_envs, task.observation_space, task.action_space, autoreset_mode, info)
 
     def _begin(self, lanes: Lanes) -> None:
