@@ -36,7 +36,7 @@ def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, pat
 
 
 def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
-    """Return the held-out context, shape (1, 8), of median gain from learning among those that did not finish before."""
+    """Return the held-out context, shape (1, 8), of median gain among those that did not finish before."""
     gain = after.rewards - before.rewards
     failed = np.flatnonzero(before.status != "finish")
     candidates = failed if failed.size else np.arange(gain.size)
