@@ -109,7 +109,7 @@ class Task:
         self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
 
-    def given(self, options: Mapping[str, Any] | None, lanes: int = 1) -> Given:
+    def given(self, options: Mapping[str, Any] | None, lanes: int = 1, also: tuple[str, ...] = ()) -> Given:
         """Read the options of a reset.
 
         Parameters
@@ -119,6 +119,8 @@ class Task:
             an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8).
             ``split``: in place of that of the task, for the episodes that this reset begins.
         lanes : int
+        also : tuple of str
+            Options that the caller has taken out, for the message.
 
         Raises
         ------
@@ -128,7 +130,8 @@ class Task:
         given = dict(options or {})
         context, split = given.pop("context", None), given.pop("split", self.split)
         if given:
-            raise ValueError(f"unknown option {next(iter(given))!r}: must be 'context' or 'split'")
+            known = ", ".join(map(repr, ("context", "split", *also)))
+            raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
         if split is not None:
             check_split(split)
         fixed = np.full((lanes, FIELDS), np.nan)

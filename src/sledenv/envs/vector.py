@@ -184,7 +184,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             seeds = [seed[i] for i in lanes.tolist()]
         else:
             raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
-        fixed, split = self.task.given(given, self.num_envs)
+        fixed, split = self.task.given(given, self.num_envs, ("reset_mask",))
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
         self._restart(lanes, info, Given(fixed[lanes], split))
