@@ -15,40 +15,33 @@ from agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
 from agents.problem import Agent, Problem
 from agents.sac import Sac
 from agents.train import load_run, run_folder, train
-from sledenv import Context, Descent, simulate
+from sledenv import Descent
+from sledenv.envs.task import Contexts
 from sledenv.plot import plot_strobe
 
 SCENARIO = "brake_mat"
 ALGORITHMS = ("zero", "random", "best_fixed", "sac")
 
 
-def strobe(problem: Problem, before: Agent, after: Agent, context: Context, path: Path) -> None:
-    """Draw the descents that two agents choose for the same context, one above the other."""
-    scenario = problem.task.scenario
+def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, path: Path) -> None:
+    """Draw the descents that two agents choose for the same context, shape (1, 8), one above the other."""
+    task = problem.task
 
     def descend(agent: Agent) -> Descent:
-        action = agent.act(problem.observe([context]))[0]
-        return simulate(
-            problem.task.body,
-            scenario.law(context),
-            scenario.slope(context),
-            problem.task.launch(context, action),
-            max_time=scenario.limits.max_time_s,
-            max_rebounds=scenario.limits.max_rebounds,
-            record="trajectory",
-        )
+        launch = task.launches(context, np.asarray(agent.act(task.observe(context)), np.float64))
+        return task.descend(context, launch, record="trajectory")
 
     figure = plot_strobe([descend(before), descend(after)], labels=["before learning", "after learning"])
     figure.savefig(path, dpi=130)
 
 
-def telling_context(problem: Problem, before: Score, after: Score) -> Context:
-    """Return the held-out context whose gain from learning is the median of those that did not finish before."""
+def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
+    """Return the held-out context, shape (1, 8), of median gain among those that did not finish before."""
     gain = after.rewards - before.rewards
     failed = np.flatnonzero(before.status != "finish")
     candidates = failed if failed.size else np.arange(gain.size)
     middle = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
-    return problem.contexts("test", gain.size)[int(middle)]
+    return problem.contexts("test", gain.size)[[middle]]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv import Context, DescentBatch, simulate_batch
-from sledenv.envs.task import Control, Task
-
-Split = Literal["train", "validation", "test"]
-
-# Each split draws from its own seed streams, so no context of one ever shows up in another.
-_STREAMS: dict[Split, int] = {"train": 1, "validation": 2, "test": 3}
+from sledenv import DescentBatch
+from sledenv.envs.task import Contexts, Control, Task, checked_actions
+from sledenv.scenario import Split
 
 
 class Agent(Protocol):
@@ -41,28 +37,16 @@ class Problem:
         self.control = control
         self.actions: int = self.task.action_space.shape[0]
 
-    def contexts(self, split: Split, count: int, seed: int = 0) -> list[Context]:
-        """Draw ``count`` contexts of a split; context i does not depend on ``count``."""
-        generators = (np.random.default_rng([_STREAMS[split], seed, i]) for i in range(count))
-        return [self.task.scenario.sample(generator) for generator in generators]
+    def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
+        """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
+        draws = np.array([np.random.default_rng([seed, i]).random(self.task.draws) for i in range(count)])
+        return self.task.scenario.contexts(draws, split)
 
-    def observe(self, contexts: list[Context]) -> NDArray[np.float32]:
-        """Return the observations of contexts, shape (n, 8)."""
-        return np.stack([self.task.observe(context) for context in contexts])
-
-    def descend(self, contexts: list[Context], actions: ArrayLike) -> DescentBatch:
+    def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
         """Simulate one descent a context with actions of shape (n, k), on all cores."""
-        scenario = self.task.scenario
-        launches = [self.task.launch(*pair) for pair in zip(contexts, np.asarray(actions), strict=True)]
-        return simulate_batch(
-            self.task.body,
-            [scenario.law(context) for context in contexts],
-            [scenario.slope(context) for context in contexts],
-            launches,
-            max_time=scenario.limits.max_time_s,
-            max_rebounds=scenario.limits.max_rebounds,
-        )
+        chosen = checked_actions(self.task.action_space, actions, len(contexts))
+        return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 
-    def judge(self, agent: Agent, contexts: list[Context]) -> DescentBatch:
+    def judge(self, agent: Agent, contexts: Contexts) -> DescentBatch:
         """Simulate the launches that an agent chooses for contexts."""
-        return self.descend(contexts, agent.act(self.observe(contexts)))
+        return self.descend(contexts, agent.act(self.task.observe(contexts)))

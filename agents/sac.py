@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import csv
-import functools
 import warnings
 from pathlib import Path
 from typing import Any, Self
 
-import gymnasium as gym
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.problem import Problem
 from sledenv.envs import LAUNCH_ID
+from sledenv.envs.sb3 import make_vec_env
 
 _MODEL = "model.zip"
 _BEFORE = "model_before.zip"
@@ -89,11 +88,13 @@ class Sac:
         settings = dict(settings)
         steps = settings.pop("n_timesteps")
         torch.set_num_threads(1)  # networks this small run slower on more
-        env = make_vec_env(
-            functools.partial(gym.make, LAUNCH_ID, scenario=problem.scenario, control=problem.control),
-            n_envs=settings.pop("n_envs"),
-            seed=seed,
+        lanes = make_vec_env(
+            LAUNCH_ID,
+            settings.pop("n_envs"),
+            seed,
+            env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
         )
+        env = VecMonitor(lanes)
         model = SAC(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.

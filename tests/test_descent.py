@@ -807,7 +807,17 @@ BAD_BATCHES = [
     ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 states; give one or one a state"),
     ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
     ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
-    ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "ContactLaw.friction = -1.0: must be in [0, inf)"),
+    ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
+    ({"law": LAW._replace(friction=-1.0)}, ValueError, "ContactLaw.friction = -1.0: must be in [0, inf)"),
+    ({"law": [LAW, LAW[:3]]}, TypeError, "law holds object: must hold numbers, columns stiffness, asymmetry"),
+    ({"law": [LAW[:4]] * 2}, ValueError, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
+    ({"slope": [INCLINE, ("steep", 1.0, 9.81)]}, TypeError, "slope holds <U"),
+    (
+        {"slope": [INCLINE._replace(angle=-2.0), INCLINE]},
+        ValueError,
+        "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
+    ),
+    ({"solver": "rigid", "settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
     ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
     ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
     ({"max_time": -1.0}, ValueError, "max_time = -1.0: must be in (0, inf)"),
@@ -829,8 +839,8 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
 
 @pytest.mark.usefixtures("nothing_runs")
 def test_a_lane_that_is_not_finite_is_named() -> None:
-    """Oracle: the message: State, field and value."""
-    with pytest.raises(ValueError, match=r"State\.u = .*nan.*: must be a finite number"):
+    """Oracle: the message: lane, field and value."""
+    with pytest.raises(ValueError, match=r"states\[1\]\.u = nan: must be a finite number"):
         simulate_batch(DISC, LAW, INCLINE, [LAUNCH, LAUNCH._replace(u=math.nan)])
 
 

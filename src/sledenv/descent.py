@@ -1,22 +1,36 @@
-"""The Python face of the descent loop: :func:`simulate` and :func:`simulate_batch`."""
+"""The Python face of the descent loop: :func:`simulate`, :func:`simulate_batch` and, hop by hop, :class:`Ride`."""
 
 from __future__ import annotations
 
-import math
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.descend import descend, descend_batch
+from sledenv.kernel.descend import begin, close_books, descend, descend_batch, hop, trim, work_space
 from sledenv.kernel.euler import descend_euler
-from sledenv.kernel.geometry import support_height
+from sledenv.kernel.geometry import support_heights
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State, checked
+from sledenv.kernel.params import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Body,
+    ContactLaw,
+    Limits,
+    RigidLaw,
+    Rule,
+    Slope,
+    State,
+    checked,
+    checked_rows,
+    restitution_of,
+)
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
 Solver = Literal["compliant", "rigid", "euler"]
@@ -25,6 +39,7 @@ FrictionSign = Literal["dissipative", "printed"]
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _FIRST_TRAJECTORY = 4096
+_SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
@@ -32,23 +47,26 @@ class Energy(NamedTuple):
     """Energy ledger of a descent [J]: docs/physics.md, section 9."""
 
     initial: float  # kinetic + potential at launch
-    kinetic: float  # at the end
+    kinetic: float  # of the body at the end
     potential: float  # at the end; zero at x = 0, y = 0
     stored: float  # in the compressed contact at the end
     hysteresis: float  # lost between loading and unloading stiffness
     sliding: float  # lost to Coulomb friction
     rolling: float  # lost to rolling resistance
-    supplied: float  # launch kinetic energy + drop height + slope descended
+    rotor: float  # kinetic energy of the rider's rotor at the end
+    work: float  # done by the rider's trim
+    absorbed: float  # taken up by the rider's trim, and lost
+    supplied: float  # launch kinetic energy + drop height + slope descended + work
 
     @property
     def lost(self) -> float:
         """All losses [J]."""
-        return self.hysteresis + self.sliding + self.rolling
+        return self.hysteresis + self.sliding + self.rolling + self.absorbed
 
     @property
     def residual(self) -> float:
         """Energy [J] that the ledger cannot account for: the integration error."""
-        return self.kinetic + self.potential + self.stored + self.lost - self.initial
+        return self.kinetic + self.potential + self.stored + self.rotor + self.lost - self.initial - self.work
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +107,11 @@ class Descent:
     def jam(self) -> DescentJam:
         """Progress, retention, reward and jam index of the descent."""
         return descent_jam(self.outcome, self.body.mass, self.slope.length)
+
+    def as_batch(self) -> DescentBatch:
+        """Return a batch of this one descent."""
+        jam = DescentJam(*(np.reshape(field, 1) for field in self.jam))
+        return DescentBatch(self.outcome.reshape(1), self.rebounds[np.newaxis], jam)
 
     @cached_property
     def rebound_jam(self) -> ReboundJam:
@@ -144,25 +167,38 @@ def _count(name: str, value: int) -> int:
     return int(value)
 
 
-def _check_launch(body: Body, slope: Slope, state: State, owner: str = "State") -> State:
-    """Return the launch, put on the surface if it lies there up to rounding.
+def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
+    """Put launches, shape (N, 6), that lie on the surface up to rounding exactly there, in place.
 
     Raises
     ------
     ValueError
-        If it lies below the surface or beyond the end of the slope.
+        If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
-    lowest = support_height(body, state.phi)
-    gap = state.y - lowest
-    size = body.radius + body.eccentricity
-    if gap < -_SURFACE * size:
+    x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
+    lowest = support_heights(body, phi)
+    below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)
+    if below.any():
+        i = int(np.argmax(below))
         raise ValueError(
-            f"{owner}.y = {state.y!r}: the launch lies below the surface; at phi = {state.phi!r} rad the mass centre "
-            f"must be at y >= {lowest!r} m"
+            f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
+            f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
         )
-    if state.x >= slope.length:
-        raise ValueError(f"{owner}.x = {state.x!r}: must be < Slope.length = {slope.length!r} m")
-    return state if gap > 0.0 else State(*state._replace(y=lowest))
+    lengths = np.broadcast_to(slopes[:, 1], x.shape)
+    beyond = x >= lengths
+    if beyond.any():
+        i = int(np.argmax(beyond))
+        raise ValueError(
+            f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {float(lengths[i])!r} m"
+        )
+    np.maximum(y, lowest, out=y)
+
+
+def _launched(body: Body, slope: Slope, state: State) -> State:
+    """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
+    launches = np.array([state])
+    _on_the_surface("State", body, np.array([slope]), launches)
+    return State(*launches[0].tolist())
 
 
 def simulate(
@@ -227,7 +263,7 @@ def simulate(
     if friction_sign == "printed" and solver != "euler":
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
     body, law, slope = Body(*body), ContactLaw(*law), Slope(*slope)
-    launch = _check_launch(body, slope, State(*state))
+    launch = _launched(body, slope, State(*state))
     euler = solver == "euler"
     limits = Limits(
         max_time=max_time,
@@ -237,7 +273,7 @@ def simulate(
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
     )
-    touching: Law = _rigid(body, law, slope, settle_speed) if solver == "rigid" else law
+    touching = _touching(body, law, slope, solver, settle_speed)
     rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
@@ -253,6 +289,19 @@ def simulate(
     if record == "trajectory" and outcome["samples"] > len(trajectory):
         trajectory = np.zeros(outcome["samples"], TRAJECTORY)
         run()
+    return _descent(body, law, slope, launch, outcome, rebounds, trajectory)
+
+
+def _descent(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    launch: State,
+    outcome: np.void,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray,
+) -> Descent:
+    """Descent out of what the kernel has written; shares no log with it."""
     return Descent(
         body=body,
         law=law,
@@ -260,42 +309,209 @@ def simulate(
         launch=launch,
         status=STATUS_OF_CODE[outcome["status"]],
         time=float(outcome["t"]),
-        state=_final_state(outcome),
+        state=_state(outcome),
         rebounds=rebounds[: outcome["rebounds"]].copy(),
-        trajectory=trajectory[: outcome["samples"]] if record == "trajectory" else trajectory,
+        trajectory=trajectory[: outcome["samples"]],
         energy=Energy(*(float(outcome[name]) for name in LEDGER_FIELDS)),
         outcome=outcome,
     )
 
 
-def _rigid(body: Body, law: ContactLaw, slope: Slope, settle_speed: float | None) -> RigidLaw:
-    """Stiff limit of a contact law."""
+def _touching(body: Body, law: ContactLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
+    """Return the law that the kernel follows."""
+    if solver != "rigid":
+        return law
+    return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
+
+
+def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
+    """Stiff limits of contact laws, shape (1 or N, 5): fields of RigidLaw."""
+    _, asymmetry, friction, rolling_arm, corner_rolling_arm = laws.T
     if settle_speed is None:
-        settle_speed = _SETTLE * math.sqrt(slope.gravity * (body.radius + body.eccentricity))
-    settle = checked("simulate", "settle_speed", settle_speed, (lambda v: 0.0 <= v < math.inf, "in [0, inf) m/s"))
-    return RigidLaw(law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, settle)
+        settle = _SETTLE * np.sqrt(slopes[:, 2] * (body.radius + body.eccentricity))
+    else:
+        settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
+    fields = np.broadcast_arrays(restitution_of(asymmetry), friction, rolling_arm, corner_rolling_arm, settle)
+    return np.stack(fields, axis=-1)
 
 
-def _final_state(outcome: np.void) -> State:
+def _state(outcome: np.void) -> State:
     # A non-finite final state is a status, not an error.
     return State._make(float(outcome[name]) for name in State._fields)
+
+
+class Ride:
+    """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
+
+    A ride that is never trimmed ends with the very :class:`Descent` that :func:`simulate` returns, bit for bit. It can
+    be copied (:meth:`copy`) and pickled at any rebound; the copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, state, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
+        As for :func:`simulate`, but for the Euler solver.
+    rotor_inertia : float, optional
+        Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: ContactLaw,
+        slope: Slope,
+        state: State,
+        *,
+        solver: Literal["compliant", "rigid"] = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        record: Record = "rebounds",
+        sample_interval: float = 0.01,
+        tolerance: float = 1e-16,
+        settle_speed: float | None = None,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        _choice("solver", solver, ("compliant", "rigid"))
+        _choice("record", record, get_args(Record))
+        self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
+        self.launch = _launched(self.body, self.slope, State(*state))
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._touching = _touching(self.body, self.law, self.slope, solver, settle_speed)
+        self._limits = Limits(max_time=max_time, tolerance=tolerance, sample_interval=sample_interval)
+        self._space = work_space()
+        self._rebounds = np.zeros(_count("max_rebounds", max_rebounds), REBOUND)
+        self._trajectory = np.zeros(_FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+        self._flight = np.zeros(1, OUTCOME)
+        begin(self.launch, self._flight[0])
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    @property
+    def status(self) -> Status:
+        """Why the descent has ended; "running" until then."""
+        return STATUS_OF_CODE[int(self._flight[0]["status"])]
+
+    @property
+    def time(self) -> float:
+        """Time [s] since the launch."""
+        return float(self._flight[0]["t"])
+
+    @property
+    def state(self) -> State:
+        """Where the body is: at the launch, at a rebound or at the end."""
+        return _state(self._flight[0])
+
+    @property
+    def lent(self) -> float:
+        """Spin [rad/s] that the rider's rotor lends to the body."""
+        return float(self._flight[0]["trim"])
+
+    def trim(self, spin: float) -> None:
+        """Let the rider's rotor lend ``spin`` [rad/s] to the body from here on: docs/physics.md, section 9.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended or the ride has no rotor.
+        TypeError, ValueError
+            If ``spin`` is not a finite number.
+        """
+        self._check_running()
+        if self.rotor_inertia is None:
+            raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
+        lent = checked("Ride.trim", "spin", spin, FINITE)
+        trim(self.body, self.rotor_inertia, self._flight[0], lent)
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    def hop(self) -> Status:
+        """Follow one hop, to the next rebound or to the end of the descent, and return the status.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended.
+        """
+        self._check_running()
+        start = self._flight.copy()
+        self._hop()
+        if 0 < len(self._trajectory) < self._flight[0]["samples"]:
+            longer = np.zeros(2 * self._flight[0]["samples"], TRAJECTORY)
+            longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
+            self._trajectory, self._flight = longer, start
+            self._hop()
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+        return self.status
+
+    def run(self) -> Descent:
+        """Follow the descent to its end and return it."""
+        while self.status == Status.RUNNING:
+            self.hop()
+        return self.descent()
+
+    def descent(self) -> Descent:
+        """Return the descent so far, of status "running" until it has ended; later hops do not change it."""
+        outcome = self._flight.copy()[0]
+        trajectory = self._trajectory[: outcome["samples"]]
+        if self.status == Status.RUNNING and len(self._trajectory) > 0:
+            here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
+            for name in ("t", *State._fields):
+                here[name] = outcome[name]
+            trajectory = np.append(trajectory, here)
+            outcome["samples"] += 1
+        return _descent(self.body, self.law, self.slope, self.launch, outcome, self._rebounds, trajectory.copy())
+
+    def copy(self) -> Self:
+        """Return an independent ride that stands where this one stands."""
+        return copy.deepcopy(self)
+
+    def _hop(self) -> None:
+        flight = self._flight[0]
+        rebound = self._rebounds[flight["rebounds"]]
+        log_length = len(self._rebounds)
+        limits, space = self._limits, self._space
+        hop(self.body, self._touching, self.slope, limits, flight, rebound, log_length, space, self._trajectory)
+
+    def _check_running(self) -> None:
+        if self.status != Status.RUNNING:
+            raise RuntimeError(f"the descent has ended with status {str(self.status)!r}")
 
 
 def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
     """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])
-    if isinstance(given, np.ndarray | Sequence) and not isinstance(given, tuple | str):
-        if len(given) != lanes:
-            raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
-        return np.array([kind(*row) for row in given])
-    raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+    if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
+        raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+    if len(given) != lanes:
+        raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
+    rows = _table(name, given, kind._fields)
+    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    return rows
+
+
+def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
+    """Return a new array of floats, shape (N, fields), of N tuples, or of one."""
+    try:
+        table = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        table = np.asarray(given, dtype=object)
+    if table.dtype.kind not in "biuf":
+        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
+    table = np.array(table, dtype=float, ndmin=2, order="C")
+    if table.ndim != 2 or table.shape[1] != len(fields):
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
+    return table
 
 
 def simulate_batch(
     body: Body,
-    law: ContactLaw | Sequence[ContactLaw],
-    slope: Slope | Sequence[Slope],
+    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
+    slope: Slope | Sequence[Slope] | np.ndarray,
     states: ArrayLike,
     *,
     solver: Literal["compliant", "rigid"] = "compliant",
@@ -311,7 +527,7 @@ def simulate_batch(
     ----------
     body : Body
         Shared by all lanes.
-    law, slope : ContactLaw, Slope or sequences of N of them
+    law, slope : ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5) and (N, 3)
         One for all lanes or one a lane.
     states : array_like, shape (N, 6)
         Launches, columns as in :class:`State`.
@@ -329,9 +545,7 @@ def simulate_batch(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
     """
-    launches = np.array(states, dtype=float, ndmin=2)
-    if launches.ndim != 2 or launches.shape[1] != len(State._fields):
-        raise ValueError(f"states has shape {np.shape(states)}: must be (N, 6), columns {', '.join(State._fields)}")
+    launches = _table("states", states, State._fields)
     lanes = len(launches)
     body = Body(*body)
     _choice("solver", solver, ("compliant", "rigid"))
@@ -339,14 +553,12 @@ def simulate_batch(
     slopes = _rows("slope", Slope, slope, lanes)
     like: Law = ContactLaw(*laws[0])
     if solver == "rigid":
-        pairs = zip(laws, slopes if len(slopes) >= len(laws) else np.repeat(slopes, len(laws), 0), strict=False)
-        laws = np.array([_rigid(body, ContactLaw(*p), Slope(*q), settle_speed) for p, q in pairs])
+        laws = _rigid(body, laws, slopes, settle_speed)
         like = RigidLaw(*laws[0])
     length = _count("max_rebounds", max_rebounds)
     limits = Limits(max_time=max_time, tolerance=tolerance)
-    for i, row in enumerate(launches):
-        lane_slope = Slope(*slopes[i if len(slopes) > 1 else 0])
-        launches[i] = _check_launch(body, lane_slope, State(*row), f"states[{i}]")
+    checked_rows("states[{lane}]", State, launches)
+    _on_the_surface("states[{lane}]", body, slopes, launches)
     outcomes = np.zeros(lanes, OUTCOME)
     rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
     descend_batch(body, like, laws, slopes, launches, limits, rebounds, length, outcomes)

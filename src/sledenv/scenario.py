@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import yaml
@@ -21,10 +21,27 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from sledenv.kernel.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.kernel.geometry import support_heights
+from sledenv.kernel.params import (
+    FINITE,
+    NOT_NEGATIVE,
+    RESTITUTION,
+    STEEPNESS,
+    Body,
+    ContactLaw,
+    Rule,
+    Slope,
+    State,
+    asymmetry_of,
+    checked,
+    circular_segment,
+)
 
 Pair = tuple[float, float]
+Split = Literal["train", "validation", "test"]
+
+_CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
+_TURN = 0.5 * (math.sqrt(5.0) - 1.0)  # of the range, between the draws of two splits
 
 
 class ScenarioError(ValueError):
@@ -214,6 +231,13 @@ class ControlSection(Section):
     spin_rad_s: Annotated[Pair, _Bounds("(-inf, inf) rad/s")]
 
 
+class RiderSection(Section):
+    """A rider who can trim the spin in flight, with a rotor inside the body: docs/physics.md, section 9."""
+
+    trim_rad_s: Annotated[float, _Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
+    rotor_inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]
+
+
 class LimitsSection(Section):
     """Where a descent is given up."""
 
@@ -221,9 +245,7 @@ class LimitsSection(Section):
     max_rebounds: Annotated[int, _Whole("[1, 1000000]")]
 
 
-class Context(NamedTuple):
-    """One draw from the ranges of a scenario: all that differs between two of its descents."""
-
+class _ContextFields(NamedTuple):
     angle: float  # [rad] of the slope
     friction: float  # [-] f
     restitution: float  # [-] e
@@ -232,6 +254,20 @@ class Context(NamedTuple):
     fall: float  # [m/s] towards the slope
     orientation: float  # [rad] phi at launch
     spin: float  # [rad/s] omega at launch
+
+
+class Context(_ContextFields):
+    """One draw from the ranges of a scenario: all that differs between two of its descents.
+
+    Many contexts are an array of shape (N, 8) with these fields as columns. ``rules`` says what can be simulated,
+    whatever the ranges of a scenario are; a context is checked where it is used.
+    """
+
+    __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (
+        *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
+        *(FINITE, NOT_NEGATIVE, FINITE, FINITE, FINITE),
+    )
 
 
 class Scenario(Section):
@@ -252,6 +288,7 @@ class Scenario(Section):
     launch_section: Annotated[LaunchSection, Field(alias="launch")]
     control: ControlSection
     limits: LimitsSection
+    rider: RiderSection | None = None
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:
@@ -282,14 +319,39 @@ class Scenario(Section):
     @property
     def hash(self) -> str:
         """Identity of what is simulated, 16 hex digits: title, description, sources and tags do not count."""
-        content = self.model_dump(mode="json", exclude={"title", "description", "sources", "tags"})
+        prose = {"title", "description", "sources", "tags"}
+        content = self.model_dump(mode="json", exclude=prose if self.rider else prose | {"rider"})
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
-    def sample(self, rng: np.random.Generator) -> Context:
-        """Draw a context, uniform in the ranges; every call takes eight doubles from ``rng``."""
-        draws = rng.random(len(Context._fields)).tolist()
-        pairs = zip(draws, self._pairs(), strict=True)
-        return Context(*(min(low + (high - low) * draw, high) for draw, (low, high) in pairs))
+    def sample(self, rng: np.random.Generator, split: Split | None = None) -> Context:
+        """Draw a context, uniform in the ranges; every call takes eight doubles from ``rng``.
+
+        Parameters
+        ----------
+        rng : Generator
+        split : {"train", "validation", "test"}, optional
+            As for :meth:`contexts`.
+        """
+        return Context(*self.contexts(rng.random(len(Context._fields)), split).tolist())
+
+    def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:
+        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, both of shape (..., 8).
+
+        Parameters
+        ----------
+        draws : ndarray, shape (..., 8)
+        split : {"train", "validation", "test"}, optional
+            Take a context of this split. Whatever the draws, two splits never share a value of a field that varies,
+            and equal draws give contexts that differ by at least 0.23 of every range. Each split is dense in the ranges
+            to a millionth and uniform.
+
+        Raises
+        ------
+        ValueError
+            For an unknown split.
+        """
+        low, high = self.ranges
+        return np.minimum(low + (high - low) * (draws if split is None else _apart(draws, split)), high)
 
     def _pairs(self) -> tuple[Pair, ...]:
         """Range of each field of ``Context``."""
@@ -311,17 +373,24 @@ class Scenario(Section):
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
-        return ContactLaw.from_restitution(
-            context.restitution,
-            stiffness=self.contact.stiffness_n_m,
-            friction=context.friction,
-            rolling_arm=self.contact.rolling_arm_m,
-            corner_rolling_arm=self.contact.corner_rolling_arm_m,
+        return ContactLaw(*self.laws(np.array([context]))[0].tolist())
+
+    def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the contact laws of contexts of shape (N, 8): fields of ContactLaw, shape (N, 5)."""
+        _, friction, restitution, *_ = contexts.T
+        law = self.contact
+        return _columns(
+            law.stiffness_n_m, asymmetry_of(restitution), friction, law.rolling_arm_m, law.corner_rolling_arm_m
         )
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
-        return Slope(context.angle, self.slope_section.length_m, self.slope_section.gravity_m_s2)
+        return Slope(*self.slopes(np.array([context]))[0].tolist())
+
+    def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the slopes of contexts of shape (N, 8): fields of Slope, shape (N, 3)."""
+        slope = self.slope_section
+        return _columns(contexts[:, 0], slope.length_m, slope.gravity_m_s2)
 
     def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
@@ -345,10 +414,22 @@ class Scenario(Section):
         TypeError, ValueError
             If ``orientation`` or ``spin`` is not a finite number.
         """
-        phi = context.orientation if orientation is None else orientation
-        omega = context.spin if spin is None else spin
-        upright = State(0.0, 0.0, phi, context.speed, 0.0 - context.fall, omega)
-        return upright._replace(y=context.drop + support_height(self.body(), upright.phi))
+        phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
+        omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
+        launches = self.launches(np.array([context._replace(orientation=phi, spin=omega)]))
+        return State(*launches[0].tolist())
+
+    def launches(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
+        *_, speed, drop, fall, orientation, spin = contexts.T
+        height = drop + support_heights(self.body(), np.ascontiguousarray(orientation))
+        return _columns(0.0, height, orientation, speed, 0.0 - fall, spin)
+
+
+def check_split(split: str) -> None:
+    """Raise ValueError unless ``split`` is one."""
+    if split not in get_args(Split):
+        raise ValueError(f"split = {split!r}: must be one of {', '.join(map(repr, get_args(Split)))}")
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -416,7 +497,7 @@ _Loader.add_implicit_resolver(
 )
 
 _BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "custom": CustomBody}
-_SECTIONS = _BODIES | {
+_SECTIONS = (_BODIES | {"rider": RiderSection}) | {
     field.alias or name: field.annotation
     for name, field in Scenario.model_fields.items()
     if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
@@ -461,6 +542,20 @@ def _hint(word: str, known: Any) -> str:
     """Return a suggestion for a misspelt word, empty if nothing is near."""
     nearest = get_close_matches(word, known, n=1)
     return f" (did you mean {nearest[0]!r}?)" if nearest else ""
+
+
+def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
+    """Move draws in [0, 1) into the part of a split: half of its third of one of many cells."""
+    check_split(split)
+    i = get_args(Split).index(split)
+    # The turn keeps equal draws of two splits far apart, the cells unequal ones at least a little.
+    within, cell = np.modf(_CELLS * np.modf(draws + i * _TURN)[0])
+    return (cell + (i + 0.5 * within) / 3.0) / _CELLS
+
+
+def _columns(*fields: Any) -> NDArray[np.float64]:
+    """Return numbers and arrays of shape (N,) as the columns of a table."""
+    return np.stack(np.broadcast_arrays(*fields), axis=-1)
 
 
 def _radians(degrees: Pair) -> Pair:

@@ -206,9 +206,32 @@ def test_human_rendering_plays_the_descent_in_a_window():
     env.close()
 
 
-def test_info_can_be_logged_as_json_but_for_its_arrays():
+def test_info_can_be_logged_as_json():
     env = make(scenario="brake_mat")
     env.reset(seed=0)
     info = env.step(np.zeros(2, np.float32))[4]
-    info["rebounds"] = {name: column.tolist() for name, column in info["rebounds"].items()}
-    json.dumps(info)
+    assert json.loads(json.dumps(info)) == info
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"friction": -0.1}, r"context\.friction = -0.1: must be in \[0, inf\)"),
+        ({"angle": 2.0}, r"context\.angle = 2.0: must be in \(-pi/2, pi/2\) rad"),
+        ({"speed": np.nan}, r"context\.speed = nan: must be a finite number"),
+        ({"drop": -0.5}, r"context\.drop = -0.5: must be in \[0, inf\)"),
+    ],
+)
+def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(change, message):
+    """Oracle: a twin that was never given the bad context."""
+    env, twin = make(), make()
+    env.reset(seed=4)
+    twin.reset(seed=4)
+    context = sledenv.load_scenario("brake_mat").sample(np.random.default_rng(0))
+    with pytest.raises(ValueError, match=message):
+        env.reset(seed=9, options={"context": context._replace(**change)})
+    with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(8,\)"):
+        env.reset(options={"context": [0.0, 0.0, 0.0]})
+    action = np.array([0.2, 0.3], np.float32)
+    assert env.step(action)[1] == twin.step(action)[1]
+    assert np.array_equal(env.reset()[0], twin.reset()[0])

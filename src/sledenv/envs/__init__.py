@@ -5,9 +5,16 @@ from __future__ import annotations
 import gymnasium as gym
 
 LAUNCH_ID = "sledenv/SledLaunch-v0"
+DESCENT_ID = "sledenv/SledDescent-v0"
 
 
 def register() -> None:
     """Register the environments with Gymnasium; a second call does nothing."""
     if LAUNCH_ID not in gym.registry:
-        gym.register(id=LAUNCH_ID, entry_point="sledenv.envs.launch:SledLaunch")
+        gym.register(
+            id=LAUNCH_ID,
+            entry_point="sledenv.envs.launch:SledLaunch",
+            vector_entry_point="sledenv.envs.vector:SledLaunchVector",
+        )
+    if DESCENT_ID not in gym.registry:
+        gym.register(id=DESCENT_ID, entry_point="sledenv.envs.descent:SledDescent")

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import copy
 import os
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import Control, Task
-from sledenv.kernel.params import State
-from sledenv.scenario import Context, Scenario
+from sledenv.envs.task import Contexts, Control, Solver, Task, checked_actions, only_lane
+from sledenv.scenario import Scenario, Split
+
+
+class Snapshot(NamedTuple):
+    """Where an environment stands, random stream included; opaque, picklable, may be restored any number of times."""
+
+    task: tuple[Any, ...]  # of what
+    episode: dict[str, Any]
+    stream: np.random.Generator
 
 
 class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -40,50 +50,69 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         What the agent chooses; the rest is a disturbance that it observes.
     render_mode : {"human", "rgb_array"}, optional
         A window that plays the descent, or one picture of it.
+    solver : {"compliant", "rigid"}
+        Which contact is simulated, as for :func:`sledenv.simulate`.
+    split : {"train", "validation", "test"}, optional
+        Draw contexts of this split alone; no two splits have one in common, whatever the seeds.
+    launch_noise : pair of float
+        Standard deviations of normal noise on the orientation [rad] and the spin [rad/s] at launch.
 
     Notes
     -----
-    ``reset(options={"context": Context(...)})`` fixes the context instead of drawing it.
+    ``reset(options={"context": {"friction": 0.3}})`` fixes part of the context, or all of it by a ``Context(...)``;
+    ``options={"split": "test"}`` draws the rest from another split.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
+    action_space: spaces.Box  # type: ignore[assignment]
+    _episode: tuple[str, ...] = ("_context", "_launch")  # attributes that make up a snapshot
 
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
         control: Control = "both",
         render_mode: str | None = None,
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: must be one of {self.metadata['render_modes']}")
-        self.task = Task(scenario, control)
+        self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
         self.observation_space = self.task.observation_space
         self.action_space = self.task.action_space
         self.render_mode = render_mode
         self._renderer: DescentRenderer | None = None
-        self._context: Context | None = None
-        self._launch: State | None = None  # of the last step; None while a launch is awaited
+        self._context: Contexts | None = None  # one lane
+        self._launch: NDArray[np.float64] | None = None  # of the last step; None while a launch is awaited
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Draw a context, or take ``options["context"]``.
+        """Begin an episode in a new context.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Of the random stream, which goes on without.
+        options : dict, optional
+            ``context`` and ``split``: what is fixed of the context, see :meth:`Task.given`. The random stream stays
+            where it is if nothing is left to be drawn.
 
         Raises
         ------
-        ValueError
-            For an unknown option or a context that is not finite.
+        TypeError, ValueError
+            For an unknown option, or naming the field of a context that cannot be simulated; the episode goes on.
         """
+        given = self.task.given(options)
         super().reset(seed=seed)
-        given = dict(options or {})
-        context = given.pop("context", None)
-        if given:
-            raise ValueError(f"unknown option {next(iter(given))!r}: 'context' is the only one")
-        self._context = self.task.scenario.sample(self.np_random) if context is None else Context(*context)
+        draws = self.np_random.random((1, self.task.draws)) if self.task.draws_for(given) else None
+        self._context = self.task.begin(given, draws)
         self._launch = None
         if self.render_mode == "human":
             self._show()
-        return self.task.observe(self._context), {"context": self._context._asdict()}
+        return self.task.observe(self._context)[0], only_lane({"context": self.task.context_info(self._context)})
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run the whole descent.
@@ -97,13 +126,13 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._context is None or self._launch is not None:
             raise ResetNeeded("call reset before step: an episode has one step")
-        launch = self.task.launch(self._context, action)
+        launch = self.task.launches(self._context, checked_actions(self.action_space, [action], 1))
         descent = self.task.descend(self._context, launch)
         self._launch = launch
         if self.render_mode == "human":
             self._show()
-        info = self.task.info(self._context, descent)
-        return self.task.observe(self._context), self.task.reward(descent), True, False, info
+        info = self.task.info(self._context, descent.as_batch())
+        return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the launch, or of the whole descent after the step: shape (H, W, 3), uint8."""
@@ -116,9 +145,42 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             return None  # drawn by reset and step
         renderer = self._drawing()
         if self._launch is None:
-            slope = self.task.scenario.slope(self._context)
-            return renderer.launch_frame(slope, self.task.scenario.launch(self._context))
-        return renderer.strobe(self.task.descend(self._context, self._launch, record="trajectory"))
+            return self._launch_frame()
+        return renderer.strobe(self._recorded())
+
+    def snapshot(self) -> Snapshot:
+        """Return where the environment stands; what is done with it later does not change the snapshot.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        if self._context is None:
+            raise ResetNeeded("call reset before snapshot")
+        episode = {name: copy.deepcopy(getattr(self, name)) for name in self._episode}
+        return Snapshot(self._identity(), episode, copy.deepcopy(self.np_random))
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot: what follows is, bit for bit, what would have followed there.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            Of this environment or of another one with the same arguments.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no snapshot, or one of another task; the environment stays where it is.
+        """
+        if not isinstance(snapshot, Snapshot):
+            raise TypeError(f"snapshot = {snapshot!r}: must come from snapshot()")
+        if snapshot.task != self._identity():
+            raise ValueError(f"the snapshot is of another task: {snapshot.task}, not {self._identity()}")
+        for name, value in copy.deepcopy(snapshot.episode).items():
+            setattr(self, name, value)
+        self.np_random = copy.deepcopy(snapshot.stream)
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -131,11 +193,25 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer = DescentRenderer(self.task.body, fps=self.metadata["render_fps"])
         return self._renderer
 
-    def _show(self) -> None:
+    def _identity(self) -> tuple[Any, ...]:
+        task = self.task
+        return type(self).__name__, task.scenario.hash, task.control, task.solver, *task.noise.tolist()
+
+    def _launch_frame(self) -> NDArray[np.uint8]:
         assert self._context is not None
+        context = self.task.context(self._context)
+        scenario = self.task.scenario
+        return self._drawing().launch_frame(scenario.slope(context), scenario.launch(context))
+
+    def _recorded(self) -> Descent:
+        """Return the descent with its trajectory."""
+        assert self._context is not None
+        assert self._launch is not None
+        return self.task.descend(self._context, self._launch, record="trajectory")
+
+    def _show(self) -> None:
         renderer = self._drawing()
         if self._launch is None:
-            slope = self.task.scenario.slope(self._context)
-            renderer.show(renderer.launch_frame(slope, self.task.scenario.launch(self._context)))
+            renderer.show(self._launch_frame())
         else:
-            renderer.play(self.task.descend(self._context, self._launch, record="trajectory"))
+            renderer.play(self._recorded())

@@ -234,8 +234,8 @@ class DescentRenderer:
             self._dismissed = True
         return not self._dismissed
 
-    def play(self, descent: Descent, speed: float = 1.0) -> None:
-        """Show a descent in the window, from launch to end, or until the user closes it.
+    def play(self, descent: Descent, speed: float = 1.0, start: float = 0.0) -> None:
+        """Show a descent in the window, to its end, or until the user closes it.
 
         Parameters
         ----------
@@ -243,6 +243,8 @@ class DescentRenderer:
             Simulated with ``record="trajectory"``.
         speed : float
             Simulated seconds a second, > 0.
+        start : float
+            Where to begin [s]; at the launch by default.
         """
         import pygame
 
@@ -250,8 +252,8 @@ class DescentRenderer:
             raise ValueError(f"speed = {speed!r}: must be in (0, inf)")
         clock = pygame.time.Clock()
         step = speed / self.fps
-        for i in range(math.ceil(descent.time / step) + 1):
-            if not self.show(self.frame(descent, i * step)):
+        for i in range(math.ceil((descent.time - start) / step) + 1):
+            if not self.show(self.frame(descent, start + i * step)):
                 return
             clock.tick(self.fps)
 

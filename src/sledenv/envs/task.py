@@ -1,31 +1,51 @@
-"""What every environment shares: observation of a context, launch of an action, reward and info."""
+"""What every environment shares: contexts, their observation, launch of an action, reward and info.
+
+Contexts, observations, actions and launches are arrays with one row a lane; the scalar environments have one lane.
+"""
 
 from __future__ import annotations
 
 import os
-from typing import Any, Literal, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent, Record, simulate
-from sledenv.kernel.params import State
-from sledenv.kernel.records import REBOUND, Status
-from sledenv.scenario import Context, Scenario, load_scenario
+from sledenv.descent import Descent, DescentBatch, Record, Ride, simulate, simulate_batch
+from sledenv.kernel.params import NOT_NEGATIVE, State, checked, checked_rows
+from sledenv.kernel.records import FINISH, LEDGER_FIELDS, REBOUND, STATUS_OF_CODE
+from sledenv.scenario import Context, Scenario, Split, check_split, load_scenario
 
 Control = Literal["both", "orientation", "spin"]
+Solver = Literal["compliant", "rigid"]
+# (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
+Contexts = NDArray[np.float64]
+
+FIELDS: Final = len(Context._fields)
+FLIGHT: Final = ("progress", "sine", "cosine", "u", "v", "omega", "trim", "time", "rebounds")
+INFO_KEYS: Final = ("context", "rebounds", "jam", "is_success", "descent")
 
 _CONTROLLED: dict[str, tuple[str, ...]] = {
     "both": ("orientation", "spin"),
     "orientation": ("orientation",),
     "spin": ("spin",),
 }
+_DISTURBED = [Context._fields.index("orientation"), Context._fields.index("spin")]
+_STATUS = np.array([str(status) for status in STATUS_OF_CODE], dtype=object)
+
+
+class Given(NamedTuple):
+    """What a user fixes of episodes that begin."""
+
+    fixed: NDArray[np.float64]  # (n, 8), columns as in Context; NaN where a field is to be drawn
+    split: Split | None
 
 
 class Task:
-    """A scenario and what the agent controls of its launch.
+    """A scenario, what the agent controls of its launch, and how contexts are drawn and descents simulated.
 
     Parameters
     ----------
@@ -33,95 +53,338 @@ class Task:
         As for :func:`sledenv.load_scenario`.
     control : {"both", "orientation", "spin"}
         Which of the launch the agent chooses; the rest is part of the context.
+    solver : {"compliant", "rigid"}
+        As for :func:`sledenv.simulate`.
+    split : {"train", "validation", "test"}, optional
+        Which contexts are drawn, see :meth:`sledenv.Scenario.contexts`; all by default.
+    launch_noise : pair of float
+        Standard deviations of normal noise on the orientation [rad] and on the spin [rad/s] at launch, >= 0.
+
+    Attributes
+    ----------
+    draws : int
+        Doubles that the context and the launch noise of one episode take from a random stream.
 
     Raises
     ------
-    ScenarioError, ValueError
-        For an unknown scenario or control.
+    ScenarioError, TypeError, ValueError
+        For an unknown scenario, control, solver or split, or wrong noise.
     """
 
-    def __init__(self, scenario: str | os.PathLike[str] | Scenario, control: Control) -> None:
-        if control not in get_args(Control):
-            raise ValueError(f"control = {control!r}: must be one of {', '.join(map(repr, get_args(Control)))}")
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario,
+        control: Control = "both",
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        for name, value, kind in (("control", control, Control), ("solver", solver, Solver)):
+            if value not in get_args(kind):
+                raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, get_args(kind)))}")
+        if split is not None:
+            check_split(split)
+        if not isinstance(launch_noise, Sequence | np.ndarray) or len(launch_noise) != 2:
+            raise ValueError(f"launch_noise = {launch_noise!r}: must be two numbers, of orientation and spin")
+        named = zip(("orientation", "spin"), launch_noise, strict=True)
+        self.noise = np.array([checked("launch_noise", name, sigma, NOT_NEGATIVE) for name, sigma in named])
+        self.control = control
+        self.solver = solver
+        self.split = split
+        self.draws = FIELDS + 2 * bool(self.noise.any())
         self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.controlled = _CONTROLLED[control]
         self.body = self.scenario.body()
         self._context_low, self._context_high = self.scenario.ranges
-        self._seen = np.array([name not in self.controlled for name in Context._fields])
+        self._chosen = [Context._fields.index(name) for name in self.controlled]
+        self._width = self._context_high - self._context_low
+        self._width[self._chosen] = 0.0  # as if it did not vary
         bounds = {
             "orientation": np.radians(self.scenario.control.orientation_deg),
             "spin": np.array(self.scenario.control.spin_rad_s),
         }
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
-        self.observation_space = spaces.Box(-1.0, 1.0, (len(Context._fields),), np.float32)
+        self._speed, self._spin = self._scales()
+        self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
 
-    def observe(self, context: Context) -> NDArray[np.float32]:
-        """Scale a context to [-1, 1] by the ranges of the scenario, float32 of shape (8,).
-
-        What does not vary and what the agent controls reads 0.
-        """
-        width = self._context_high - self._context_low
-        varies = self._seen & (width > 0.0)
-        centred = 2.0 * (np.array(context) - self._context_low) / np.where(width > 0.0, width, 1.0) - 1.0
-        return np.where(varies, np.clip(centred, -1.0, 1.0), 0.0).astype(np.float32)
-
-    def launch(self, context: Context, action: Any) -> State:
-        """Return the state at launch that ``action`` asks for.
+    def given(self, options: Mapping[str, Any] | None, lanes: int = 1, also: tuple[str, ...] = ()) -> Given:
+        """Read the options of a reset.
 
         Parameters
         ----------
-        context : Context
-        action : array_like, shape (1,) or (2,)
-            In [-1, 1], scaled to the control bounds of the scenario: orientation and/or spin.
+        options : mapping, optional
+            ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
+            an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8).
+            ``split``: in place of that of the task, for the episodes that this reset begins.
+        lanes : int
+        also : tuple of str
+            Options that the caller has taken out, for the message.
 
         Raises
         ------
-        gymnasium.error.InvalidAction
-            If it has another shape, is not a number or lies outside the box.
+        TypeError, ValueError
+            For an unknown option or field, or a wrong shape, or naming the field, its value and the allowed range.
         """
-        given = np.asarray(action, dtype=np.float64)
-        if given.shape != self._action_low.shape:
-            raise InvalidAction(f"action has shape {given.shape}: must be {self._action_low.shape}")
-        if not np.all(np.abs(given) <= 1.0):  # NaN fails too
-            raise InvalidAction(f"action = {given.tolist()}: must be within [-1, 1]")
-        chosen = self._action_low + 0.5 * (given + 1.0) * (self._action_high - self._action_low)
-        return self.scenario.launch(context, **dict(zip(self.controlled, chosen.tolist(), strict=True)))
+        given = dict(options or {})
+        context, split = given.pop("context", None), given.pop("split", self.split)
+        if given:
+            known = ", ".join(map(repr, ("context", "split", *also)))
+            raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
+        if split is not None:
+            check_split(split)
+        fixed = np.full((lanes, FIELDS), np.nan)
+        if isinstance(context, Mapping):
+            for name, value in context.items():
+                if name not in Context._fields:
+                    raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
+                i = Context._fields.index(name)
+                column = np.asarray(value)
+                if column.shape not in ((), (lanes,)):
+                    raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
+                for number in np.atleast_1d(column):
+                    checked("context", name, number, Context.rules[i])
+                fixed[:, i] = column
+        elif context is not None:
+            shape = (lanes, FIELDS)
+            rows = np.array(context, dtype=np.float64)
+            if rows.shape not in (shape, shape[1:]):
+                raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
+            owner = "context" if rows.ndim == 1 else "context[{lane}]"
+            checked_rows(owner, Context, np.atleast_2d(rows))
+            fixed[:] = rows
+        return Given(fixed, split)
 
-    def descend(self, context: Context, launch: State, record: Record = "rebounds") -> Descent:
-        """Simulate the descent of ``launch`` in ``context``."""
+    def draws_for(self, given: Given) -> bool:
+        """Whether anything is left to be drawn; if not, the random stream stays where it is."""
+        return bool(np.isnan(given.fixed).any()) or self.draws > FIELDS
+
+    def begin(self, given: Given, draws: NDArray[np.float64] | None) -> Contexts:
+        """Return the contexts of new episodes.
+
+        Parameters
+        ----------
+        given : Given
+            Of n episodes.
+        draws : ndarray in [0, 1), shape (n, draws)
+            Not needed unless :meth:`draws_for` says so.
+        """
+        if draws is None:
+            return given.fixed.copy()
+        drawn = self.scenario.contexts(draws[:, :FIELDS], given.split)
+        contexts = np.where(np.isnan(given.fixed), drawn, given.fixed)
+        if self.draws == FIELDS:
+            return contexts
+        # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
+        length, turn = np.sqrt(-2.0 * np.log1p(-draws[:, FIELDS])), 2.0 * np.pi * draws[:, FIELDS + 1]
+        return np.column_stack([contexts, self.noise[0] * length * np.cos(turn), self.noise[1] * length * np.sin(turn)])
+
+    @staticmethod
+    def context(contexts: Contexts) -> Context:
+        """Return the first of contexts."""
+        return Context(*contexts[0, :FIELDS].tolist())
+
+    def observe(self, contexts: Contexts) -> NDArray[np.float32]:
+        """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 8).
+
+        What does not vary and what the agent controls reads 0.
+        """
+        varies = self._width > 0.0
+        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / np.where(varies, self._width, 1.0) - 1.0
+        return np.where(varies, np.clip(centred, -1.0, 1.0), 0.0).astype(np.float32)
+
+    def observe_flights(self, flights: np.ndarray) -> NDArray[np.float32]:
+        """Scale where descents stand to [-1, 1], float32 of shape (n, 9), columns ``FLIGHT``.
+
+        Parameters
+        ----------
+        flights : ndarray of OUTCOME, shape (n,)
+        """
+        scenario = self.scenario
+        columns = (
+            flights["x"] / scenario.slope_section.length_m,
+            np.sin(flights["phi"]),
+            np.cos(flights["phi"]),
+            flights["u"] / self._speed,
+            flights["v"] / self._speed,
+            flights["omega"] / self._spin,
+            flights["trim"] / (scenario.rider.trim_rad_s if scenario.rider else 1.0),
+            flights["t"] / scenario.limits.max_time_s,
+            flights["rebounds"] / scenario.limits.max_rebounds,
+        )
+        # A descent that overflowed has ended, but must still be seen.
+        scaled: NDArray[np.float64] = np.nan_to_num(np.stack(columns, axis=-1))
+        return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+
+    def _scales(self) -> tuple[float, float]:
+        """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch."""
+        angle, _, _, speed, drop, fall, _, spin = self._context_high
+        slope = self.scenario.slope_section
+        spin = max(abs(spin), abs(self._context_low[-1]), *map(abs, self.scenario.control.spin_rad_s))
+        height = drop + self.body.radius + self.body.eccentricity + slope.length_m * max(0.0, np.sin(angle))
+        gyration = self.body.inertia / self.body.mass  # [m^2]
+        square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * slope.gravity_m_s2 * height
+        fastest = float(np.sqrt(square)) or 1.0
+        return fastest, fastest / float(np.sqrt(gyration))
+
+    def launches(self, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at launch that actions ask for, shape (n, 6), columns as in :class:`sledenv.State`.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8) or (n, 10)
+        actions : ndarray, shape (n, 1) or (n, 2)
+            Out of :func:`checked_actions`, scaled to the control bounds of the scenario: orientation and/or spin.
+        """
+        chosen = contexts[:, :FIELDS].copy()
+        chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
+        if contexts.shape[1] > FIELDS:
+            chosen[:, _DISTURBED] += contexts[:, FIELDS:]
+        return self.scenario.launches(chosen)
+
+    def descend(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Descent:
+        """Simulate the one descent of contexts and launches with one row."""
+        context = self.context(contexts)
         return simulate(
             self.body,
             self.scenario.law(context),
             self.scenario.slope(context),
-            launch,
+            State(*launches[0].tolist()),
+            solver=self.solver,
             max_time=self.scenario.limits.max_time_s,
             max_rebounds=self.scenario.limits.max_rebounds,
             record=record,
         )
 
-    @staticmethod
-    def reward(descent: Descent) -> float:
-        """Half the progress and half the root of the retained energy, in [0, 1]: docs/environments.md."""
-        return float(descent.jam.reward)
+    def ride(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Ride:
+        """Return the descent that :meth:`descend` simulates at its launch, to be followed hop by hop."""
+        context, rider = self.context(contexts), self.scenario.rider
+        return Ride(
+            self.body,
+            self.scenario.law(context),
+            self.scenario.slope(context),
+            State(*launches[0].tolist()),
+            solver=self.solver,
+            max_time=self.scenario.limits.max_time_s,
+            max_rebounds=self.scenario.limits.max_rebounds,
+            record=record,
+            rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
+        )
+
+    def descend_batch(
+        self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False
+    ) -> DescentBatch:
+        """Simulate one descent a row, on all cores; row i equals :meth:`descend` of row i bit for bit."""
+        return simulate_batch(
+            self.body,
+            self.scenario.laws(contexts),
+            self.scenario.slopes(contexts),
+            launches,
+            solver=self.solver,
+            max_time=self.scenario.limits.max_time_s,
+            max_rebounds=self.scenario.limits.max_rebounds,
+            keep_rebounds=keep_rebounds,
+        )
+
+    def info(self, contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
+        """Everything about descents that an agent may not see but its user wants to.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8)
+        batch : DescentBatch
+            Of n descents; with their logs, if "rebounds" is among the keys.
+        keys : iterable of str
+            Which of ``INFO_KEYS`` to give.
+
+        Returns
+        -------
+        dict
+            Arrays of shape (n,), in dicts. Columns of rebounds and the status are arrays of objects: of lists, because
+            logs differ in length, and of strings.
+        """
+        outcomes, jam = batch.outcomes, batch.jam
+        info: dict[str, Any] = {}
+        for key in keys:
+            match key:
+                case "context":
+                    info[key] = self.context_info(contexts)
+                case "rebounds":
+                    info[key] = _lists(batch)
+                case "jam":
+                    info[key] = {
+                        "progress": jam.progress,
+                        "retention": jam.retention,
+                        "jam_index": jam.jam_index,
+                    }
+                case "is_success":
+                    info[key] = outcomes["status"] == FINISH
+                case "descent":
+                    energy = {name: outcomes[name].copy() for name in LEDGER_FIELDS}
+                    info[key] = {
+                        "status": _STATUS[outcomes["status"]],
+                        "time": outcomes["t"].copy(),
+                        "energy": energy,
+                    }
+        return info
 
     @staticmethod
-    def info(context: Context, descent: Descent) -> dict[str, Any]:
-        """Everything about a descent that an agent may not see but its user wants to."""
-        jam = descent.jam
-        return {
-            "context": context._asdict(),
-            # Columns, not a structured array: Gymnasium's checker compares infos and knows no structured types.
-            "rebounds": {name: descent.rebounds[name].copy() for name in REBOUND.names or ()},
-            "jam": {
-                "progress": float(jam.progress),
-                "retention": float(jam.retention),
-                "jam_index": float(jam.jam_index),
-            },
-            "is_success": descent.status == Status.FINISH,
-            "descent": {
-                "status": str(descent.status),
-                "time": descent.time,
-                "energy": descent.energy._asdict(),
-            },
-        }
+    def context_info(contexts: Contexts) -> dict[str, Any]:
+        """Return the fields of contexts, arrays of shape (n,)."""
+        return dict(zip(Context._fields, contexts[:, :FIELDS].T.copy(), strict=True))
+
+
+def checked_actions(
+    space: spaces.Box, actions: Any, lanes: int, acting: slice | NDArray[np.intp] = slice(None)
+) -> NDArray[np.float64]:
+    """Return actions as numbers, shape (lanes, k).
+
+    Parameters
+    ----------
+    space : Box
+        Of one lane, shape (k,).
+    actions : array_like, shape (lanes, k)
+    lanes : int
+    acting : ndarray of int, optional
+        Lanes whose actions count; all by default.
+
+    Raises
+    ------
+    gymnasium.error.InvalidAction
+        If they have another shape, or naming the first that is not a number or lies outside the box.
+    """
+    shape = (lanes, *space.shape)
+    try:
+        given = np.asarray(actions, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}") from error
+    if given.shape[:1] != shape[:1]:
+        raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
+    if given.shape != shape:
+        raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
+    inside = np.ones(lanes, np.bool_)
+    inside[acting] = np.all((given[acting] >= space.low) & (given[acting] <= space.high), axis=1)  # NaN is not
+    if not inside.all():
+        lane = int(np.argmin(inside))
+        name = "action" if lanes == 1 else f"actions[{lane}]"
+        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
+    return given
+
+
+def only_lane(columns: dict[str, Any]) -> dict[str, Any]:
+    """Return plain values in place of arrays of one lane, in a dict of dicts and arrays."""
+    return {key: only_lane(value) if isinstance(value, dict) else value.item() for key, value in columns.items()}
+
+
+def _lists(batch: DescentBatch) -> dict[str, np.ndarray]:
+    """Fields of the rebounds of many descents: arrays of lists, because logs differ in length."""
+    counts = batch.outcomes["rebounds"]
+    rows = batch.rebounds[np.arange(batch.rebounds.shape[1]) < counts[:, np.newaxis]]
+    ends = np.cumsum(counts).tolist()
+    spans = list(zip([0, *ends[:-1]], ends, strict=True))
+
+    def column(values: list[float]) -> np.ndarray:
+        return np.fromiter((values[start:end] for start, end in spans), dtype=object, count=len(spans))
+
+    return {name: column(rows[name].tolist()) for name in REBOUND.names or ()}

@@ -112,53 +112,77 @@ def energy(body: Body, slope: Slope, y: float, x: float, u: float, v: float, ome
 
 
 @kernel
-def close_books(
-    body: Body,
-    slope: Slope,
-    launch: State,
-    status: int,
-    t: float,
-    x: float,
-    y: float,
-    phi: float,
-    u: float,
-    v: float,
-    omega: float,
-    stored: float,
-    hysteresis: float,
-    sliding: float,
-    rolling: float,
-    outcome: np.ndarray,
-) -> None:
-    """Write the final state and the energy ledger: docs/physics.md, section 9."""
+def begin(launch: State, flight: np.void) -> None:
+    """Put a flight at its launch: nothing touched, nothing lost."""
+    flight["status"] = RUNNING
+    flight["rebounds"] = 0
+    flight["samples"] = 0
+    flight["steps"] = 0
+    flight["t"] = 0.0
+    flight["x"] = launch.x
+    flight["y"] = launch.y
+    flight["phi"] = launch.phi
+    flight["u"] = launch.u
+    flight["v"] = launch.v
+    flight["omega"] = launch.omega
+    flight["trim"] = 0.0
+    flight["stored"] = 0.0
+    flight["hysteresis"] = 0.0
+    flight["sliding"] = 0.0
+    flight["rolling"] = 0.0
+    flight["rotor"] = 0.0
+    flight["work"] = 0.0
+    flight["absorbed"] = 0.0
+
+
+@kernel
+def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None:
+    """Let the rider's rotor lend ``spin`` [rad/s] to the body in flight: docs/physics.md, section 9.
+
+    Parameters
+    ----------
+    body : Body
+    rotor_inertia : float
+        Moment of inertia of the rotor [kg m^2], > 0; the same throughout a descent.
+    flight : record of OUTCOME
+        Where the descent is, see :func:`hop`.
+    spin : float
+        What the body spins faster than with the rotor at rest [rad/s].
+    """
+    change = spin - flight["trim"]
+    if change != 0.0:  # or a spin of -0.0 would lose its sign
+        omega = flight["omega"]
+        rotor = 0.5 * (body.inertia * spin) ** 2 / rotor_inertia
+        done = body.inertia * change * (omega + 0.5 * change) + rotor - flight["rotor"]
+        flight["omega"] = omega + change
+        flight["trim"] = spin
+        flight["rotor"] = rotor
+        if done > 0.0:
+            flight["work"] += done
+        else:
+            flight["absorbed"] -= done
+
+
+@kernel
+def close_books(body: Body, slope: Slope, launch: State, flight: np.void) -> None:
+    """Bring the energy ledger up to the state of a flight: docs/physics.md, section 9."""
+    x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
-    outcome["initial"] = kinetic + potential
-    outcome["supplied"] = kinetic + body.mass * slope.gravity * (
-        drop * math.cos(slope.angle) + along * math.sin(slope.angle)
-    )
-    outcome["kinetic"], outcome["potential"] = energy(body, slope, y, x, u, v, omega)
-    outcome["stored"] = stored
-    outcome["hysteresis"] = hysteresis
-    outcome["sliding"] = sliding
-    outcome["rolling"] = rolling
-    if not math.isfinite(x + y + phi + u + v + omega + outcome["kinetic"] + outcome["initial"]):
-        status = NON_FINITE
-    outcome["status"] = status
-    outcome["t"] = t
-    outcome["x"] = x
-    outcome["y"] = y
-    outcome["phi"] = phi
-    outcome["u"] = u
-    outcome["v"] = v
-    outcome["omega"] = omega
+    flight["initial"] = kinetic + potential
+    raised = body.mass * slope.gravity * (drop * math.cos(slope.angle) + along * math.sin(slope.angle))
+    flight["supplied"] = kinetic + raised + flight["work"]
+    flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
+    finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
+    if flight["status"] != RUNNING and not finite:
+        flight["status"] = NON_FINITE
 
 
 @kernel
 def write_rebound(
     body: Body,
-    rebound: np.ndarray,
+    rebound: np.void,
     before: np.ndarray,
     state: np.ndarray,
     feature: int,
@@ -191,56 +215,60 @@ def write_rebound(
 
 
 @kernel
-def descend(
+def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays that :func:`hop` works in; it may get the same ones again and again."""
+    return np.zeros((ROWS, TERMS)), np.zeros(Z_ROWS), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+
+
+@kernel
+def hop(
     body: Body,
     law: Law,
     slope: Slope,
-    launch: State,
     limits: Limits,
-    rebounds: np.ndarray,
+    flight: np.void,
+    rebound: np.void,
+    log_length: int,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     trajectory: np.ndarray,
-    outcome: np.ndarray,
 ) -> None:
-    """Simulate one descent.
+    """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
 
     Parameters
     ----------
-    body, law, slope, launch, limits
+    body, law, slope, limits
         See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
-    rebounds : ndarray of REBOUND, shape (max_rebounds,)
-        The log; a descent that fills it ends with status LOG_FULL.
+    flight : record of OUTCOME
+        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
+        :func:`close_books`.
+    rebound : record of REBOUND
+        Overwritten if there was a contact, that is if ``flight["rebounds"]`` has grown.
+    log_length : int
+        Number of rebounds at which the descent ends with status LOG_FULL.
+    space : tuple of ndarray
+        See :func:`work_space`.
     trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``outcome["samples"]`` tells how many were needed.
-    outcome : record of OUTCOME
-        Overwritten.
+        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
     downhill = slope.gravity * math.sin(slope.angle)
     inward = slope.gravity * math.cos(slope.angle)
-    c = np.zeros((ROWS, TERMS))
-    z = np.zeros(Z_ROWS)
-    state = np.zeros(STATE_SIZE)
-    before = np.zeros(STATE_SIZE)
-    t = 0.0
-    x, y, phi, u, v, omega = launch.x, launch.y, launch.phi, launch.u, launch.v, launch.omega
-    stored = 0.0
-    hysteresis, sliding, rolling = 0.0, 0.0, 0.0
-    count, steps, samples = 0, 0, 0
+    t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
+    u, v, omega = flight["u"], flight["v"], flight["omega"]
+    samples = flight["samples"]
+    c, z, state, before = space
     status = RUNNING
-    while status == RUNNING:
-        # Flight, to whatever comes first.
-        left = limits.max_time - t
-        duration = touchdown_time(body, inward, y, phi, v, omega, left)
-        finish = finish_time(x, u, downhill, slope.length)
-        touches = duration <= left
-        if finish <= min(duration, left):
-            duration = finish
-            status = FINISH
-        elif not touches:
-            duration = left
-            status = TIMEOUT
-        if not math.isfinite(duration):
-            status = NON_FINITE
-            break
+
+    # Flight, to whatever comes first.
+    left = limits.max_time - t
+    duration = touchdown_time(body, inward, y, phi, v, omega, left)
+    finish = finish_time(x, u, downhill, slope.length)
+    if finish <= min(duration, left):
+        duration = finish
+        status = FINISH
+    elif not duration <= left:
+        duration = left
+        status = TIMEOUT
+    if math.isfinite(duration):
         if trajectory.shape[0] > 0:
             samples = fly(slope, limits, t, duration, x, y, phi, u, v, omega, trajectory, samples)
         t += duration
@@ -249,11 +277,12 @@ def descend(
         u += downhill * duration
         v -= inward * duration
         phi += omega * duration
-        if status != RUNNING:
-            if status == FINISH:
-                x = slope.length
-            break
+    else:
+        status = NON_FINITE
+    if status == FINISH:
+        x = slope.length
 
+    if status == RUNNING:
         # Contact, in its own coordinates; the energy of the rounding error in y is far below that of the ledger.
         local = phi - whole_turns(phi)
         feature = feature_at(body, local)
@@ -267,26 +296,58 @@ def descend(
         state[OMEGA] = omega
         state[FEATURE] = feature
         before[:] = state
-        status, steps, samples = touch(body, law, slope, limits, state, c, z, steps, trajectory, samples)
+        status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
         a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
-        write_rebound(body, rebounds[count], before, state, feature, b, a, u, v)
-        u = rebounds[count]["u_after"]
-        v = rebounds[count]["v_after"]
-        count += 1
+        write_rebound(body, rebound, before, state, feature, b, a, u, v)
         t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
         y = b + state[GAP]
-        stored = state[STORED]
-        hysteresis += state[HYSTERESIS]
-        sliding += state[SLIDING]
-        rolling += state[ROLLING]
-        if status == RUNNING and count == rebounds.shape[0]:
+        u, v = rebound["u_after"], rebound["v_after"]
+        flight["rebounds"] += 1
+        flight["steps"] = steps
+        flight["stored"] = state[STORED]
+        flight["hysteresis"] += state[HYSTERESIS]
+        flight["sliding"] += state[SLIDING]
+        flight["rolling"] += state[ROLLING]
+        if status == RUNNING and flight["rebounds"] == log_length:
             status = LOG_FULL
-    if trajectory.shape[0] > 0:
+    if status != RUNNING and trajectory.shape[0] > 0:
         samples = add_sample(trajectory, samples, t, x, y, phi, u, v, omega, 0.0, 0.0, 0.0, 0, 0, 0)
-    outcome["rebounds"] = count
-    outcome["samples"] = samples
-    outcome["steps"] = steps
-    close_books(body, slope, launch, status, t, x, y, phi, u, v, omega, stored, hysteresis, sliding, rolling, outcome)
+    flight["status"] = status
+    flight["samples"] = samples
+    flight["t"], flight["x"], flight["y"], flight["phi"] = t, x, y, phi
+    flight["u"], flight["v"], flight["omega"] = u, v, omega
+
+
+@kernel
+def descend(
+    body: Body,
+    law: Law,
+    slope: Slope,
+    launch: State,
+    limits: Limits,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray,
+    outcome: np.void,
+) -> None:
+    """Simulate one descent: hop after hop.
+
+    Parameters
+    ----------
+    body, law, slope, launch, limits
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
+    rebounds : ndarray of REBOUND, shape (max_rebounds,)
+        The log; a descent that fills it ends with status LOG_FULL.
+    trajectory : ndarray of TRAJECTORY
+        Rows are written while there is room; ``outcome["samples"]`` tells how many were needed.
+    outcome : record of OUTCOME
+        Overwritten.
+    """
+    space = work_space()
+    begin(launch, outcome)
+    while outcome["status"] == RUNNING:
+        rebound = rebounds[outcome["rebounds"]]
+        hop(body, law, slope, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
+    close_books(body, slope, launch, outcome)
 
 
 @parallel_kernel
@@ -329,3 +390,46 @@ def descend_batch(
         slope = Slope(q[0], q[1], q[2])
         launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
         descend(body, law, slope, launch, limits, log, np.empty(0, TRAJECTORY), outcomes[i])
+
+
+@parallel_kernel
+def hop_batch(
+    body: Body,
+    like: Law,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    launches: np.ndarray,
+    limits: Limits,
+    rotor_inertia: float,
+    trims: np.ndarray,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    log_length: int,
+) -> None:
+    """Trim and follow one hop of many descents, one a lane; lanes that have ended stay as they are.
+
+    Parameters
+    ----------
+    body, like, laws, slopes, launches, limits, log_length
+        As for :func:`descend_batch`.
+    rotor_inertia : float
+        Of the rider's rotor [kg m^2], shared by all lanes.
+    trims : ndarray, shape (N,)
+        Spin [rad/s] that the rotor lends to each body during the hop, see :func:`trim`.
+    flights : ndarray of OUTCOME, shape (N,)
+        Where each descent is, see :func:`hop`; moved on, their ledgers brought up to date. Those whose status is not
+        RUNNING are left alone.
+    rebounds : ndarray of REBOUND, shape (N,)
+        The contact of each lane, as for :func:`hop`.
+    """
+    for i in prange(flights.shape[0]):
+        if flights[i]["status"] == RUNNING:
+            p = laws[i] if laws.shape[0] > 1 else laws[0]
+            q = slopes[i] if slopes.shape[0] > 1 else slopes[0]
+            z = launches[i]
+            law = law_of_row(like, p)
+            slope = Slope(q[0], q[1], q[2])
+            launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
+            trim(body, rotor_inertia, flights[i], trims[i])
+            hop(body, law, slope, limits, flights[i], rebounds[i], log_length, work_space(), np.empty(0, TRAJECTORY))
+            close_books(body, slope, launch, flights[i])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sledenv.kernel.descend import close_books, write_rebound
+from sledenv.kernel.descend import begin, close_books, write_rebound
 from sledenv.kernel.geometry import arms, feature_at, has_corners, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
@@ -39,7 +39,7 @@ def descend_euler(
     limits: Limits,
     rebounds: np.ndarray,
     trajectory: np.ndarray,
-    outcome: np.ndarray,
+    outcome: np.void,
 ) -> None:
     """Simulate one descent by explicit Euler: paper equations (10)-(13) with gravity, docs/physics.md, section 2.
 
@@ -141,10 +141,15 @@ def descend_euler(
         v += dt * (normal / body.mass - inward)
         omega += dt * (-a * normal + moment_sign * b * force + moment) / body.inertia
         index += 1
-    stored = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(gap, 0.0) ** 2
+    begin(launch, outcome)
+    outcome["status"] = status
     outcome["rebounds"] = count
     outcome["samples"] = samples
     outcome["steps"] = index
-    close_books(
-        body, slope, launch, status, index * dt, x, y, phi, u, v, omega, stored, hysteresis, sliding, rolling, outcome
-    )
+    outcome["t"], outcome["x"], outcome["y"], outcome["phi"] = index * dt, x, y, phi
+    outcome["u"], outcome["v"], outcome["omega"] = u, v, omega
+    outcome["stored"] = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(gap, 0.0) ** 2
+    outcome["hysteresis"] = hysteresis
+    outcome["sliding"] = sliding
+    outcome["rolling"] = rolling
+    close_books(body, slope, launch, outcome)

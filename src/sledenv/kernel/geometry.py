@@ -63,6 +63,15 @@ def support_height(body: Body, phi: float) -> float:
 
 
 @kernel
+def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
+    """Support height [m] at each of many orientations [rad], shape (N,)."""
+    heights = np.empty(phi.shape[0])
+    for i in range(phi.shape[0]):
+        heights[i] = support_height(body, phi[i])
+    return heights
+
+
+@kernel
 def lowest_support(body: Body) -> float:
     """Smallest support height [m] over all orientations, from which the supplied energy is counted."""
     lowest = body.radius - body.eccentricity

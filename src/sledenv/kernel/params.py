@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-Rule = tuple[Callable[[float], bool], str]
+Rule = tuple[Callable[[Any], Any], str]  # what accepts a float, or each entry of an array; what it accepts, in words
 
-_FINITE: Rule = (math.isfinite, "a finite number")
-_POSITIVE: Rule = (lambda v: 0.0 < v < math.inf, "in (0, inf)")
-_NOT_NEGATIVE: Rule = (lambda v: 0.0 <= v < math.inf, "in [0, inf)")
-_HALF_ANGLE: Rule = (lambda v: 0.0 < v <= math.pi, "in (0, pi] rad")
-_FRACTION: Rule = (lambda v: 0.0 <= v < 1.0, "in [0, 1)")
-CLOSED_FRACTION: Rule = (lambda v: 0.0 <= v <= 1.0, "in [0, 1]")
-_STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
+FINITE: Rule = (lambda v: abs(v) < math.inf, "a finite number")
+NOT_NEGATIVE: Rule = (lambda v: (v >= 0.0) & (v < math.inf), "in [0, inf)")
+STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
+RESTITUTION: Rule = (lambda v: (v > 0.0) & (v <= 1.0), "in (0, 1]")
+CLOSED_FRACTION: Rule = (lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
+POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
+_HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
+_FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
+_TOLERANCE: Rule = (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]")
 
 
 def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
@@ -40,6 +42,35 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     if not accepts(number):
         raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
     return number
+
+
+def _checked_fields(kind: type[Any], *values: Any) -> list[float]:
+    columns = zip(kind._fields, values, kind.rules, strict=True)
+    return [checked(kind.__name__, field, value, rule) for field, value, rule in columns]
+
+
+def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
+    """Check many tuples of one kind at once.
+
+    Parameters
+    ----------
+    owner : str
+        What the message calls a row; ``{lane}`` in it becomes the number of the row.
+    kind : type
+        A named tuple of floats with ``rules``, one a field, such as :class:`Slope`.
+    rows : ndarray of float, shape (N, fields)
+
+    Raises
+    ------
+    ValueError
+        Naming row, field, value and allowed range.
+    """
+    for column, field, (accepts, allowed) in zip(rows.T, kind._fields, kind.rules, strict=True):
+        accepted = accepts(column)
+        if not accepted.all():
+            lane = int(np.argmin(accepted))
+            value = float(column[lane])
+            raise ValueError(f"{owner.format(lane=lane)}.{field} = {value!r}: must be {allowed}")
 
 
 class _BodyFields(NamedTuple):
@@ -73,18 +104,12 @@ class Body(_BodyFields):
     """
 
     __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, _HALF_ANGLE)
 
     def __new__(
         cls, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
     ) -> Self:
-        return super().__new__(
-            cls,
-            checked("Body", "mass", mass, _POSITIVE),
-            checked("Body", "radius", radius, _NOT_NEGATIVE),
-            checked("Body", "eccentricity", eccentricity, _NOT_NEGATIVE),
-            checked("Body", "inertia", inertia, _POSITIVE),
-            checked("Body", "half_angle", half_angle, _HALF_ANGLE),
-        )
+        return super().__new__(cls, *_checked_fields(cls, mass, radius, eccentricity, inertia, half_angle))
 
 
 def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
@@ -104,14 +129,25 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
     Body
         With the eccentricity and the inertia of the lamina.
     """
-    mass = checked("circular_segment", "mass", mass, _POSITIVE)
-    radius = checked("circular_segment", "radius", radius, _POSITIVE)
+    mass = checked("circular_segment", "mass", mass, POSITIVE)
+    radius = checked("circular_segment", "radius", radius, POSITIVE)
     alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     area = alpha - sine * cosine  # of the segment, over r^2
     eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
     about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
     return Body(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
+
+
+def restitution_of(asymmetry: Any) -> Any:
+    """Energetic coefficient of restitution e [-] of an asymmetry, float or array: docs/physics.md (5.3)."""
+    return np.sqrt((1.0 - asymmetry) / (1.0 + asymmetry))
+
+
+def asymmetry_of(restitution: Any) -> Any:
+    """Asymmetry Delta [-] < 1 of a coefficient of restitution, float or array: docs/physics.md (5.3)."""
+    squared = restitution * restitution
+    return np.minimum((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
 
 
 class _ContactLawFields(NamedTuple):
@@ -145,6 +181,7 @@ class ContactLaw(_ContactLawFields):
     """
 
     __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, _FRACTION, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
 
     def __new__(
         cls,
@@ -154,19 +191,13 @@ class ContactLaw(_ContactLawFields):
         rolling_arm: float,
         corner_rolling_arm: float = 0.0,
     ) -> Self:
-        return super().__new__(
-            cls,
-            checked("ContactLaw", "stiffness", stiffness, _POSITIVE),
-            checked("ContactLaw", "asymmetry", asymmetry, _FRACTION),
-            checked("ContactLaw", "friction", friction, _NOT_NEGATIVE),
-            checked("ContactLaw", "rolling_arm", rolling_arm, _NOT_NEGATIVE),
-            checked("ContactLaw", "corner_rolling_arm", corner_rolling_arm, _NOT_NEGATIVE),
-        )
+        values = _checked_fields(cls, stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
+        return super().__new__(cls, *values)
 
     @property
     def restitution(self) -> float:
         """Energetic coefficient of restitution e [-] of an impact without gravity: docs/physics.md (5.3)."""
-        return math.sqrt((1.0 - self.asymmetry) / (1.0 + self.asymmetry))
+        return float(restitution_of(self.asymmetry))
 
     @classmethod
     def from_restitution(
@@ -179,9 +210,7 @@ class ContactLaw(_ContactLawFields):
         corner_rolling_arm: float = 0.0,
     ) -> ContactLaw:
         """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
-        rule: Rule = (lambda v: 0.0 < v <= 1.0, "in (0, 1]")
-        squared = checked("ContactLaw", "restitution", restitution, rule) ** 2
-        asymmetry = min((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
+        asymmetry = asymmetry_of(checked("ContactLaw", "restitution", restitution, RESTITUTION))
         return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
@@ -220,14 +249,10 @@ class Slope(_SlopeFields):
     """
 
     __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
 
     def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81) -> Self:
-        return super().__new__(
-            cls,
-            checked("Slope", "angle", angle, _STEEPNESS),
-            checked("Slope", "length", length, _LENGTH),
-            checked("Slope", "gravity", gravity, _NOT_NEGATIVE),
-        )
+        return super().__new__(cls, *_checked_fields(cls, angle, length, gravity))
 
 
 class _StateFields(NamedTuple):
@@ -252,10 +277,10 @@ class State(_StateFields):
     """
 
     __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (FINITE,) * 6
 
     def __new__(cls, x: float, y: float, phi: float, u: float = 0.0, v: float = 0.0, omega: float = 0.0) -> Self:
-        values = zip(cls._fields, (x, y, phi, u, v, omega), strict=True)
-        return super().__new__(cls, *(checked("State", field, value, _FINITE) for field, value in values))
+        return super().__new__(cls, *_checked_fields(cls, x, y, phi, u, v, omega))
 
 
 class _LimitsFields(NamedTuple):
@@ -271,6 +296,7 @@ class Limits(_LimitsFields):
     """Where a simulation stops and how finely it is integrated and sampled."""
 
     __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, POSITIVE, _TOLERANCE, POSITIVE, POSITIVE, CLOSED_FRACTION)
 
     def __new__(
         cls,
@@ -281,13 +307,5 @@ class Limits(_LimitsFields):
         step: float = 2.5e-7,
         printed_sign: float = 0.0,
     ) -> Self:
-        tolerance_rule: Rule = (lambda v: 1e-18 <= v <= 1e-3, "in [1e-18, 1e-3]")
-        return super().__new__(
-            cls,
-            checked("Limits", "max_time", max_time, _POSITIVE),
-            checked("Limits", "max_steps", max_steps, _POSITIVE),
-            checked("Limits", "tolerance", tolerance, tolerance_rule),
-            checked("Limits", "sample_interval", sample_interval, _POSITIVE),
-            checked("Limits", "step", step, _POSITIVE),
-            checked("Limits", "printed_sign", printed_sign, CLOSED_FRACTION),
-        )
+        values = _checked_fields(cls, max_time, max_steps, tolerance, sample_interval, step, printed_sign)
+        return super().__new__(cls, *values)

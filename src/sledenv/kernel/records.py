@@ -27,7 +27,7 @@ CHORD: Final = 4
 class Status(StrEnum):
     """Why a descent ended; members are strings, ``STATUS_OF_CODE`` maps the kernel's codes to them."""
 
-    RUNNING = "running"  # never returned by a whole descent
+    RUNNING = "running"  # under way, never returned by a whole descent
     FINISH = "finish"  # the mass centre reached the end of the slope
     JAMMED = "jammed"  # at rest for good: full stick on the incline
     TUMBLED = "tumbled"  # the body came to lie on its chord
@@ -120,13 +120,16 @@ TRAJECTORY = np.dtype(
 
 LEDGER_FIELDS: Final = (
     "initial",  # [J] kinetic + potential energy at launch
-    "kinetic",  # [J] at the end
+    "kinetic",  # [J] of the body at the end
     "potential",  # [J] at the end; zero at x = 0, y = 0
     "stored",  # [J] in the compressed contact at the end
     "hysteresis",  # [J] lost between loading and unloading stiffness
     "sliding",  # [J] lost to Coulomb friction
     "rolling",  # [J] lost to rolling resistance
-    "supplied",  # [J] launch kinetic energy + drop height + slope descended
+    "rotor",  # [J] kinetic energy of the rider's rotor at the end
+    "work",  # [J] done by the rider's trim
+    "absorbed",  # [J] taken up by the rider's trim, and lost
+    "supplied",  # [J] launch kinetic energy + drop height + slope descended + work
 )
 
 OUTCOME = np.dtype(
@@ -142,6 +145,7 @@ OUTCOME = np.dtype(
         ("u", "f8"),
         ("v", "f8"),
         ("omega", "f8"),
+        ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body
         *((name, "f8") for name in LEDGER_FIELDS),
     ],
     align=True,

@@ -1,0 +1,110 @@
+"""SledDescent: choose the launch, then trim the spin at every rebound on the way down."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from sledenv.descent import Descent, Ride
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.task import FIELDS, FLIGHT, Control, Solver, checked_actions, only_lane
+from sledenv.kernel.records import Status
+from sledenv.scenario import Scenario, Split
+
+_GIVEN_UP = (Status.TIMEOUT, Status.LOG_FULL, Status.STEP_BUDGET)
+
+
+class SledDescent(SledLaunch):
+    """A sled on its way down, one hop a step: first the launch, then a trim of the spin at every rebound.
+
+    Observation
+        ``Box(-1, 1, (17,), float32)``: the eight fields of the context as in :class:`SledLaunch`, then the flight, all
+        0 before the launch: progress, sine and cosine of the orientation, velocity along and off the slope, spin, spin
+        lent by the rider's rotor, time and number of rebounds; scaled as docs/environments.md says.
+    Action
+        ``Box(-1, 1, (2,) or (3,), float32)``: the launch as in :class:`SledLaunch`, then the trim. The first step uses
+        the launch alone and follows the descent to its first rebound; every other one uses the trim alone: the spin
+        that the rider's rotor lends to the body until the next rebound, scaled by the bound of the scenario. A
+        scenario without a rider ignores it.
+    Reward
+        That of the whole descent in the last step, 0 before; the work of the trims counts as energy supplied. Without
+        any trim the return is the reward of :class:`SledLaunch`, bit for bit.
+    Ending
+        Terminated when the sled finishes, jams or tumbles; truncated at a limit of the scenario.
+    Info
+        As for :class:`SledLaunch`, of the descent so far.
+
+    Parameters
+    ----------
+    scenario, control, render_mode, solver, split, launch_noise
+        As for :class:`SledLaunch`; the window shows each hop as it is made.
+    """
+
+    _episode = ("_context", "_launch", "_ride")
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        control: Control = "both",
+        render_mode: str | None = None,
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        super().__init__(scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise)
+        self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (self.task.action_space.shape[0] + 1,), np.float32)
+        self._ride: Ride | None = None  # of the present episode, once it has been launched
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode in a new context, as :meth:`SledLaunch.reset` does."""
+        observation, info = super().reset(seed=seed, options=options)
+        self._ride = None
+        return np.append(observation, np.zeros(len(FLIGHT), np.float32)), info
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Launch the sled, or trim it, and follow it to its next rebound or to the end of the descent.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset and after the end of an episode.
+        gymnasium.error.InvalidAction
+            For an action outside the action space; the episode goes on.
+        """
+        if self._context is None or (self._ride is not None and self._ride.status != Status.RUNNING):
+            raise ResetNeeded("call reset before step: there is no descent under way")
+        chosen = checked_actions(self.action_space, [action], 1)
+        start = 0.0
+        if self._ride is None:
+            launch = self.task.launches(self._context, chosen[:, :-1])
+            ride = self.task.ride(self._context, launch, record="trajectory" if self.render_mode else "rebounds")
+            ride.hop()
+            self._launch, self._ride = launch, ride
+        else:
+            ride, start = self._ride, self._ride.time
+            if self.task.scenario.rider is not None:
+                ride.trim(float(chosen[0, -1]) * self.task.scenario.rider.trim_rad_s)
+            ride.hop()
+        if self.render_mode == "human":
+            self._drawing().play(ride.descent(), start=start)
+        descent = ride.descent()
+        batch = descent.as_batch()
+        ended = descent.status != Status.RUNNING
+        truncated = descent.status in _GIVEN_UP
+        reward = float(descent.jam.reward) if ended else 0.0
+        observation = np.append(self.task.observe(self._context)[0], self.task.observe_flights(batch.outcomes)[0])
+        info = only_lane(self.task.info(self._context, batch))
+        return observation, reward, ended and not truncated, truncated, info
+
+    def _recorded(self) -> Descent:
+        assert self._ride is not None
+        return self._ride.descent()

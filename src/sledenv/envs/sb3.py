@@ -1,0 +1,206 @@
+"""The native vector environments as a stable-baselines3 VecEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from sledenv.envs.vector import SledVectorEnv
+
+
+def make_vec_env(
+    env_id: str,
+    n_envs: int = 1,
+    seed: int | None = None,
+    *,
+    env_kwargs: dict[str, Any] | None = None,
+    info: Sequence[str] = ("is_success",),
+) -> SledVecEnv:
+    """Make the native batch of an environment: as ``stable_baselines3.common.env_util.make_vec_env``, without Monitor.
+
+    ``PPO("MlpPolicy", make_vec_env("sledenv/SledLaunch-v0", 1024)).learn(50_000)`` is a whole training run. Wrap the
+    batch in SB3's ``VecMonitor`` for the statistics of episodes.
+
+    Parameters
+    ----------
+    env_id : str
+        Such as "sledenv/SledLaunch-v0".
+    n_envs : int
+        Number of lanes.
+    seed : int, optional
+        Lane i is seeded with ``seed + i`` at the first reset.
+    env_kwargs : dict, optional
+        Arguments of the environment, such as ``{"scenario": "ice_drop"}``.
+    info : sequence of str
+        Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
+    """
+    env = gym.make_vec(
+        env_id,
+        num_envs=n_envs,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=AutoresetMode.SAME_STEP.value,
+        info=tuple(info),
+        **(env_kwargs or {}),
+    )
+    adapter = SledVecEnv(env)
+    if seed is not None:
+        adapter.seed(seed)
+        adapter.action_space.seed(seed)
+    return adapter
+
+
+class SledVecEnv(VecEnv):
+    """Adapter that gives what ``DummyVecEnv`` of the scalar environments gives, bit for bit.
+
+    Parameters
+    ----------
+    env : VectorEnv
+        A native vector environment in autoreset mode "SameStep".
+
+    Raises
+    ------
+    TypeError, ValueError
+        For another kind of environment or another mode.
+    """
+
+    def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any]) -> None:
+        native = env.unwrapped
+        if env is not native or not isinstance(native, SledVectorEnv):
+            raise TypeError(f"env = {env!r}: must be a native vector environment, not wrapped")
+        if native.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(f"autoreset_mode = {native.autoreset_mode.value!r}: must be 'SameStep'")
+        self.env = native
+        self.spec = native.spec
+        super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin an episode in every lane, with the seeds and options set for this reset."""
+        seeds, options = self._seeds, self._options
+        self._reset_seeds()
+        self._reset_options()
+        observations, info = self.env.reset(seed=seeds, options=_shared_options(options))
+        self.reset_infos = lane_infos(info, self.num_envs)
+        return observations
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep the actions for :meth:`step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Advance every lane by one step; ended lanes begin their next episode.
+
+        Raises
+        ------
+        gymnasium.error.InvalidAction, gymnasium.error.ResetNeeded
+            As the native environment.
+        """
+        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        dones = terminated | truncated
+        infos = lane_infos(info, self.num_envs)
+        for i in np.flatnonzero(dones).tolist():
+            begun = infos[i]
+            infos[i] = begun.pop("final_info") | {"terminal_observation": begun.pop("final_obs")}
+            self.reset_infos[i] = begun
+        for lane, cut in zip(infos, (truncated & ~terminated).tolist(), strict=True):
+            lane["TimeLimit.truncated"] = cut
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """Close the native environment."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of each lane."""
+        return [getattr(lane, attr_name) for lane in self._lanes(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of all lanes.
+
+        Raises
+        ------
+        ValueError
+            If only some are meant: lanes share their attributes.
+        """
+        if sorted(lane.index for lane in self._lanes(indices)) != list(range(self.num_envs)):
+            raise ValueError(f"indices = {indices!r}: lanes share their attributes, so all must be set at once")
+        setattr(self.env, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of each lane, such as ``reset``."""
+        return [getattr(lane, method_name)(*method_args, **method_kwargs) for lane in self._lanes(indices)]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """Return False for each lane: lanes of a batch have no wrappers of their own."""
+        return [False for _ in self._lanes(indices)]
+
+    def _lanes(self, indices: VecEnvIndices) -> list[Lane]:
+        return [Lane(self.env, range(self.num_envs)[i]) for i in self._get_indices(indices)]
+
+
+class Lane:
+    """One lane of a native batch, seen as a scalar environment.
+
+    What is not listed here, such as ``task``, is shared by all lanes.
+    """
+
+    def __init__(self, env: SledVectorEnv, index: int) -> None:
+        self.env = env
+        self.index = index
+        self.observation_space = env.single_observation_space
+        self.action_space = env.single_action_space
+        self.np_random_seed = env.np_random_seed[index]
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode in this lane; the others go on."""
+        mask = np.arange(self.env.num_envs) == self.index
+        seeds = [seed if own else None for own in mask.tolist()]
+        observations, info = self.env.reset(seed=seeds, options=(options or {}) | {"reset_mask": mask})
+        return observations[self.index], lane_infos(info, self.env.num_envs)[self.index]
+
+    def step(self, action: Any) -> None:
+        """Raise: the lanes of a batch advance together."""
+        raise NotImplementedError("a lane cannot be stepped alone")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.env, name)
+
+
+def lane_infos(infos: dict[str, Any], lanes: int) -> list[dict[str, Any]]:
+    """Return the info of each lane out of Gymnasium's vector form, as plain Python values.
+
+    Parameters
+    ----------
+    infos : dict
+        Arrays of shape (lanes,) in dicts, each ``key`` with a mask ``_key``.
+    lanes : int
+    """
+    listed: list[dict[str, Any]] = [{} for _ in range(lanes)]
+    for key, values in infos.items():
+        if key.startswith("_"):
+            continue
+        column = lane_infos(values, lanes) if isinstance(values, dict) else values.tolist()
+        for i in np.flatnonzero(infos[f"_{key}"]).tolist():
+            listed[i][key] = column[i]
+    return listed
+
+
+def _shared_options(options: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """Options of the batch from those of each lane."""
+    if not any(options):
+        return None
+    if any(given.keys() != options[0].keys() for given in options):
+        raise ValueError("options: all lanes must be given the same keys")
+    return {key: [given[key] for given in options] for key in options[0]}

@@ -1,0 +1,336 @@
+"""Native vector environments: all lanes advance in one call of the batch kernel."""
+
+from __future__ import annotations
+
+import os
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from sledenv.envs.task import INFO_KEYS, Contexts, Control, Given, Solver, Task, checked_actions
+from sledenv.scenario import Scenario, Split
+
+CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
+
+_BLOCK = 16  # contexts that a lane draws ahead: one call of its generator costs as much as several of them
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Lanes = NDArray[np.intp]  # numbers of lanes
+
+
+class Streams:
+    """One random stream a lane, each that of a scalar environment with the same seed.
+
+    A generator gives the same doubles whether it is asked for them once or in portions, so lanes draw ahead in blocks.
+
+    Parameters
+    ----------
+    lanes : int
+        Number of streams.
+    draws : int
+        Doubles that an episode takes.
+    """
+
+    def __init__(self, lanes: int, draws: int) -> None:
+        self.generators: list[np.random.Generator | None] = [None] * lanes
+        self.seeds: list[int | None] = [None] * lanes
+        self._block = np.empty((lanes, _BLOCK, draws))
+        self._next = np.full(lanes, _BLOCK)
+
+    def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
+        """Start streams anew where there is a seed, and from fresh entropy where there was none before.
+
+        Raises
+        ------
+        gymnasium.error.Error
+            For a seed that is not an integer >= 0; no stream has changed then.
+        """
+        pairs = zip(lanes.tolist(), seeds, strict=True)
+        fresh = [(i, seeding.np_random(s)) for i, s in pairs if s is not None or self.generators[i] is None]
+        for i, (generator, seed) in fresh:
+            self.generators[i], self.seeds[i] = generator, seed
+            self._next[i] = _BLOCK
+
+    def take(self, lanes: Lanes) -> Floats:
+        """Return the doubles of the next episode of each lane, shape (len(lanes), draws)."""
+        for i in lanes[self._next[lanes] == _BLOCK].tolist():
+            generator = self.generators[i]
+            assert generator is not None  # seeded before
+            generator.random(out=self._block[i])
+            self._next[i] = 0
+        taken: Floats = self._block[lanes, self._next[lanes]]
+        self._next[lanes] += 1
+        return taken
+
+
+class Advance(NamedTuple):
+    """What a step of some lanes gives, arrays with one row a lane."""
+
+    rewards: Floats
+    terminated: Flags
+    truncated: Flags
+    info: dict[str, Any]  # arrays, in dicts
+
+
+class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """Lanes of one task: seeds, resets, autoreset and info, for any environment that advances many lanes at once.
+
+    Lane i of ``reset(seed=s)`` gives, bit for bit, the episodes of the scalar environment after ``reset(seed=s + i)``,
+    whatever the number of lanes: like :class:`gymnasium.vector.SyncVectorEnv`, in observations, rewards, endings and
+    info.
+
+    Parameters
+    ----------
+    task : Task
+        Shared by all lanes.
+    num_envs : int
+        Number of lanes, >= 1.
+    observation_space, action_space : Box
+        Of one lane.
+    autoreset_mode : AutoresetMode or str
+        When an ended lane begins its next episode: ``"NextStep"``, ``"SameStep"`` or ``"Disabled"``.
+    info : iterable of str
+        Which entries of the scalar environment's info to give.
+    """
+
+    single_action_space: spaces.Box
+
+    def __init__(
+        self,
+        task: Task,
+        num_envs: int,
+        observation_space: spaces.Box,
+        action_space: spaces.Box,
+        autoreset_mode: AutoresetMode | str,
+        info: Sequence[str],
+    ) -> None:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")
+        if isinstance(info, str) or not set(info) <= set(INFO_KEYS):
+            raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
+        try:
+            mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = ", ".join(repr(mode.value) for mode in AutoresetMode)
+            raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
+        self.task = task
+        self.num_envs = int(num_envs)
+        self.single_observation_space = observation_space
+        self.single_action_space = action_space
+        self.observation_space = batch_space(observation_space, self.num_envs)
+        self.action_space = batch_space(action_space, self.num_envs)
+        self.autoreset_mode = mode
+        self.metadata = {"render_modes": [], "autoreset_mode": mode}
+        self.info_keys = tuple(info)
+        self._streams = Streams(self.num_envs, task.draws)
+        self._contexts: Contexts | None = None  # before the first reset
+        self._ended = np.zeros(self.num_envs, np.bool_)
+
+    @abstractmethod
+    def _begin(self, lanes: Lanes) -> None:
+        """Prepare the first step of lanes whose contexts are new."""
+
+    @abstractmethod
+    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
+        """Observations of lanes, a new array with one row a lane."""
+
+    @abstractmethod
+    def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
+        """Advance lanes by one step each, with actions that have been checked."""
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode in every lane, or in some.
+
+        Parameters
+        ----------
+        seed : int or sequence of int or None, optional
+            Lane i is seeded with ``seed + i``, or with an entry of its own; a lane without goes on with its stream.
+        options : dict, optional
+            ``context``, ``split``: what is fixed of the contexts of all lanes, see :meth:`Task.given`.
+            ``reset_mask``: bool array of shape (num_envs,), the lanes to reset; all by default.
+
+        Returns
+        -------
+        observations : ndarray of float32, shape (num_envs, ...)
+            Lanes that are not reset keep theirs.
+        info : dict
+
+        Raises
+        ------
+        ValueError, TypeError, gymnasium.error.Error
+            For an unknown option, or a wrong mask, context or seed; nothing has changed then.
+        gymnasium.error.ResetNeeded
+            If the very first reset leaves lanes out.
+        """
+        given = dict(options or {})
+        mask = given.pop("reset_mask", None)
+        lanes = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._checked_mask(mask))
+        if self._contexts is None and len(lanes) < self.num_envs:
+            raise ResetNeeded("the first reset must be one of all lanes")
+        if seed is None or isinstance(seed, int):
+            seeds: list[int | None] = [None if seed is None else seed + i for i in lanes.tolist()]
+        elif len(seed) == self.num_envs:
+            seeds = [seed[i] for i in lanes.tolist()]
+        else:
+            raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
+        fixed, split = self.task.given(given, self.num_envs, ("reset_mask",))
+        self._streams.seed(lanes, seeds)
+        info: dict[str, Any] = {}
+        self._restart(lanes, info, Given(fixed[lanes], split))
+        return self._observe(np.arange(self.num_envs)), info
+
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
+        """Advance every lane by one step; a lane that is reset by it ("NextStep") ignores its action.
+
+        Parameters
+        ----------
+        actions : ndarray, shape (num_envs, k)
+
+        Returns
+        -------
+        observations, rewards, terminated, truncated, info
+            New arrays of num_envs rows; info in Gymnasium's vector form, each ``key`` with a mask ``_key``.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset, or if a lane has ended and its reset is left to the caller ("Disabled").
+        gymnasium.error.InvalidAction
+            Naming the lane; no lane has advanced then.
+        """
+        if self._contexts is None:
+            raise ResetNeeded("call reset before step")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            lane = int(np.argmax(self._ended))
+            raise ResetNeeded(f"lane {lane} has ended: reset it, with options={{'reset_mask': ...}} it alone")
+        rewards = np.zeros(self.num_envs)
+        terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
+        info: dict[str, Any] = {}
+        waiting, lanes = np.flatnonzero(self._ended), np.flatnonzero(~self._ended)
+        chosen = checked_actions(self.single_action_space, actions, self.num_envs, lanes)
+        if lanes.size:
+            step = self._advance(lanes, chosen[lanes])
+            rewards[lanes], terminated[lanes], truncated[lanes] = step.rewards, step.terminated, step.truncated
+        if waiting.size:
+            self._restart(waiting, info)
+        observations = self._observe(np.arange(self.num_envs))
+        ended = terminated | truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
+            done, rows = np.flatnonzero(ended), ended[lanes]
+            final_obs = np.fromiter(observations[done], dtype=object, count=len(done))
+            self._add_infos(info, {"final_obs": final_obs, "final_info": _rows(step.info, rows)}, done)
+            if not rows.all():
+                self._add_infos(info, _rows(step.info, ~rows), lanes[~rows])
+            self._restart(done, info)
+            observations[done] = self._observe(done)
+        else:
+            if lanes.size:
+                self._add_infos(info, step.info, lanes)
+            self._ended = ended
+        return observations, rewards, terminated, truncated, info
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]  # as in SyncVectorEnv
+        """Seed of each lane, None before the first reset."""
+        return tuple(self._streams.seeds)
+
+    def _checked_mask(self, mask: Any) -> Flags:
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] = {mask!r}: must be an array of bool")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"options['reset_mask'] has shape {mask.shape}: must be ({self.num_envs},)")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] has no lane to reset: at least one entry must be True")
+        return mask
+
+    def _restart(self, lanes: Lanes, info: dict[str, Any], given: Given | None = None) -> None:
+        """Begin an episode in lanes, in contexts of which something may be given, and add its info."""
+        if given is None:
+            given = self.task.given(None, len(lanes))
+        contexts = self.task.begin(given, self._streams.take(lanes) if self.task.draws_for(given) else None)
+        if self._contexts is None:
+            self._contexts = np.empty((self.num_envs, contexts.shape[1]))
+        self._contexts[lanes] = contexts
+        self._ended[lanes] = False
+        self._begin(lanes)
+        if "context" in self.info_keys:
+            self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
+
+    def _add_infos(self, infos: dict[str, Any], columns: dict[str, Any], lanes: Lanes) -> None:
+        """Add the info of many lanes: what ``VectorEnv._add_info`` does for one."""
+        for key, value in columns.items():
+            if isinstance(value, dict):
+                self._add_infos(infos.setdefault(key, {}), value, lanes)
+            else:
+                if key not in infos:
+                    empty = None if value.dtype == object else value.dtype.type()
+                    infos[key] = np.full(self.num_envs, empty, dtype=value.dtype)
+                infos[key][lanes] = value
+            infos.setdefault(f"_{key}", np.zeros(self.num_envs, np.bool_))[lanes] = True
+
+
+class SledLaunchVector(SledVectorEnv):
+    """Many :class:`sledenv.envs.launch.SledLaunch` at once: each step runs one whole descent in every lane.
+
+    Parameters
+    ----------
+    num_envs : int
+        Number of lanes.
+    scenario, control, solver, split, launch_noise
+        As for :class:`sledenv.envs.launch.SledLaunch`.
+    autoreset_mode : AutoresetMode or str
+        ``"NextStep"`` (Gymnasium's default) spends every second step on resets, ``"SameStep"`` none.
+    info : sequence of str
+        Entries of the scalar environment's info to give: all but "rebounds" by default, which cost more than the rest.
+    render_mode : None
+        Nothing is drawn; ``vectorization_mode="sync"`` draws.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        control: Control = "both",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        info: Sequence[str] = CHEAP_INFO,
+        render_mode: None = None,
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: must be None; vectorization_mode='sync' draws")
+        task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
+        super().__init__(task, num_envs, task.observation_space, task.action_space, autoreset_mode, info)
+
+    def _begin(self, lanes: Lanes) -> None:
+        """Nothing to prepare: the context is all there is."""
+
+    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
+        assert self._contexts is not None
+        return self.task.observe(self._contexts[lanes])
+
+    def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
+        assert self._contexts is not None
+        contexts = self._contexts[lanes]
+        launches = self.task.launches(contexts, actions)
+        batch = self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
+        info = self.task.info(contexts, batch, self.info_keys)
+        return Advance(batch.jam.reward, np.ones(len(lanes), np.bool_), np.zeros(len(lanes), np.bool_), info)
+
+
+def _rows(columns: dict[str, Any], rows: Flags) -> dict[str, Any]:
+    """Select rows of arrays in dicts."""
+    return {key: _rows(value, rows) if isinstance(value, dict) else value[rows] for key, value in columns.items()}

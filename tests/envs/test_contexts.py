@@ -1,0 +1,128 @@
+"""Contexts can be fixed in part, come in splits that share none, and launches can be disturbed."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import kstest
+
+import sledenv
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.vector import SledLaunchVector
+
+SPLITS = ("train", "validation", "test")
+IDS = (LAUNCH_ID, DESCENT_ID)
+BRAKE = sledenv.load_scenario("brake_mat")
+LOW, HIGH = BRAKE.ranges
+VARIES = HIGH > LOW
+
+places = st.one_of(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 2**20 - 1).map(lambda n: n / 2**20))
+
+
+@given(one=places, other=places)
+@settings(max_examples=500)
+def test_no_value_of_one_split_is_ever_one_of_another_and_equal_draws_lie_far_apart(one, other):
+    """Oracle: the claim itself, at arbitrary draws and at the borders of the cells."""
+    first = {split: BRAKE.contexts(np.full(8, one), split) for split in SPLITS}
+    second = {split: BRAKE.contexts(np.full(8, other), split) for split in SPLITS}
+    for a in SPLITS:
+        assert (first[a] >= LOW).all()
+        assert (first[a] <= HIGH).all()
+        for b in SPLITS:
+            if a != b:
+                assert not (first[a] == second[b])[VARIES].any()
+                assert (np.abs(first[a] - first[b])[VARIES] > 0.23 * (HIGH - LOW)[VARIES]).all()
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_every_split_is_uniform_in_the_ranges(split):
+    """Oracle: Kolmogorov and Smirnov against the uniform distribution."""
+    contexts = BRAKE.contexts(np.random.default_rng(0).random((20_000, 8)), split)
+    for column, low, high in zip(contexts.T[VARIES], LOW[VARIES], HIGH[VARIES], strict=True):
+        assert kstest((column - low) / (high - low), "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_environments_draw_from_their_split_and_an_option_draws_from_another_once(name):
+    """Oracle: Scenario.sample with the stream of the same seed."""
+    env = gym.make(name, split="train")
+    stream = np.random.default_rng(7)  # as Gymnasium seeds
+    assert env.reset(seed=7)[1]["context"] == BRAKE.sample(stream, "train")._asdict()
+    assert env.reset(options={"split": "test"})[1]["context"] == BRAKE.sample(stream, "test")._asdict()
+    assert env.reset()[1]["context"] == BRAKE.sample(stream, "train")._asdict()
+    plain = gym.make(name)
+    assert plain.reset(seed=7)[1]["context"] == BRAKE.sample(np.random.default_rng(7))._asdict()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_any_part_of_the_context_can_be_fixed_and_the_rest_is_drawn_as_without(name):
+    """Oracle: a twin without options, field by field."""
+    env, twin = gym.make(name), gym.make(name)
+    env.reset(seed=3)
+    twin.reset(seed=3)
+    for fixed in ({}, {"friction": 0.35}, {"angle": 0.2, "spin": -1.0}, {"drop": np.float32(0.5), "speed": 3}):
+        context = env.reset(options={"context": fixed})[1]["context"]
+        assert context == twin.reset()[1]["context"] | {key: float(value) for key, value in fixed.items()}
+    whole = BRAKE.sample(np.random.default_rng(0))
+    for given_whole in (whole, whole._asdict()):
+        assert env.reset(options={"context": given_whole})[1]["context"] == whole._asdict()
+    assert env.reset()[1]["context"] == twin.reset()[1]["context"]  # nothing was drawn for them
+
+
+@pytest.mark.parametrize("control", ["both", "orientation", "spin"])
+def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_action(control):
+    """Oracle: the launches without noise; their differences against the normal distribution."""
+    sigma = np.array([0.2, 0.7])
+    quiet, noisy = SledLaunchVector(4000, control=control), SledLaunchVector(4000, control=control, launch_noise=sigma)
+    noisy.reset(seed=0)
+    contexts = noisy._contexts
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, len(quiet.task.controlled)))
+    exact, disturbed = (env.task.launches(contexts[:, :n], actions) for env, n in ((quiet, 8), (noisy, 10)))
+    noise = (disturbed - exact)[:, [2, 5]] / sigma
+    for column in noise.T:
+        assert kstest(column, "norm").pvalue > 1e-3
+    assert abs(np.corrcoef(noise.T)[0, 1]) < 0.05
+    same = [0, 3, 4]  # x, u, v
+    assert np.array_equal(disturbed[:, same], exact[:, same])
+    body = noisy.task.body
+    clearance = [y - sledenv.scenario.support_heights(body, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
+    assert clearance == pytest.approx(contexts[:200, 4], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_no_noise_leaves_streams_and_episodes_as_they_are_and_noise_changes_the_descent_alone(name):
+    """Oracle: environments without the argument."""
+    env, none, noisy = gym.make(name), gym.make(name, launch_noise=(0.0, 0.0)), gym.make(name, launch_noise=(0.3, 0.0))
+    action = np.full(env.action_space.shape, 0.25, np.float32)
+    for seed in range(5):
+        seen = [e.reset(seed=seed)[0] for e in (env, none, noisy)]
+        assert np.array_equal(seen[0], seen[1])
+        assert np.array_equal(seen[0], seen[2])
+        steps = [e.step(action) for e in (env, none, noisy)]
+        assert steps[0][4] == steps[1][4]
+        assert steps[0][4]["descent"] != steps[2][4]["descent"]
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_lanes_have_the_same_splits_noise_options_and_solver_as_scalar_environments(solver):
+    """Oracle: SledLaunch with the seed of the lane, in contexts and rewards, bit for bit."""
+    given = {"scenario": "ice_fast", "solver": solver, "split": "validation", "launch_noise": (0.1, 0.4)}
+    lanes = SledLaunchVector(40, autoreset_mode="Disabled", **given)
+    scalars = [SledLaunch(**given) for _ in range(40)]
+    rng = np.random.default_rng(0)
+    for options in (None, {"split": "test"}, {"context": {"friction": 0.04}}, {"context": {"drop": 0.1}}):
+        lanes.reset(seed=None if options else 5, options=options)
+        actions = rng.uniform(-1.0, 1.0, (40, 2)).astype(np.float32)
+        _, rewards, _, _, info = lanes.step(actions)
+        for i, env in enumerate(scalars):
+            env.reset(seed=None if options else 5 + i, options=options)
+            _, reward, _, _, one = env.step(actions[i])
+            assert one["context"] == {key: info["context"][key][i] for key in one["context"]}
+            assert reward == rewards[i]
+    frictions = rng.uniform(0.02, 0.06, 40)
+    info = lanes.reset(options={"context": {"friction": frictions}})[1]
+    assert np.array_equal(info["context"]["friction"], frictions)

@@ -1,0 +1,212 @@
+"""The adapter is stable-baselines3's DummyVecEnv of scalar environments, bit for bit, and algorithms train on it."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.utils.env_checker import data_equivalence
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+import sledenv
+from sledenv.envs import LAUNCH_ID
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.sb3 import SledVecEnv, make_vec_env
+from sledenv.envs.task import INFO_KEYS
+from sledenv.envs.vector import SledLaunchVector
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of torch and tensorboard, which this project does not own
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    """Networks this small run slower on more."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
+def make(short_scenario: sledenv.Scenario):
+    return functools.partial(make_vec_env, LAUNCH_ID, env_kwargs={"scenario": short_scenario})
+
+
+def equal(one, other) -> bool:
+    return data_equivalence(one, other, exact=True)
+
+
+def test_ten_thousand_episodes_agree_with_dummyvecenv_in_all_it_returns(make, short_scenario):
+    """Oracle: DummyVecEnv of a hundred scalar environments, infos included."""
+    lanes = 100
+    env = make(lanes, seed=7, info=INFO_KEYS)
+    dummy = DummyVecEnv([lambda: SledLaunch(short_scenario)] * lanes)
+    assert dummy.seed(7) == env.seed(7)
+    assert equal(env.reset(), dummy.reset())
+    assert equal(env.reset_infos, dummy.reset_infos)
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        action = rng.uniform(-1.0, 1.0, (lanes, 2)).astype(np.float32)
+        assert equal(env.step(action), dummy.step(action))
+        assert equal(env.reset_infos, dummy.reset_infos)
+
+
+def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
+    env = make(3)
+    env.reset()
+    observations, rewards, dones, infos = env.step(np.zeros((3, 2), np.float32))
+    assert rewards.dtype == np.float32
+    assert dones.all()
+    for info, observation in zip(infos, observations, strict=True):
+        assert info.keys() == {"terminal_observation", "TimeLimit.truncated", "is_success"}
+        assert info["TimeLimit.truncated"] is False
+        assert not np.array_equal(info["terminal_observation"], observation)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "settings"),
+    [
+        (PPO, {"n_steps": 2, "batch_size": 256, "n_epochs": 1}),
+        (SAC, {"learning_starts": 1024, "batch_size": 64, "gradient_steps": 2}),
+        (TD3, {"learning_starts": 1024, "batch_size": 64, "gradient_steps": 2}),
+    ],
+)
+def test_algorithms_train_on_1024_lanes_with_one_call_save_and_load(make, algorithm, settings, tmp_path):
+    """Oracle: the weights have moved; what was loaded acts alike, and goes on learning in another batch."""
+    model = algorithm("MlpPolicy", make(1024), seed=0, gamma=0.0, **settings)
+    before = [weight.detach().clone() for weight in model.policy.parameters()]
+    model.learn(4 * 1024)
+    assert model.num_timesteps == 4 * 1024
+    assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
+    model.save(tmp_path / "model.zip")
+    env = make(16, seed=1)
+    again = algorithm.load(tmp_path / "model.zip", env=env if algorithm is not PPO else make(1024))
+    observations = env.reset()
+    assert np.array_equal(*(one.predict(observations, deterministic=True)[0] for one in (model, again)))
+    again.learn(1024, reset_num_timesteps=False)
+
+
+def test_the_same_seed_trains_the_same_policy_as_dummyvecenv(make, short_scenario):
+    """Oracle: PPO on scalar environments, weights compared bit for bit."""
+    policies = []
+    for env in (make(8), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 8)):
+        model = PPO("MlpPolicy", env, seed=3, n_steps=16, batch_size=32, n_epochs=2, gamma=0.0)
+        model.learn(256)
+        policies.append([weight.detach().numpy() for weight in model.policy.parameters()])
+    assert all(np.array_equal(one, other) for one, other in zip(*policies, strict=True))
+
+
+def test_vecnormalize_vecmonitor_and_evalcallback_work_on_it(make, tmp_path):
+    """Oracle: returns and successes of the monitor file and the evaluations against the environment's own."""
+    env = VecNormalize(VecMonitor(make(8), str(tmp_path / "train")), gamma=0.0)
+    judged = VecNormalize(VecMonitor(make(4, seed=5)), training=False, norm_reward=False)
+    callback = EvalCallback(
+        judged, n_eval_episodes=8, eval_freq=4, log_path=str(tmp_path), best_model_save_path=str(tmp_path), verbose=0
+    )
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, n_epochs=1, gamma=0.0, seed=0)
+    model.learn(64, callback=callback)
+    results = np.load(tmp_path / "evaluations.npz")
+    assert results["timesteps"].tolist() == [32, 64]
+    assert ((results["results"] > 0.0) & (results["results"] < 1.0)).all()
+    assert results["ep_lengths"].tolist() == [[1] * 8] * 2
+    assert set(np.unique(results["successes"])) <= {False, True}
+    assert (tmp_path / "best_model.zip").is_file()
+    env.close()
+    lines = (tmp_path / "train.monitor.csv").read_text().splitlines()
+    assert len(lines) == 2 + 64
+    assert env.obs_rms.count > 64
+    env.save(tmp_path / "normalize.pkl")
+    again = VecNormalize.load(tmp_path / "normalize.pkl", make(8))
+    assert np.array_equal(again.obs_rms.mean, env.obs_rms.mean)
+    mean, _ = evaluate_policy(model, VecMonitor(make(4, seed=5)), n_eval_episodes=8)
+    assert 0.0 < mean < 1.0
+
+
+def test_seeds_and_options_are_used_once(make, short_scenario):
+    """Oracle: DummyVecEnv."""
+    env, dummy = make(3), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 3)
+    contexts = [short_scenario.sample(np.random.default_rng(i)) for i in range(3)]
+    for one in (env, dummy):
+        one.seed(4)
+        one.reset()
+    for options in ({"context": contexts[0]}, [{"context": context} for context in contexts]):
+        env.set_options(options)
+        dummy.set_options(options)
+        assert equal(env.reset(), dummy.reset())
+        assert equal(env.reset(), dummy.reset())
+    env.set_options([{"context": contexts[0]}, {}, {}])
+    with pytest.raises(ValueError, match="the same keys"):
+        env.reset()
+    env.set_options({"contxt": contexts[0]})
+    with pytest.raises(ValueError, match="unknown option 'contxt'"):
+        env.reset()
+    assert equal(env.reset(), dummy.reset())
+
+
+def test_attributes_and_methods_are_those_of_the_lanes(make, short_scenario):
+    """Oracle: DummyVecEnv of the scalar environment."""
+    env, dummy = make(3, info=INFO_KEYS), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 3)
+    env.seed(2)
+    dummy.seed(2)
+    env.reset()
+    dummy.reset()
+    for name in ("render_mode", "action_space", "observation_space", "np_random_seed"):
+        assert env.get_attr(name) == dummy.get_attr(name)
+        assert env.get_attr(name, indices=[2]) == dummy.get_attr(name, indices=[2])
+        assert env.get_attr(name, indices=-1) == dummy.get_attr(name, indices=-1)
+    assert env.get_attr("task")[1].scenario == dummy.get_attr("task")[1].scenario
+    assert env.has_attr("task")
+    assert not env.has_attr("tusk")
+    assert env.env_is_wrapped(Monitor) == dummy.env_is_wrapped(Monitor) == [False] * 3
+    assert env.env_is_wrapped(Monitor, indices=[0, 1]) == [False] * 2
+    assert equal(env.env_method("reset", seed=9, indices=1), dummy.env_method("reset", seed=9, indices=1))
+    assert equal(env.env_method("reset"), dummy.env_method("reset"))
+    action = np.full((3, 2), 0.25, np.float32)
+    assert equal(env.step(action), dummy.step(action))
+    env.set_attr("note", "kept")
+    assert env.get_attr("note") == ["kept"] * 3
+    with pytest.raises(ValueError, match="lanes share their attributes"):
+        env.set_attr("note", "lost", indices=[0])
+    with pytest.raises(NotImplementedError, match="cannot be stepped alone"):
+        env.env_method("step", action[0], indices=0)
+    with pytest.raises(IndexError):
+        env.get_attr("task", indices=3)
+
+
+def test_a_wrong_action_is_refused_and_the_batch_stays_usable(make):
+    env, twin = make(2, seed=0), make(2, seed=0)
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros((2, 2), np.float32))
+    env.reset()
+    twin.reset()
+    for action in (np.full((2, 2), 1.5), np.full((2, 2), np.nan), np.zeros((2, 1)), np.zeros((3, 2))):
+        with pytest.raises(InvalidAction):
+            env.step(action)
+    assert equal(env.step(np.zeros((2, 2))), twin.step(np.zeros((2, 2))))
+
+
+def test_a_pickled_adapter_goes_on_identically(make):
+    env = make(3, seed=0)
+    env.reset()
+    twin = pickle.loads(pickle.dumps(env))
+    for _ in range(3):
+        assert equal(env.step(np.zeros((3, 2))), twin.step(np.zeros((3, 2))))
+    env.close()
+
+
+def test_only_a_native_batch_in_the_mode_of_sb3_is_adapted():
+    with pytest.raises(ValueError, match="autoreset_mode = 'NextStep': must be 'SameStep'"):
+        SledVecEnv(SledLaunchVector(2))
+    with pytest.raises(TypeError, match="must be a native vector environment"):
+        SledVecEnv(gym.make_vec(LAUNCH_ID, num_envs=2, vectorization_mode="sync"))
+    with pytest.raises(sledenv.ScenarioError, match="brake_mta"):
+        make_vec_env(LAUNCH_ID, 2, env_kwargs={"scenario": "brake_mta"})

@@ -1,0 +1,356 @@
+"""The native vector environment is SyncVectorEnv of the scalar one, bit for bit, whatever the number of lanes."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import Error, InvalidAction, ResetNeeded
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.utils.passive_env_checker import data_shares_objects
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
+
+import sledenv
+from sledenv.envs import LAUNCH_ID
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.task import INFO_KEYS
+from sledenv.envs.vector import CHEAP_INFO, SledLaunchVector
+
+MODES = list(AutoresetMode)
+
+
+def native(lanes: int, mode: AutoresetMode = AutoresetMode.SAME_STEP, **options) -> SledLaunchVector:
+    return SledLaunchVector(lanes, autoreset_mode=mode, **{"scenario": "brake_mat", "info": INFO_KEYS} | options)
+
+
+def actions(rng: np.random.Generator, lanes: int) -> np.ndarray:
+    return rng.uniform(-1.0, 1.0, (lanes, 2)).astype(np.float32)
+
+
+def equal(one, other) -> bool:
+    """Oracle of equality: Gymnasium's own, exact in types, dtypes, keys and values."""
+    return data_equivalence(one, other, exact=True)
+
+
+def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again():
+    env = gym.make_vec(LAUNCH_ID, num_envs=3, scenario="ice_drop", control="spin")
+    assert isinstance(env, SledLaunchVector)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert env.observation_space.shape == (3, 8)
+    assert env.action_space.shape == (3, 1)
+    again = gym.make_vec(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert isinstance(again, SledLaunchVector)
+    assert equal(env.reset(seed=1), again.reset(seed=1))
+    sync = gym.make_vec(LAUNCH_ID, num_envs=3, vectorization_mode="sync")
+    assert isinstance(sync, SyncVectorEnv)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scenario", ["brake_mat", "paper_impact"])
+def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(mode, scenario):
+    """Oracle: Gymnasium's SyncVectorEnv of the scalar environment; lanes run out of step by partial resets."""
+    env = native(5, mode, scenario=scenario)
+    sync = gym.make_vec(
+        LAUNCH_ID, num_envs=5, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, scenario=scenario
+    )
+    assert env.metadata["autoreset_mode"] is sync.metadata["autoreset_mode"] is mode
+    rng = np.random.default_rng(0)
+    assert equal(env.reset(seed=11), sync.reset(seed=11))
+    assert env.np_random_seed == sync.np_random_seed
+    for _ in range(25):
+        action = actions(rng, 5)
+        one, other = env.step(action), sync.step(action)
+        assert env.observation_space.contains(one[0])
+        assert equal(one, other)
+        mask = rng.random(5) < 0.5
+        if mode is AutoresetMode.DISABLED:
+            mask[:] = True
+        if mask.any():
+            seeds = [int(seed) if chance < 0.3 else None for seed, chance in zip(range(5), rng.random(5), strict=True)]
+            given = {"options": {"reset_mask": mask}, "seed": seeds}
+            assert equal(env.reset(**copy.deepcopy(given)), sync.reset(**copy.deepcopy(given)))
+
+
+def test_ten_thousand_episodes_agree_with_scalar_environments_and_syncvectorenv(short_scenario):
+    """Oracle: SyncVectorEnv of a hundred lanes in all it returns; three of them again as environments of their own."""
+    lanes, episodes = 100, 100
+    env = native(lanes, scenario=short_scenario)
+    scalars = {i: SledLaunch(short_scenario) for i in (0, 41, 99)}
+    sync = SyncVectorEnv([lambda: SledLaunch(short_scenario)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
+    rng = np.random.default_rng(1)
+    begun = env.reset(seed=1000)
+    assert equal(begun, sync.reset(seed=1000))
+    for i, scalar in scalars.items():
+        assert equal(begun[0][i], scalar.reset(seed=1000 + i)[0])
+    statuses = set()
+    for _ in range(episodes):
+        action = actions(rng, lanes)
+        step = env.step(action)
+        assert equal(step, sync.step(action))
+        final = step[4]["final_info"]
+        statuses |= set(final["descent"]["status"])
+        for i, scalar in scalars.items():
+            observation, reward, terminated, truncated, info = scalar.step(action[i])
+            assert equal(step[4]["final_obs"][i], observation)
+            assert step[1][i] == reward
+            assert (step[2][i], step[3][i]) == (terminated, truncated)
+            assert {name: column[i] for name, column in final["rebounds"].items() if name[0] != "_"} == info["rebounds"]
+            assert final["descent"]["energy"]["sliding"][i] == info["descent"]["energy"]["sliding"]
+            assert equal(step[0][i], scalar.reset()[0])
+    assert "finish" in statuses
+    assert len(statuses) > 1
+
+
+def test_a_lane_does_not_depend_on_the_number_of_lanes_or_on_what_the_others_do():
+    """Oracle: the same lanes in a larger batch whose other lanes act otherwise and are reset at other times."""
+    small, large = native(3), native(40)
+    one, other = small.reset(seed=5), large.reset(seed=5)
+    rng = np.random.default_rng(2)
+    for k in range(40):  # more than a lane draws ahead
+        assert np.array_equal(one[0], other[0][:3])
+        action = actions(rng, 40)
+        one, other = small.step(action[:3]), large.step(action)
+        assert np.array_equal(one[1], other[1][:3])
+        if k % 3 == 0:
+            large.reset(options={"reset_mask": np.arange(40) >= 3 + k % 20})
+
+
+def test_a_partial_reset_leaves_the_other_lanes_and_the_mask_alone():
+    """Oracle: SyncVectorEnv's contract; a lane with a seed starts anew, one without goes on with its stream."""
+    env = native(4, AutoresetMode.DISABLED)
+    before, _ = env.reset(seed=0)
+    mask = np.array([False, True, True, False])
+    options = {"reset_mask": mask}
+    after, info = env.reset(seed=[None, 1, None, 7], options=options)
+    assert options.keys() == {"reset_mask"}
+    assert mask.tolist() == [False, True, True, False]
+    assert np.array_equal(after[[0, 1, 3]], before[[0, 1, 3]])  # lane 1 again with the seed it had
+    assert not np.array_equal(after[2], before[2])
+    assert info["_context"].tolist() == mask.tolist()
+    assert info["context"]["speed"][0] == 0.0
+    env.step(np.zeros((4, 2), np.float32))
+    with pytest.raises(ResetNeeded, match="lane 0 has ended"):
+        env.step(np.zeros((4, 2), np.float32))
+    env.reset(options={"reset_mask": np.array([True, True, True, False])})
+    with pytest.raises(ResetNeeded, match="lane 3 has ended"):
+        env.step(np.zeros((4, 2), np.float32))
+    env.reset(options={"reset_mask": np.array([False, False, False, True])})
+    assert env.step(np.zeros((4, 2), np.float32))[2].all()
+
+
+def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_alone():
+    """Oracle: the scalar environment in the same context; a twin that was given none."""
+    env, twin = native(3), native(3)
+    env.reset(seed=3)
+    twin.reset(seed=3)
+    pack = sledenv.load_scenario("brake_mat")
+    contexts = [pack.sample(np.random.default_rng(i)) for i in range(3)]
+    _, info = env.reset(options={"context": contexts})
+    assert info["context"]["friction"].tolist() == [context.friction for context in contexts]
+    action = actions(np.random.default_rng(0), 3)
+    scalar = SledLaunch("brake_mat")
+    rewards = []
+    for context, chosen in zip(contexts, action, strict=True):
+        scalar.reset(options={"context": context})
+        rewards.append(scalar.step(chosen)[1])
+    step = env.step(action)
+    assert step[1].tolist() == rewards
+    assert equal(step[0], twin.reset()[0])  # the draw after the first
+    _, info = env.reset(options={"context": contexts[1]})
+    assert set(info["context"]["speed"]) == {contexts[1].speed}
+
+
+@pytest.mark.parametrize("keys", [(), ("is_success",), CHEAP_INFO, INFO_KEYS])
+def test_info_holds_what_was_asked_for(keys):
+    env = native(2, AutoresetMode.DISABLED, info=keys)
+    assert set(env.reset(seed=0)[1]) == ({"context", "_context"} if "context" in keys else set())
+    assert set(env.step(np.zeros((2, 2), np.float32))[4]) == {*keys, *(f"_{key}" for key in keys)}
+
+
+def test_info_has_all_but_the_rebounds_by_default():
+    env = SledLaunchVector(2, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    assert "rebounds" not in env.step(np.zeros((2, 2), np.float32))[4]
+    assert set(CHEAP_INFO) == set(INFO_KEYS) - {"rebounds"}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_pickled_and_a_copied_batch_go_on_identically(mode):
+    """Oracle: the batch itself; taken in the middle of a block of draws and of the episodes."""
+    env = native(3, mode)
+    env.reset(seed=8)
+    rng = np.random.default_rng(4)
+    if mode is not AutoresetMode.DISABLED:
+        for _ in range(5):
+            env.step(actions(rng, 3))
+    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+    for _ in range(20):
+        action = actions(rng, 3)
+        step = env.step(action)
+        assert all(equal(step, twin.step(action)) for twin in twins)
+        if mode is AutoresetMode.DISABLED:
+            begun = env.reset()
+            assert all(equal(begun, twin.reset()) for twin in twins)
+
+
+def test_another_process_gives_the_same_episodes():
+    """Oracle: a fresh interpreter."""
+    code = (
+        "import gymnasium as gym, numpy as np, sledenv\n"
+        "env = gym.make_vec('sledenv/SledLaunch-v0', num_envs=7, autoreset_mode='SameStep')\n"
+        "observations, _ = env.reset(seed=21)\n"
+        "rng, seen = np.random.default_rng(0), [observations.astype(float).ravel()]\n"
+        "for _ in range(20):\n"
+        "    step = env.step(rng.uniform(-1, 1, (7, 2)).astype(np.float32))\n"
+        "    seen += [step[0].astype(float).ravel(), step[1]]\n"
+        "print(np.concatenate(seen).tobytes().hex())\n"
+    )
+    runs = [
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    scope: dict[str, object] = {"print": lambda text: runs.append(text + "\n")}
+    exec(code, scope)
+    assert runs[0] == runs[1] == runs[2]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_nothing_that_is_returned_is_used_again(mode):
+    """Oracle: Gymnasium's data_shares_objects, and what a twin returns after a user has written into everything."""
+    env, twin = native(2, mode), native(2, mode)
+    calls = [env.reset(seed=0), env.step(np.zeros((2, 2), np.float32)), env.reset(seed=0)]
+    for i, (observations, *_, info) in enumerate(calls):
+        for other, *_, other_info in calls[:i]:
+            assert not data_shares_objects(observations, other)
+            assert not data_shares_objects(info, other_info)
+    twin.reset(seed=0)
+    calls[2][0][:] = 9.0
+    calls[2][1]["context"]["speed"][:] = -1.0
+    assert equal(env.step(np.zeros((2, 2), np.float32)), twin.step(np.zeros((2, 2), np.float32)))
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (np.zeros((2, 2)), r"actions have shape \(2, 2\): must be \(3, 2\)"),
+        (np.zeros((3, 1)), r"action has shape \(1,\): must be \(2,\)"),
+        (np.zeros(3), r"action has shape \(\): must be \(2,\)"),
+        ([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]], r"actions\[1\] = \[0.0, nan\]: must be within \[-1.0, 1.0\]"),
+        ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
+        ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be numbers of shape"),
+        ("launch", "must be numbers of shape"),
+        (None, "actions have shape"),
+    ],
+)
+@pytest.mark.parametrize("mode", MODES)
+def test_a_wrong_action_is_refused_and_no_lane_advances(mode, action, message):
+    """Oracle: a twin that was never given it."""
+    env, twin = native(3, mode), native(3, mode)
+    env.reset(seed=6)
+    twin.reset(seed=6)
+    with pytest.raises(InvalidAction, match=message):
+        env.step(action)
+    good = actions(np.random.default_rng(0), 3)
+    assert equal(env.step(good), twin.step(good))
+    assert equal(env.reset(), twin.reset())
+
+
+def test_a_lane_that_is_being_reset_ignores_its_action():
+    """Oracle: SyncVectorEnv, which does not look at it."""
+    env = native(2, AutoresetMode.NEXT_STEP)
+    env.reset(seed=0)
+    env.step(np.zeros((2, 2), np.float32))
+    _, rewards, terminated, _, info = env.step(np.full((2, 2), np.nan, np.float32))
+    assert rewards.tolist() == [0.0, 0.0]
+    assert not terminated.any()
+    assert info.keys() == {"context", "_context"}
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        (
+            {"options": {"contxt": None}},
+            ValueError,
+            "unknown option 'contxt': must be one of 'context', 'split', 'reset_mask'",
+        ),
+        ({"options": {"context": np.zeros((2, 8))}}, ValueError, r"context has shape \(2, 8\): must be \(8,\) or"),
+        (
+            {"options": {"context": [[0.1, 0.1, e, 1.0, 0.5, 0.0, 0.0, 0.0] for e in (0.5, 0.0, 0.5)]}},
+            ValueError,
+            r"context\[1\]\.restitution = 0.0: must be in \(0, 1\]",
+        ),
+        ({"options": {"reset_mask": [True, False, False]}}, TypeError, "must be an array of bool"),
+        ({"options": {"reset_mask": np.ones(3)}}, TypeError, "must be an array of bool"),
+        ({"options": {"reset_mask": np.ones(2, bool)}}, ValueError, r"has shape \(2,\): must be \(3,\)"),
+        ({"options": {"reset_mask": np.zeros(3, bool)}}, ValueError, "no lane to reset"),
+        ({"seed": [1, 2]}, ValueError, "seed has 2 entries: must be one a lane, 3"),
+        ({"seed": -1}, Error, "greater or equal to zero"),
+        ({"seed": [5, 6, -1]}, Error, "greater or equal to zero"),
+    ],
+)
+def test_a_wrong_reset_is_refused_and_changes_nothing(given, error, message):
+    """Oracle: a twin that was never reset so."""
+    env, twin = native(3), native(3)
+    env.reset(seed=6)
+    twin.reset(seed=6)
+    with pytest.raises(error, match=message):
+        env.reset(**given)
+    action = actions(np.random.default_rng(0), 3)
+    assert equal(env.step(action), twin.step(action))
+    assert equal(env.reset(), twin.reset())
+
+
+def test_a_step_or_a_partial_reset_before_the_first_reset_is_refused():
+    env = native(2)
+    with pytest.raises(ResetNeeded, match="call reset before step"):
+        env.step(np.zeros((2, 2), np.float32))
+    with pytest.raises(ResetNeeded, match="first reset"):
+        env.reset(options={"reset_mask": np.array([True, False])})
+    env.reset(options={"reset_mask": np.array([True, True])})
+    env.step(np.zeros((2, 2), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"num_envs": 0}, ValueError, "num_envs = 0: must be an integer >= 1"),
+        ({"num_envs": 2.0}, ValueError, "num_envs = 2.0: must be an integer >= 1"),
+        ({"scenario": "brake_mta"}, sledenv.ScenarioError, "brake_mat"),
+        ({"control": "roll"}, ValueError, "control = 'roll'"),
+        ({"autoreset_mode": "never"}, ValueError, "autoreset_mode = 'never': must be one of 'NextStep', 'SameStep'"),
+        ({"info": ("jam", "jem")}, ValueError, "must be a sequence of any of 'context', 'rebounds'"),
+        ({"info": "jam"}, ValueError, "must be a sequence of any of"),
+        ({"render_mode": "rgb_array"}, ValueError, "vectorization_mode='sync' draws"),
+    ],
+)
+def test_bad_arguments_name_the_argument_and_what_is_allowed(given, error, message):
+    with pytest.raises(error, match=message):
+        gym.make_vec(LAUNCH_ID, **{"num_envs": 2} | given)
+
+
+def test_lanes_without_a_seed_differ():
+    env = native(50)
+    observations, _ = env.reset()
+    assert len(np.unique(observations, axis=0)) == 50
+    assert len(set(env.np_random_seed)) == 50
+
+
+def test_gymnasiums_vector_wrappers_run_on_it():
+    """Oracle: the mean of the observations that NormalizeObservation has seen; the returns recorded; plain infos."""
+    env = NormalizeObservation(native(8, AutoresetMode.NEXT_STEP))
+    env.reset(seed=0)
+    for _ in range(6):
+        env.step(env.action_space.sample())
+    assert env.obs_rms.count > 48
+    env = DictInfoToList(RecordEpisodeStatistics(native(8, AutoresetMode.SAME_STEP)))
+    env.reset(seed=0)
+    _, rewards, *_, infos = env.step(env.action_space.sample())
+    assert [info["episode"]["r"] for info in infos] == rewards.tolist()
+    assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
