@@ -159,7 +159,11 @@ class Lane:
         self.index = index
         self.observation_space = env.single_observation_space
         self.action_space = env.single_action_space
-        self.np_random_seed = env.np_random_seed[index]
+
+    @property
+    def np_random_seed(self) -> int | None:
+        """Seed of the lane, None before the first reset."""
+        return self.env.np_random_seed[self.index]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

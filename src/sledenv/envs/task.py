@@ -243,9 +243,7 @@ def _lists(batch: DescentBatch) -> dict[str, np.ndarray]:
     counts = batch.outcomes["rebounds"]
     rows = batch.rebounds[np.arange(batch.rebounds.shape[1]) < counts[:, np.newaxis]]
     ends = np.cumsum(counts).tolist()
-    names = REBOUND.names or ()
-    columns = zip(*rows.tolist(), strict=True) if len(rows) else [()] * len(names)
-    return {name: _split(list(column), ends) for name, column in zip(names, columns, strict=True)}
+    return {name: _split(rows[name].tolist(), ends) for name in REBOUND.names or ()}
 
 
 def _split(values: list[float], ends: list[int]) -> np.ndarray:
