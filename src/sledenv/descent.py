@@ -20,6 +20,7 @@ from sledenv.kernel.params import (
     FINITE,
     NOT_NEGATIVE,
     POSITIVE,
+    TOLERANCE,
     Body,
     ContactLaw,
     Limits,
@@ -110,7 +111,7 @@ class Descent:
 
     def as_batch(self) -> DescentBatch:
         """Return a batch of this one descent."""
-        jam = DescentJam(*(np.reshape(field, 1) for field in self.jam))
+        jam = DescentJam._make(field.reshape(1) for field in self.jam)
         return DescentBatch(self.outcome.reshape(1), self.rebounds[np.newaxis], jam)
 
     @cached_property
@@ -184,13 +185,11 @@ def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.nda
             f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
             f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
         )
-    lengths = np.broadcast_to(slopes[:, 1], x.shape)
-    beyond = x >= lengths
+    beyond = x >= slopes[:, 1]
     if beyond.any():
         i = int(np.argmax(beyond))
-        raise ValueError(
-            f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {float(lengths[i])!r} m"
-        )
+        length = float(slopes[i if len(slopes) > 1 else 0, 1])
+        raise ValueError(f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
     np.maximum(y, lowest, out=y)
 
 
@@ -212,7 +211,7 @@ def simulate(
     max_rebounds: int = 1000,
     record: Record = "rebounds",
     sample_interval: float = 0.01,
-    tolerance: float = 1e-14,
+    tolerance: float = TOLERANCE,
     step: float = 2.5e-7,
     friction_sign: FrictionSign = "dissipative",
     settle_speed: float | None = None,
@@ -238,7 +237,7 @@ def simulate(
     sample_interval : float
         Longest time [s] between two rows of the trajectory; contacts are sampled more densely.
     tolerance : float
-        Local error of a contact step relative to the speed scale of the contact ("compliant").
+        Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
     step : float
         Time step [s] ("euler").
     friction_sign : {"dissipative", "printed"}
@@ -371,7 +370,7 @@ class Ride:
         max_rebounds: int = 1000,
         record: Record = "rebounds",
         sample_interval: float = 0.01,
-        tolerance: float = 1e-16,
+        tolerance: float = TOLERANCE,
         settle_speed: float | None = None,
         rotor_inertia: float | None = None,
     ) -> None:
@@ -518,7 +517,7 @@ def simulate_batch(
     max_time: float = 60.0,
     max_rebounds: int = 1000,
     keep_rebounds: bool = False,
-    tolerance: float = 1e-14,
+    tolerance: float = TOLERANCE,
     settle_speed: float | None = None,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.

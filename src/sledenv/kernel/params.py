@@ -19,6 +19,7 @@ POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
 _HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
+TOLERANCE = 1e-14  # default of Limits
 _TOLERANCE: Rule = (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]")
 
 
@@ -286,7 +287,7 @@ class State(_StateFields):
 class _LimitsFields(NamedTuple):
     max_time: float  # [s]
     max_steps: float  # [-] integration steps in contact
-    tolerance: float  # [-] local error of a contact step, relative to the speed scale of the contact
+    tolerance: float  # [-] last terms of the series of a contact step, relative to the speed scale of the contact
     sample_interval: float  # [s] longest time between two rows of a trajectory
     step: float  # [s] of the explicit Euler solver
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
@@ -302,7 +303,7 @@ class Limits(_LimitsFields):
         cls,
         max_time: float = 60.0,
         max_steps: float = 1e6,
-        tolerance: float = 1e-14,
+        tolerance: float = TOLERANCE,
         sample_interval: float = 0.01,
         step: float = 2.5e-7,
         printed_sign: float = 0.0,
