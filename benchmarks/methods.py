@@ -65,7 +65,7 @@ def sled(rebounds: int, **options: Any) -> sledenv.Descent:
 
 
 @compiled
-def _rk4_rates(s: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:
+def _sign_rates(s: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:
     """Rates of (x, y, phi, u, v, omega) with sign functions and a penalty force."""
     _, y, phi, u, v, omega = s
     a = P.eccentricity * math.sin(phi)
@@ -86,6 +86,23 @@ def _moved(s: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 
 
 @compiled
+def euler(start: Floats, rebounds: int, dt: float) -> Floats:
+    """Explicit Euler with a fixed step, the paper's method, without the ledger and the records of sledenv's own."""
+    s = (start[0], start[1], start[2], start[3], start[4], start[5])
+    out = np.zeros((rebounds, 3))
+    count = 0
+    inside = False
+    while count < rebounds:
+        s = _moved(s, _sign_rates(s), dt)
+        was_inside = inside
+        inside = s[1] + P.eccentricity * math.cos(s[2]) - P.radius < 0.0
+        if was_inside and not inside:
+            out[count] = s[3:]
+            count += 1
+    return out
+
+
+@compiled
 def rk4(start: Floats, rebounds: int, dt: float) -> Floats:
     """Classical Runge-Kutta with a fixed step and no events, the whole descent in one compiled loop."""
     s = (start[0], start[1], start[2], start[3], start[4], start[5])
@@ -93,10 +110,10 @@ def rk4(start: Floats, rebounds: int, dt: float) -> Floats:
     count = 0
     inside = False
     while count < rebounds:
-        k1 = _rk4_rates(s)
-        k2 = _rk4_rates(_moved(s, k1, 0.5 * dt))
-        k3 = _rk4_rates(_moved(s, k2, 0.5 * dt))
-        k4 = _rk4_rates(_moved(s, k3, dt))
+        k1 = _sign_rates(s)
+        k2 = _sign_rates(_moved(s, k1, 0.5 * dt))
+        k3 = _sign_rates(_moved(s, k2, 0.5 * dt))
+        k4 = _sign_rates(_moved(s, k3, dt))
         s = _moved(_moved(_moved(_moved(s, k1, dt / 6.0), k2, dt / 3.0), k3, dt / 3.0), k4, dt / 6.0)
         was_inside = inside
         inside = s[1] + P.eccentricity * math.cos(s[2]) - P.radius < 0.0
@@ -126,7 +143,7 @@ def _events() -> tuple[Callable[..., float], ...]:
 
 
 def dop853(rebounds: int, tolerance: float) -> Floats:
-    """scipy's ``solve_ivp``: order 8, terminal events for every guard, compiled right-hand side and guards.
+    """DOP853 of scipy's ``solve_ivp``: order 8, terminal events for every guard, compiled right-hand side and guards.
 
     ``tolerance`` is relative; the absolute one is 1e-3 of it.
     """
