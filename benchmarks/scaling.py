@@ -1,4 +1,4 @@
-"""Hops a second of simulate_batch over batch size and threads, against a loop over the scalar kernel; random launches."""
+"""Hops a second of simulate_batch over batch size and threads, against the scalar kernel in a loop; random launches."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from benchmarks.harness import BLUE, GREY, SKY, bars, drawing, figure_of, save, 
 ROUNDS = 9
 COLD_ROUNDS = 3
 
-_NOTHING, _GYM = "python alone", "import gymnasium"
+_GYM = "import gymnasium"
 _IMPORT = "import sledenv"
 _MAKE = "make, reset and step"
 _SIMULATE = {solver: f"simulate, {solver}" for solver in ("compliant", "rigid")}
@@ -27,7 +27,6 @@ body, law = sledenv.Body(1, .1, .05, .0075), sledenv.ContactLaw(1e6, .5, .1, .00
 slope, state = sledenv.Slope(.17), sledenv.State(0, .5, .7)
 """
 PROGRAMS: dict[str, str] = {
-    _NOTHING: "",
     _GYM: "import gymnasium",
     _IMPORT: "import sledenv",
     _MAKE: """
@@ -48,7 +47,7 @@ env.step(env.action_space.sample())
 
 
 def _run(program: str, cache: str) -> float:
-    """Wall time [s] of a fresh process, taken outside it; its interpreter has no part of the program loaded."""
+    """Wall time [s] of a program in a fresh process, the start of the interpreter not counted."""
     code = f"import time; start = time.perf_counter()\n{program}\nprint(time.perf_counter() - start)"
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     done = subprocess.run(
@@ -64,7 +63,7 @@ def _run(program: str, cache: str) -> float:
 
 def main(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> None:
     """Measure, write and draw."""
-    compiling = [name for name in PROGRAMS if name not in (_NOTHING, _GYM, _IMPORT)]
+    compiling = [name for name in PROGRAMS if name not in (_GYM, _IMPORT)]
     cold: dict[str, list[float]] = {name: [] for name in compiling}
     warm: dict[str, list[float]] = {name: [] for name in PROGRAMS}
     for i in range(cold_rounds):
@@ -89,7 +88,6 @@ def main(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> None:
             **({"cold_s": spread(np.array(cold[name]))} if name in cold else {}),
         }
         for name in names
-        if name != _NOTHING
     ]
     result = {"rounds": rounds, "cold_rounds": cold_rounds, "rows": rows}
     save("startup", result)
