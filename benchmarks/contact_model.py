@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from benchmarks.reference import BODY, LAUNCH, LAW, SLOPE, Floats
+from sledenv.kernel.jit import kernel as compiled
 
 Mode = tuple[int, int, int]
 
@@ -71,7 +71,6 @@ def forces(
     return -slip * P.friction * normal, -spin * P.arm * normal, normal
 
 
-compiled = numba.njit(cache=True, error_model="numpy")
 _forces = compiled(forces)
 
 
@@ -112,25 +111,25 @@ def rates(t: float, z: Floats, mode: Mode) -> Floats:
 def guard(kind: int, z: Floats, mode: Mode) -> float:
     """Value of a guard."""
     if kind == RATE_ZERO:
-        return mode[0] * z[V_N]
+        return float(mode[0] * z[V_N])
     if kind == SLIP_ZERO:
-        return mode[1] * z[V_T]
+        return float(mode[1] * z[V_T])
     if kind == SPIN_ZERO:
-        return mode[2] * z[OMEGA]
+        return float(mode[2] * z[OMEGA])
     if kind == SEPARATED:
-        return -z[GAP]
+        return float(-z[GAP])
     _, _, _, _, force, moment, normal = _at(z, mode)
     if kind == RATE_CLOSES:
-        return -P.closing * z[GAP] - normal
+        return float(-P.closing * z[GAP] - normal)
     if kind == RATE_OPENS:
-        return normal + P.opening * z[GAP]
+        return float(normal + P.opening * z[GAP])
     if kind == SLIP_RISES:
-        return P.friction * normal + force
+        return float(P.friction * normal + force)
     if kind == SLIP_FALLS:
-        return P.friction * normal - force
+        return float(P.friction * normal - force)
     if kind == SPIN_RISES:
-        return P.arm * normal + moment
-    return P.arm * normal - moment
+        return float(P.arm * normal + moment)
+    return float(P.arm * normal - moment)
 
 
 def guards_of(mode: Mode) -> list[int]:
@@ -219,7 +218,7 @@ def lift_off(z: Floats) -> Floats:
 @compiled
 def flight_gap(t: float, y: Floats) -> float:
     """Gap in flight."""
-    return y[1] + P.eccentricity * math.cos(y[2]) - P.radius
+    return float(y[1] + P.eccentricity * math.cos(y[2]) - P.radius)
 
 
 @compiled

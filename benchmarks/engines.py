@@ -145,7 +145,7 @@ def build(name: str, dt: float) -> Engine:
 
 def steps_of(dt: float, rebounds: int = FEW) -> int:
     """Steps that cover the first rebounds of the reference."""
-    return math.ceil(TIMES[rebounds - 1] / dt)
+    return math.ceil(float(TIMES[rebounds - 1]) / dt)
 
 
 def velocities(engine: Engine, dt: float, rebounds: int = FEW) -> Floats:

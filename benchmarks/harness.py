@@ -173,7 +173,8 @@ def drawing(name: str, size: tuple[float, float], panels: tuple[int, int] = (1, 
     """Yield a figure and its axes in the style of all plots; write it to benchmarks/results/NAME.png."""
     import matplotlib as mpl
 
-    with mpl.rc_context(_STYLE):
+    style: Any = _STYLE
+    with mpl.rc_context(style):
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=size, layout="constrained")

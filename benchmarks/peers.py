@@ -154,7 +154,6 @@ def draw(result: dict[str, Any]) -> None:
     """Bars of the time a hop for both numbers of rebounds, with the error beside each name."""
     few_rows, many_rows = result["few"], result["many"]
     with drawing("peers", (9.0, 9.5), (2, 1)) as (figure, axes):
-        figure.get_layout_engine().set(hspace=0.04)
         axes[0].get_gridspec().set_height_ratios([len(few_rows), len(many_rows)])
         titles = (f"First {FEW} rebounds", f"{MANY} rebounds with settled rolling")
         for ax, rows, title in zip(axes, (few_rows, many_rows), titles, strict=True):

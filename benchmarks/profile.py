@@ -88,11 +88,11 @@ def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
                 raise RuntimeError(f"the process to be sampled has failed: {' '.join(command)}")
             attach = ["perf", "record", "-q", "-e", "cpu-clock", "-F", str(FREQUENCY), "-p", str(process.pid)]
             subprocess.run([*attach, "-o", data, "--", "sleep", str(seconds)], check=True, capture_output=True)
+            # perf finds the map only while the process lives.
+            script = ["perf", "script", "-i", data, "-F", "sym,dso"]
+            listing = subprocess.run(script, capture_output=True, text=True, check=True).stdout
         finally:
             process.kill()
-        listing = subprocess.run(
-            ["perf", "script", "-i", data, "-F", "sym,dso"], capture_output=True, text=True, check=True
-        ).stdout
         Path(f"/tmp/perf-{process.pid}.map").unlink(missing_ok=True)
     counts: Counter[str] = Counter()
     for line in listing.splitlines():

@@ -20,7 +20,7 @@ from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 
 
 # Not cached: numba would not notice a change in the kernel.
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy")
 def _loop(
     body: Body,
     law: Law,

@@ -43,7 +43,7 @@ def batch_name(threads: int) -> str:
 
 def thread_counts() -> list[int]:
     """1, 2, 4, ... up to the number of cores that numba uses."""
-    most = min(numba.config.NUMBA_NUM_THREADS, os.cpu_count() or 1)
+    most = min(numba.get_num_threads(), os.cpu_count() or 1)
     return sorted({*(2**k for k in range(int(math.log2(most)) + 1)), most})
 
 
@@ -85,14 +85,13 @@ def _calls(states: Floats, solver: Literal["compliant", "rigid"]) -> Callable[[]
 
 def main(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> None:
     """Measure, write and draw."""
+    counts = thread_counts()
     rows: list[dict[str, Any]] = []
     for solver in SOLVERS:
         for lanes in sizes:
             states = launches(lanes)
             hops = float(_batch(states, solver, 1)().outcomes["rebounds"].sum())
-            competitors = [
-                Competitor(batch_name(threads), _batch(states, solver, threads), hops) for threads in thread_counts()
-            ]
+            competitors = [Competitor(batch_name(threads), _batch(states, solver, threads), hops) for threads in counts]
             if lanes <= MOST_LOOPED:
                 loop = scalar_loop(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=FEW)
                 competitors.append(Competitor(LOOP, loop, hops))

@@ -18,17 +18,16 @@ RANDOM = 500  # launches
 
 
 def measure() -> dict[str, float]:
-    """Integration steps in contact a rebound."""
+    """Integration steps in contact a rebound, compliant solver; a rigid impact takes none."""
     cases: dict[str, tuple[Any, int]] = {
         f"reference, {FEW} rebounds": ([LAUNCH], FEW),
         f"reference, {MANY} rebounds": ([LAUNCH], MANY),
         f"{RANDOM} random launches, {FEW} rebounds": (launches(RANDOM), FEW),
     }
     found = {}
-    for solver in ("compliant", "rigid"):
-        for name, (states, rebounds) in cases.items():
-            outcomes = sledenv.simulate_batch(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=rebounds).outcomes
-            found[f"{solver}, {name}"] = float(outcomes["steps"].sum() / outcomes["rebounds"].sum())
+    for name, (states, rebounds) in cases.items():
+        outcomes = sledenv.simulate_batch(BODY, LAW, SLOPE, states, max_rebounds=rebounds).outcomes
+        found[name] = float(outcomes["steps"].sum() / outcomes["rebounds"].sum())
     return found
 
 
