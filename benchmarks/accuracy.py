@@ -125,7 +125,7 @@ def draw(result: dict[str, Any]) -> None:
         "explicit Euler": (INK, "P", "-"),
         "MuJoCo": (GREY, "x", ":"),
         "pymunk": (SKY, "+", ":"),
-        "Box2D": (GREY, "1", ":"),
+        "Box2D": ("#8C6D46", "1", ":"),
     }
     with drawing("accuracy", (9.0, 6.4)) as (_, ax):
         for method, (colour, marker, line) in looks.items():
