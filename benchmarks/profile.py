@@ -89,18 +89,20 @@ def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
             attach = ["perf", "record", "-q", "-e", "cpu-clock", "-F", str(FREQUENCY), "-p", str(process.pid)]
             subprocess.run([*attach, "-o", data, "--", "sleep", str(seconds)], check=True, capture_output=True)
             # perf finds the map only while the process lives.
-            script = ["perf", "script", "-i", data, "-F", "sym,dso"]
+            script = ["perf", "script", "-i", data, "-F", "ip,sym,dso"]
             listing = subprocess.run(script, capture_output=True, text=True, check=True).stdout
         finally:
             process.kill()
         Path(f"/tmp/perf-{process.pid}.map").unlink(missing_ok=True)
     counts: Counter[str] = Counter()
-    for line in listing.splitlines():
-        name, _, library = line.strip().rpartition(" ")
+    for line in filter(None, map(str.strip, listing.splitlines())):
+        symbol, _, library = line.partition(" ")[2].rpartition(" ")
         if "perf-" in library:
-            counts[name if "." in name else "unknown"] += 1
+            counts[symbol if "." in symbol else "unknown"] += 1
         else:
             counts[MATHS if "libm" in library else PYTHON] += 1
+    if not any("." in name for name in counts):
+        raise RuntimeError("perf has found no kernel function among the samples")
     return counts
 
 
@@ -171,8 +173,16 @@ def tables(result: dict[str, Any]) -> str:
     parts = []
     for case in result["cases"]:
         shares = sorted(case["shares"].items(), key=lambda item: -item[1])[:_MOST]
-        rows = [(f"`{name}`" if "." in name else name, figure_of(100.0 * share)) for name, share in shares]
-        parts.append(table((_title(case), "% of the samples"), rows))
+        compiled = 1.0 - case["shares"].get(PYTHON, 0.0)
+        rows = [
+            (
+                f"`{name}`" if "." in name else name,
+                figure_of(100.0 * share),
+                figure_of(100.0 * share / compiled) if name != PYTHON else "-",
+            )
+            for name, share in shares
+        ]
+        parts.append(table((_title(case), "% of simulate()", "% of the compiled code"), rows))
     return "\n\n".join(parts)
 
 

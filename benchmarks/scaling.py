@@ -42,8 +42,8 @@ def batch_name(threads: int) -> str:
 
 
 def thread_counts() -> list[int]:
-    """1, 2, 4, ... up to the number of cores that numba uses."""
-    most = min(numba.get_num_threads(), os.cpu_count() or 1)
+    """1, 2, 4, ... up to the number of threads that numba may use."""
+    most = int(os.environ.get("NUMBA_NUM_THREADS", os.cpu_count() or 1))
     return sorted({*(2**k for k in range(int(math.log2(most)) + 1)), most})
 
 
