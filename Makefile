@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
+BENCH_STAMP = $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow test-nojit lint clean-cache clean
+.PHONY: help install demo bench bench-instructions test test-slow test-nojit lint clean-cache clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(STAMP) ## create the virtual environment (PYTHON, VENV choose the interpreter and the folder)
 
@@ -37,6 +38,16 @@ test-slow: $(STAMP) ## run the slow tests
 test-nojit: $(STAMP) ## run the kernel as plain Python and measure its coverage
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel -m "not jit_only and not slow" \
 		--cov=src/sledenv/kernel --cov-report=term-missing
+
+$(BENCH_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,bench]'
+	@touch $@
+
+bench: $(BENCH_STAMP) ## run the benchmarks and write docs/performance.md (BENCH="peers env" chooses)
+	$(BIN)/python -m benchmarks $(BENCH)
+
+bench-instructions: $(STAMP) ## count instructions a hop with valgrind (UPDATE=--update sets the baseline)
+	$(BIN)/python -m benchmarks.instructions $(UPDATE)
 
 lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/ruff check

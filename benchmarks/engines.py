@@ -1,0 +1,192 @@
+"""General physics engines on the reference descent: MuJoCo, pymunk (Chipmunk) and Box2D.
+
+Each has a contact law of its own, so its velocities differ from the reference by more than its integration error, and
+its rebounds come at other times. It steps through the same simulated time as the reference; what it returns are the
+velocities after its own rebounds. None has two stiffnesses; pymunk and Box2D 2 have no rolling resistance.
+
+``python -m benchmarks.engines`` repeats the search for the settings in ``TUNED``: the least mean error of the first
+five rebounds on a grid of stiffness and damping (MuJoCo) or of restitution (the others), the most favourable choice
+that a user who knew the answer could make.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.reference import BODY, FEW, LAUNCH, LAW, SLOPE, TIMES, Floats, errors
+
+_DOWNHILL = SLOPE.gravity * math.sin(SLOPE.angle)
+_INWARD = SLOPE.gravity * math.cos(SLOPE.angle)
+_BOX2D_SCALE = 100.0  # lengths in centimetres: Box2D's slop and thresholds suit bodies of that size in its units
+
+# Settings found by main(), by engine and step [s]: (frequency [rad/s], damping ratio) or (restitution,).
+TUNED: dict[tuple[str, float], tuple[float, ...]] = {
+    ("mujoco", 0.0001): (1323.9808, 0.22),
+    ("mujoco", 0.0005): (709.3062, 0.2),
+    ("mujoco", 0.002): (584.3084, 0.22),
+    ("pymunk", 0.0001): (0.535,),
+    ("pymunk", 0.001): (0.535,),
+    ("pymunk", 0.004): (0.53,),
+    ("box2d", 0.0001): (0.535,),
+    ("box2d", 0.001): (0.535,),
+    ("box2d", 0.004): (0.545,),
+}
+
+
+class Engine(NamedTuple):
+    """An engine at the launch of the reference descent."""
+
+    reset: Callable[[], None]  # back to the launch
+    advance: Callable[[int], Any]  # step so many times
+    velocity: Callable[[], tuple[float, float, float]]  # u, v [m/s], omega [rad/s]
+
+
+def mujoco(dt: float, frequency: float, damping: float) -> Engine:
+    """MuJoCo: soft constraint of the given frequency, elliptic cone, sliding and rolling friction."""
+    import mujoco as mj
+
+    solref = f"{-(frequency**2)!r} {-2.0 * damping * frequency!r}"
+    model = mj.MjModel.from_xml_string(f"""
+        <mujoco>
+          <option timestep="{dt!r}" gravity="{_DOWNHILL!r} 0 {-_INWARD!r}" cone="elliptic"/>
+          <default><geom condim="6" solref="{solref}" solimp="0.99 0.999 1e-4"/></default>
+          <worldbody>
+            <geom type="plane" size="0 0 1" friction="{LAW.friction!r} 0 {LAW.rolling_arm!r}"/>
+            <body>
+              <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/><joint type="hinge" axis="0 -1 0"/>
+              <inertial pos="0 0 0" mass="{BODY.mass!r}" diaginertia="{" ".join([repr(BODY.inertia)] * 3)}"/>
+              <geom type="sphere" size="{BODY.radius!r}" pos="0 0 {BODY.eccentricity!r}"
+                    friction="{LAW.friction!r} 0 {LAW.rolling_arm!r}"/>
+            </body>
+          </worldbody>
+        </mujoco>""")
+    data = mj.MjData(model)
+
+    def reset() -> None:
+        mj.mj_resetData(model, data)
+        data.qpos[:] = LAUNCH[:3]
+        data.qvel[:] = LAUNCH[3:]
+
+    reset()
+    return Engine(reset, lambda steps: mj.mj_step(model, data, nstep=steps), lambda: tuple(data.qvel))
+
+
+def pymunk(dt: float, restitution: float) -> Engine:
+    """Chipmunk through pymunk: impulses, friction; the slop is set far below the size of the body."""
+    import pymunk as pm
+
+    space = pm.Space()
+    space.gravity = (_DOWNHILL, -_INWARD)
+    space.collision_slop = 1e-5
+    body = pm.Body(BODY.mass, BODY.inertia)
+    disc = pm.Circle(body, BODY.radius, offset=(0.0, BODY.eccentricity))
+    ground = pm.Segment(space.static_body, (-1e3, -1.0), (1e3, -1.0), 1.0)
+    disc.friction, ground.friction = LAW.friction, 1.0  # multiplied
+    disc.elasticity, ground.elasticity = restitution, 1.0
+    space.add(body, disc, ground)
+
+    def reset() -> None:
+        body.position, body.angle = LAUNCH[:2], LAUNCH.phi
+        body.velocity, body.angular_velocity = LAUNCH[3:5], LAUNCH.omega
+
+    reset()
+
+    def advance(steps: int) -> None:
+        for _ in range(steps):
+            space.step(dt)
+
+    return Engine(reset, advance, lambda: (*body.velocity, body.angular_velocity))
+
+
+def box2d(dt: float, restitution: float) -> Engine:
+    """Box2D 2.3: impulses, friction; bounces at any speed (its threshold is set to zero)."""
+    import Box2D
+
+    Box2D.b2_velocityThreshold = 0.0
+    scale = _BOX2D_SCALE
+    world = Box2D.b2World(gravity=(_DOWNHILL * scale, -_INWARD * scale))
+    ground = world.CreateStaticBody()
+    ground.CreateEdgeFixture(vertices=[(-1e4, 0.0), (1e4, 0.0)], friction=LAW.friction)
+    body = world.CreateDynamicBody(allowSleep=False)
+    centre = (0.0, BODY.eccentricity * scale)
+    body.CreateCircleFixture(
+        radius=BODY.radius * scale, pos=centre, density=1.0, friction=LAW.friction, restitution=restitution
+    )
+    body.massData = Box2D.b2MassData(mass=BODY.mass, center=(0.0, 0.0), I=BODY.inertia * scale**2)
+
+    def reset() -> None:
+        body.transform = (LAUNCH.x * scale, LAUNCH.y * scale), LAUNCH.phi
+        body.linearVelocity = LAUNCH.u * scale, LAUNCH.v * scale
+        body.angularVelocity = LAUNCH.omega
+
+    def advance(steps: int) -> None:
+        for _ in range(steps):
+            world.Step(dt, 8, 3)
+
+    def velocity() -> tuple[float, float, float]:
+        return body.linearVelocity[0] / scale, body.linearVelocity[1] / scale, body.angularVelocity
+
+    reset()
+    return Engine(reset, advance, velocity)
+
+
+BUILDERS: dict[str, Callable[..., Engine]] = {"mujoco": mujoco, "pymunk": pymunk, "box2d": box2d}
+
+
+def build(name: str, dt: float) -> Engine:
+    """Return an engine with its tuned settings, at the launch."""
+    return BUILDERS[name](dt, *TUNED[name, dt])
+
+
+def steps_of(dt: float, rebounds: int = FEW) -> int:
+    """Steps that cover the first rebounds of the reference."""
+    return math.ceil(float(TIMES[rebounds - 1]) / dt)
+
+
+def velocities(engine: Engine, dt: float, rebounds: int = FEW) -> Floats:
+    """Velocities after the engine's own rebounds, shape (n <= rebounds, 3).
+
+    A rebound ends with the last of a run of steps in which the normal velocity changes by more than gravity does. Half
+    as much time again is allowed for them.
+    """
+    track = [engine.velocity()]
+    for _ in range(steps_of(dt, rebounds) * 3 // 2):
+        engine.advance(1)
+        track.append(engine.velocity())
+    found = np.array(track)
+    pushed = np.abs(np.diff(found[:, 1]) + _INWARD * dt) > 0.01 * _INWARD * dt
+    ends = np.flatnonzero(pushed[:-1] & ~pushed[1:]) + 1
+    return found[ends[:rebounds]]
+
+
+def tune(name: str, dt: float) -> tuple[tuple[float, ...], Floats]:
+    """Search the grid; return the best settings and the errors of the rebounds with them."""
+    if name == "mujoco":
+        highest = min(1500.0, 1.5 / dt)  # stiffer springs than a step can follow are unstable
+        grid: Any = itertools.product(np.geomspace(0.05 * highest, highest, 25), np.linspace(0.02, 0.5, 25))
+    else:
+        grid = ((restitution,) for restitution in np.linspace(0.3, 0.9, 121))
+    best: tuple[float, tuple[float, ...], Floats] = (math.inf, (), np.ones(FEW))
+    for settings in grid:
+        given = tuple(round(float(value), 4) for value in settings)
+        found = errors(velocities(BUILDERS[name](dt, *given), dt))
+        found = np.pad(found, (0, FEW - len(found)), constant_values=1.0)
+        if found.mean() < best[0]:
+            best = (float(found.mean()), given, found)
+    return best[1], best[2]
+
+
+def main() -> None:
+    """Print the settings to put into TUNED."""
+    for name, dt in TUNED:
+        settings, found = tune(name, dt)
+        print(f'    ("{name}", {dt:g}): {settings},  # {np.array2string(found, precision=3)}', flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""Where the time of one hop goes: a sampling profile of the compiled code, by kernel module and function.
+
+Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the reference descent again and again. Compiled
+code has no symbols that perf could find, so the process compiles the kernel anew and writes the address of every kernel
+function to the map file that perf looks for. What LLVM has inlined counts for the caller.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, figure_of, save, table
+from benchmarks.methods import sled
+from benchmarks.reference import FEW, MANY
+
+SECONDS = 8.0
+FREQUENCY = 4000  # [Hz] of the samples
+CASES = (("compliant", FEW), ("compliant", MANY), ("rigid", FEW))
+PYTHON, MATHS = "Python", "libm"
+_MOST = 12  # functions in a table
+_MANGLED = re.compile(r"_ZN7sledenv6kernel(\d+)(\w+)")
+
+
+def _plain_name(symbol: str) -> str:
+    """Turn numba's mangled symbol into module.function; "" if it is not a kernel function."""
+    found = _MANGLED.search(symbol)
+    if not found:
+        return ""
+    length = int(found[1])
+    module, rest = found[2][:length], found[2][length:]
+    name = re.match(r"(\d+)(\w+)", rest)
+    return f"{module}.{name[2][: int(name[1])]}" if name else module
+
+
+def _write_map() -> None:
+    """Write /tmp/perf-PID.map: address, size and name of every function in the library of the descent."""
+    from sledenv.kernel.descend import descend
+
+    entries = []
+    for overload in descend.overloads.values():  # type: ignore[attr-defined]
+        library = overload.library
+        with tempfile.NamedTemporaryFile(suffix=".o") as file:
+            file.write(library._get_compiled_object())
+            file.flush()
+            listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
+        for line in listing.splitlines():
+            fields = line.split()
+            if len(fields) >= 8 and fields[3] == "FUNC" and (name := _plain_name(fields[7])):
+                address = library._codegen._engine._ee.get_function_address(fields[7])
+                entries.append(f"{address:x} {int(fields[2], 0):x} {name}")
+    Path(f"/tmp/perf-{os.getpid()}.map").write_text("\n".join(entries) + "\n")
+
+
+def _work(solver: str, rebounds: int) -> None:
+    """What the sampled process does, until it is ended."""
+    sled(rebounds, solver=solver)
+    _write_map()
+    print("ready", flush=True)
+    while True:
+        sled(rebounds, solver=solver)
+
+
+def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
+    """Samples by module.function of the kernel, libm and everything else, which is Python."""
+    command = [sys.executable, "-m", "benchmarks.profile", solver, str(rebounds)]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(
+            command,
+            cwd=Path(__file__).parents[1],
+            env={**os.environ, "NUMBA_CACHE_DIR": folder},  # numba keeps the object code only of what it has compiled
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process,
+    ):
+        data = f"{folder}/perf.data"
+        try:
+            assert process.stdout is not None
+            if process.stdout.readline().strip() != "ready":
+                raise RuntimeError(f"the process to be sampled has failed: {' '.join(command)}")
+            attach = ["perf", "record", "-q", "-e", "cpu-clock", "-F", str(FREQUENCY), "-p", str(process.pid)]
+            subprocess.run([*attach, "-o", data, "--", "sleep", str(seconds)], check=True, capture_output=True)
+            # perf finds the map only while the process lives.
+            script = ["perf", "script", "-i", data, "-F", "ip,sym,dso"]
+            listing = subprocess.run(script, capture_output=True, text=True, check=True).stdout
+        finally:
+            process.kill()
+        Path(f"/tmp/perf-{process.pid}.map").unlink(missing_ok=True)
+    counts: Counter[str] = Counter()
+    for line in filter(None, map(str.strip, listing.splitlines())):
+        symbol, _, library = line.partition(" ")[2].rpartition(" ")
+        if "perf-" in library:
+            counts[symbol if "." in symbol else "unknown"] += 1
+        else:
+            counts[MATHS if "libm" in library else PYTHON] += 1
+    if not any("." in name for name in counts):
+        raise RuntimeError("perf has found no kernel function among the samples")
+    return counts
+
+
+def main(seconds: float = SECONDS) -> None:
+    """Sample, write and draw."""
+    missing = [tool for tool in ("perf", "readelf") if shutil.which(tool) is None]
+    if missing:
+        raise SystemExit(f"{' and '.join(missing)} not found: install linux-perf and binutils")
+    cases = []
+    for solver, rebounds in CASES:
+        counts = sample(solver, rebounds, seconds)
+        total = sum(counts.values())
+        cases.append(
+            {
+                "solver": solver,
+                "rebounds": rebounds,
+                "samples": total,
+                "shares": {name: count / total for name, count in counts.most_common()},
+            }
+        )
+    result = {"seconds": seconds, "cases": cases}
+    save("profile", result)
+    draw(result)
+
+
+def _modules(shares: dict[str, float]) -> Counter[str]:
+    """Shares by kernel module."""
+    found: Counter[str] = Counter()
+    for name, share in shares.items():
+        found[name.partition(".")[0]] += share  # type: ignore[assignment]
+    return found
+
+
+def _title(case: dict[str, Any]) -> str:
+    return f"{case['solver']}, {case['rebounds']} rebounds"
+
+
+def draw(result: dict[str, Any]) -> None:
+    """One stacked bar a case, by kernel module."""
+    cases = [(_title(case), _modules(case["shares"])) for case in result["cases"]]
+    total: Counter[str] = Counter()
+    for _, found in cases:
+        total.update(found)
+    first = [name for name, _ in total.most_common() if name not in (PYTHON, MATHS)]
+    shown = first[:8]
+    colours = [BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#F0E442", INK]
+    with drawing("profile", (9.0, 3.6)) as (figure, ax):
+        left = [0.0] * len(cases)
+        rest = "other kernel"
+        for name, colour in [*zip(shown, colours, strict=False), (rest, "#BFC8D2"), (MATHS, GREY), (PYTHON, "#E3E7EC")]:
+            shares = [
+                100.0 * (sum(found[other] for other in first[8:]) if name == rest else found[name])
+                for _, found in cases
+            ]
+            drawn = ax.barh([title for title, _ in cases], shares, left=left, color=colour, label=name, height=0.65)
+            labels = [f"{share:.0f}" if share >= 3.0 else "" for share in shares]
+            ax.bar_label(drawn, labels, label_type="center", fontsize=9.5)
+            left = [start + share for start, share in zip(left, shares, strict=True)]
+        ax.invert_yaxis()
+        ax.set_xlim(0.0, 100.0)
+        ax.set_xlabel("share of the time of simulate() [%]")
+        ax.grid(visible=False)
+        figure.legend(loc="outside lower center", ncols=6, fontsize=9.5)
+
+
+def tables(result: dict[str, Any]) -> str:
+    """Return the tables of docs/performance.md."""
+    parts = []
+    for case in result["cases"]:
+        shares = sorted(case["shares"].items(), key=lambda item: -item[1])[:_MOST]
+        compiled = 1.0 - case["shares"].get(PYTHON, 0.0)
+        rows = [
+            (
+                f"`{name}`" if "." in name else name,
+                figure_of(100.0 * share),
+                figure_of(100.0 * share / compiled) if name != PYTHON else "-",
+            )
+            for name, share in shares
+        ]
+        parts.append(table((_title(case), "% of simulate()", "% of the compiled code"), rows))
+    return "\n\n".join(parts)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3:
+        _work(sys.argv[1], int(sys.argv[2]))
+    else:
+        main()

@@ -1,0 +1,58 @@
+"""The work that every peer is given: the reference descent, known to 32 digits, and the error of an answer to it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sledenv
+
+Floats = NDArray[np.float64]
+
+_RECORD: dict[str, Any] = json.loads(
+    (Path(__file__).parents[1] / "tests" / "data" / "reference_descent.json").read_text()
+)["reference"]
+_GIVEN: dict[str, float] = _RECORD["parameters"]
+
+BODY = sledenv.Body(_GIVEN["mass"], _GIVEN["radius"], _GIVEN["eccentricity"], _GIVEN["inertia"])
+LAW = sledenv.ContactLaw(_GIVEN["stiffness"], _GIVEN["asymmetry"], _GIVEN["friction"], _GIVEN["rolling_arm"])
+SLOPE = sledenv.Slope(_GIVEN["slope"], gravity=_GIVEN["gravity"])
+LAUNCH = sledenv.State(**_RECORD["state"])
+
+# Velocities (u, v, omega) after each rebound, and its time: extended precision, from the same double inputs.
+EXACT: Floats = np.array(
+    [[float(row[name]) for name in ("u", "v", "omega")] for row in _RECORD["rebounds_from_double_inputs"]]
+)
+TIMES: Floats = np.array([float(row["time"]) for row in _RECORD["rebounds_from_double_inputs"]])
+
+FEW, MANY = 5, 20  # rebounds; the seventh of the many settles and rolls for .59 s
+
+
+def errors(velocities: ArrayLike) -> Floats:
+    """Velocity error of each rebound, relative to the exact velocity after it.
+
+    Parameters
+    ----------
+    velocities : array_like, shape (n, 3)
+        u, v [m/s] and omega [rad/s] after the first n rebounds. A missing rebound counts as an error of 1.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Length of the difference of (u, v, r omega) over that of the exact one.
+    """
+    weights = np.array([1.0, 1.0, BODY.radius])
+    found = np.asarray(velocities, dtype=float).reshape(-1, 3)
+    exact = EXACT[: len(found)]
+    error: Floats = np.linalg.norm((found - exact) * weights, axis=1) / np.linalg.norm(exact * weights, axis=1)
+    return np.where(np.isfinite(error), error, 1.0)
+
+
+def worst(velocities: ArrayLike, rebounds: int) -> float:
+    """Largest error of the first ``rebounds`` rebounds; 1 if some are missing."""
+    found = np.asarray(velocities, dtype=float).reshape(-1, 3)[:rebounds]
+    return float(errors(found).max()) if len(found) == rebounds else 1.0

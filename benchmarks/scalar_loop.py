@@ -1,0 +1,61 @@
+"""The scalar kernel in a plain compiled loop, one descent after the other: what a batch kernel has to beat.
+
+The one place in the benchmarks that looks below the public names of sledenv.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv import Body, ContactLaw, Slope, State
+from sledenv.descent import _rigid
+from sledenv.kernel.descend import descend
+from sledenv.kernel.laws import Law
+from sledenv.kernel.params import Limits
+from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
+
+
+# Not cached: numba would not notice a change in the kernel.
+@numba.njit(error_model="numpy")
+def _loop(
+    body: Body,
+    law: Law,
+    slope: Slope,
+    launches: np.ndarray,
+    limits: Limits,
+    log: np.ndarray,
+    trajectory: np.ndarray,
+    outcomes: np.ndarray,
+) -> None:
+    for i in range(launches.shape[0]):
+        z = launches[i]
+        launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
+        descend(body, law, slope, launch, limits, log, trajectory, outcomes[i])
+
+
+def scalar_loop(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    states: ArrayLike,
+    *,
+    solver: str = "compliant",
+    max_rebounds: int = 1000,
+    max_time: float = 60.0,
+) -> Callable[[], np.ndarray]:
+    """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
+    launches = np.array(states, dtype=float, ndmin=2)
+    touching: Law = _rigid(body, law, slope, None) if solver == "rigid" else law
+    limits = Limits(max_time=max_time)
+    log, trajectory = np.zeros(max_rebounds, REBOUND), np.zeros(0, TRAJECTORY)
+    outcomes = np.zeros(len(launches), OUTCOME)
+
+    def run() -> np.ndarray:
+        _loop(body, touching, slope, launches, limits, log, trajectory, outcomes)
+        return outcomes
+
+    return run
