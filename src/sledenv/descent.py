@@ -110,7 +110,7 @@ class Descent:
 
     def as_batch(self) -> DescentBatch:
         """Return a batch of this one descent."""
-        jam = DescentJam(*(np.reshape(field, 1) for field in self.jam))
+        jam = DescentJam._make(field.reshape(1) for field in self.jam)
         return DescentBatch(self.outcome.reshape(1), self.rebounds[np.newaxis], jam)
 
     @cached_property
@@ -184,13 +184,11 @@ def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.nda
             f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
             f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
         )
-    lengths = np.broadcast_to(slopes[:, 1], x.shape)
-    beyond = x >= lengths
+    beyond = x >= slopes[:, 1]
     if beyond.any():
         i = int(np.argmax(beyond))
-        raise ValueError(
-            f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {float(lengths[i])!r} m"
-        )
+        length = float(slopes[i if len(slopes) > 1 else 0, 1])
+        raise ValueError(f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
     np.maximum(y, lowest, out=y)
 
 
@@ -198,7 +196,7 @@ def _launched(body: Body, slope: Slope, state: State) -> State:
     """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
     launches = np.array([state])
     _on_the_surface("State", body, np.array([slope]), launches)
-    return State(*launches[0].tolist())
+    return State._make(launches[0].tolist())
 
 
 def simulate(

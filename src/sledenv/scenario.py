@@ -10,6 +10,7 @@ import re
 import reprlib
 import sys
 from difflib import get_close_matches
+from functools import lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -369,7 +370,7 @@ class Scenario(Section):
 
     def body(self) -> Body:
         """Return the body of every context."""
-        return self.body_section.build()
+        return _build(self.body_section)
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
@@ -379,9 +380,8 @@ class Scenario(Section):
         """Return the contact laws of contexts of shape (N, 8): fields of ContactLaw, shape (N, 5)."""
         _, friction, restitution, *_ = contexts.T
         law = self.contact
-        return _columns(
-            law.stiffness_n_m, asymmetry_of(restitution), friction, law.rolling_arm_m, law.corner_rolling_arm_m
-        )
+        arms = law.rolling_arm_m, law.corner_rolling_arm_m
+        return _columns(len(contexts), law.stiffness_n_m, asymmetry_of(restitution), friction, *arms)
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
@@ -390,7 +390,7 @@ class Scenario(Section):
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the slopes of contexts of shape (N, 8): fields of Slope, shape (N, 3)."""
         slope = self.slope_section
-        return _columns(contexts[:, 0], slope.length_m, slope.gravity_m_s2)
+        return _columns(len(contexts), contexts[:, 0], slope.length_m, slope.gravity_m_s2)
 
     def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
@@ -423,7 +423,7 @@ class Scenario(Section):
         """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
         *_, speed, drop, fall, orientation, spin = contexts.T
         height = drop + support_heights(self.body(), np.ascontiguousarray(orientation))
-        return _columns(0.0, height, orientation, speed, 0.0 - fall, spin)
+        return _columns(len(contexts), 0.0, height, orientation, speed, 0.0 - fall, spin)
 
 
 def check_split(split: str) -> None:
@@ -553,9 +553,17 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
     return (cell + (i + 0.5 * within) / 3.0) / _CELLS
 
 
-def _columns(*fields: Any) -> NDArray[np.float64]:
-    """Return numbers and arrays of shape (N,) as the columns of a table."""
-    return np.stack(np.broadcast_arrays(*fields), axis=-1)
+def _columns(rows: int, *fields: Any) -> NDArray[np.float64]:
+    """Return numbers and arrays of shape (rows,) as the columns of a table."""
+    table = np.empty((rows, len(fields)))
+    for i, field in enumerate(fields):
+        table[:, i] = field
+    return table
+
+
+@lru_cache
+def _build(section: DiscBody | SegmentBody | CustomBody) -> Body:
+    return section.build()
 
 
 def _radians(degrees: Pair) -> Pair:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
+import numba
 import numpy as np
+import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
@@ -76,6 +78,7 @@ class SledVecEnv(VecEnv):
             raise TypeError(f"env = {env!r}: must be a native vector environment, not wrapped")
         if native.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode = {native.autoreset_mode.value!r}: must be 'SameStep'")
+        _start_threads()
         self.env = native
         self.spec = native.spec
         super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
@@ -159,7 +162,11 @@ class Lane:
         self.index = index
         self.observation_space = env.single_observation_space
         self.action_space = env.single_action_space
-        self.np_random_seed = env.np_random_seed[index]
+
+    @property
+    def np_random_seed(self) -> int | None:
+        """Seed of the lane, None before the first reset."""
+        return self.env.np_random_seed[self.index]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -195,6 +202,17 @@ def lane_infos(infos: dict[str, Any], lanes: int) -> list[dict[str, Any]]:
         for i in np.flatnonzero(infos[f"_{key}"]).tolist():
             listed[i][key] = column[i]
     return listed
+
+
+def _start_threads() -> None:
+    """Start numba's threads now and give torch back the number it had.
+
+    Both use the same OpenMP runtime. numba sets its number of threads when it starts its own, at the first batch, and
+    so would overrule an earlier ``torch.set_num_threads``.
+    """
+    threads = torch.get_num_threads()
+    numba.get_num_threads()
+    torch.set_num_threads(threads)
 
 
 def _shared_options(options: list[dict[str, Any]]) -> dict[str, Any] | None:
