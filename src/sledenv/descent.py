@@ -197,7 +197,7 @@ def _launched(body: Body, slope: Slope, state: State) -> State:
     """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
     launches = np.array([state])
     _on_the_surface("State", body, np.array([slope]), launches)
-    return State(*launches[0].tolist())
+    return State._make(launches[0].tolist())
 
 
 def simulate(

@@ -15,7 +15,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent, DescentBatch, Record, Ride, simulate, simulate_batch
-from sledenv.kernel.params import NOT_NEGATIVE, ContactLaw, Slope, State, checked, checked_rows
+from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.kernel.records import FINISH, LEDGER_FIELDS, REBOUND, STATUS_OF_CODE
 from sledenv.scenario import Context, Scenario, Split, check_split, load_scenario
 
@@ -245,12 +245,8 @@ class Task:
 
     def descend(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Descent:
         """Simulate the one descent of contexts and launches with one row."""
-        (law,), (slope,) = self.scenario.laws(contexts).tolist(), self.scenario.slopes(contexts).tolist()
         return simulate(
-            self.body,
-            ContactLaw._make(law),
-            Slope._make(slope),
-            State._make(launches[0].tolist()),
+            *self._scene(contexts, launches),
             solver=self.solver,
             max_time=self.scenario.limits.max_time_s,
             max_rebounds=self.scenario.limits.max_rebounds,
@@ -259,18 +255,20 @@ class Task:
 
     def ride(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Ride:
         """Return the descent that :meth:`descend` simulates at its launch, to be followed hop by hop."""
-        context, rider = self.context(contexts), self.scenario.rider
+        rider = self.scenario.rider
         return Ride(
-            self.body,
-            self.scenario.law(context),
-            self.scenario.slope(context),
-            State(*launches[0].tolist()),
+            *self._scene(contexts, launches),
             solver=self.solver,
             max_time=self.scenario.limits.max_time_s,
             max_rebounds=self.scenario.limits.max_rebounds,
             record=record,
             rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
         )
+
+    def _scene(self, contexts: Contexts, launches: NDArray[np.float64]) -> tuple[Body, ContactLaw, Slope, State]:
+        """Return what the first row of contexts and launches is a descent of."""
+        (law,), (slope,) = self.scenario.laws(contexts[:1]).tolist(), self.scenario.slopes(contexts[:1]).tolist()
+        return self.body, ContactLaw._make(law), Slope._make(slope), State._make(launches[0].tolist())
 
     def descend_batch(
         self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False
