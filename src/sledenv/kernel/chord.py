@@ -17,6 +17,7 @@ import numpy as np
 from sledenv.kernel.contact import MOST_STALLED, Pair, drop_pull, sign_of
 from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
+from sledenv.kernel.geometry import corner_lengths
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import (
@@ -87,7 +88,7 @@ class Side(NamedTuple):
 def _side(body: Body, pair: Pair, tail: bool, on_arc: bool) -> Side:
     if on_arc:
         return Side(body.eccentricity, 0.0, body.radius, pair.rolling_arm)
-    height, half = chord_lengths(body)
+    height, half = corner_lengths(body)
     return Side(height, half if tail else -half, 0.0, pair.corner_rolling_arm)
 
 
@@ -95,15 +96,6 @@ def _side(body: Body, pair: Pair, tail: bool, on_arc: bool) -> Side:
 def _arms(side: Side, theta: float) -> tuple[float, float]:
     sine, cosine = math.sin(theta), math.cos(theta)
     return -side.along * sine - side.across * cosine, side.radius + side.along * cosine - side.across * sine
-
-
-@kernel
-def chord_lengths(body: Body) -> tuple[float, float]:
-    """Distance H [m] of the mass centre from the chord, and half of the length L [m] of the chord."""
-    return (
-        body.eccentricity - body.radius * math.cos(body.half_angle),
-        body.radius * math.sin(body.half_angle),
-    )
 
 
 @kernel
@@ -279,7 +271,7 @@ def chord_contact(
     size = body.radius + body.eccentricity
     downhill = slope.gravity * math.sin(slope.angle)
     inward = slope.gravity * math.cos(slope.angle)
-    _, half = chord_lengths(body)
+    _, half = corner_lengths(body)
     edge = math.pi - body.half_angle  # of theta, where the arc takes over from a corner
     turns = math.pi * (2.0 * math.floor(state[PHI] / (2.0 * math.pi)) + 1.0)  # the odd multiple of pi nearby
     theta = state[PHI] - turns

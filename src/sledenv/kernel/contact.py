@@ -149,6 +149,8 @@ def _choose_branch(
     left_spin: int,
 ) -> tuple[int, int, int]:
     """Signs of v_n, v_t and omega from here on, by the box rule; ``left_...``: just released with that sign."""
+    if state[V_N] != 0.0 and state[V_T] != 0.0 and state[OMEGA] != 0.0:
+        return sign_of(state[V_N]), sign_of(state[V_T]), sign_of(state[OMEGA])
     h, _, shift = feature_geometry(body, feature)
     a, b = arms(body, feature, state[PHI])
     square = state[OMEGA] * state[OMEGA]
@@ -308,12 +310,14 @@ def _take_step(
         if z[Z_CERTAIN] > 0.0:
             z[Z_STEP], event = z[Z_ROOT], SPIN_ZERO
             complete(z, c)
-    if branch[0] == 0 or slip == 0 or spin == 0:
+    if 0 in branch:
         complete_locked(z, c)
     step, event, released = first_event(body, feature, length, branch, vanishing, at_edge, event, z, c)
     if step < z[Z_STEP]:
         z[Z_STEP] = step
         complete(z, c)
+        if 0 in branch:
+            complete_locked(z, c)
     return event, released
 
 
@@ -337,8 +341,8 @@ def _advance(mu: float, rho: float, slip: int, spin: int, z: np.ndarray, state: 
     state[V_T] = z[E_V_T]
     state[OMEGA] = z[E_OMEGA]
     state[IMPULSE_N] += z[E_NORMAL]
-    state[IMPULSE_T] += z[E_FORCE]
-    state[IMPULSE_R] += z[E_MOMENT]
+    state[IMPULSE_T] += mu * z[E_NORMAL] if slip != 0 else z[E_FORCE]
+    state[IMPULSE_R] += rho * z[E_NORMAL] if spin != 0 else z[E_MOMENT]
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
     if slip != 0:
         state[SLIDING] += max(-mu * z[E_SLIP], 0.0)
@@ -355,20 +359,21 @@ def _sample_step(
     spin: int,
     turns: float,
     start: float,
-    unit: float,
-    step: float,
     interval: float,
+    z: np.ndarray,
     c: np.ndarray,
     trajectory: np.ndarray,
     samples: int,
 ) -> int:
     """Add rows over one step, its start included, close enough to draw the contact."""
     h, r, shift = geometry
+    unit, step = z[Z_UNIT], z[Z_STEP]
     rows = max(3, math.ceil(step * unit / interval))
     for i in range(rows):
         t = step * i / rows
         phi = horner(c[PHI], t)
         omega = horner(c[OMEGA], t)
+        normal = horner(c[R_NORMAL], t)
         a = h * math.sin(phi + shift)
         b = r - h * math.cos(phi + shift)
         samples = add_sample(
@@ -381,9 +386,9 @@ def _sample_step(
             horner(c[V_T], t) - b * omega,
             horner(c[V_N], t) + a * omega,
             omega,
-            horner(c[R_NORMAL], t),
-            horner(c[R_FORCE], t),
-            horner(c[R_MOMENT], t),
+            normal,
+            z[Z_MU] * normal if slip != 0 else horner(c[R_FORCE], t),
+            z[Z_RHO] * normal if spin != 0 else horner(c[R_MOMENT], t),
             feature,
             slip,
             spin,
@@ -526,9 +531,8 @@ def contact(
                 spin,
                 turns,
                 state[TIME],
-                z[Z_UNIT],
-                z[Z_STEP],
                 limits.sample_interval,
+                z,
                 c,
                 trajectory,
                 samples,

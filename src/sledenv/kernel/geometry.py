@@ -38,21 +38,34 @@ def feature_at(body: Body, phi: float) -> int:
 
 
 @kernel
+def corner_lengths(body: Body) -> tuple[float, float]:
+    """Distance H [m] of the mass centre from the chord, and half of the length L [m] of the chord: (8.2)."""
+    return (
+        body.eccentricity - body.radius * math.cos(body.half_angle),
+        body.radius * math.sin(body.half_angle),
+    )
+
+
+@kernel
 def feature_geometry(body: Body, feature: int) -> tuple[float, float, float]:
     """Return ``h`` [m], ``r`` [m] and ``shift`` [rad] of a feature: docs/physics.md (8.2)."""
     if feature == ARC:
         return body.eccentricity, body.radius, 0.0
     side = 1.0 if feature == TAIL else -1.0
-    along = body.eccentricity - body.radius * math.cos(body.half_angle)
-    across = body.radius * math.sin(body.half_angle) * side
-    return math.hypot(along, across), 0.0, math.atan2(across, along)
+    along, across = corner_lengths(body)
+    return math.hypot(along, across), 0.0, math.atan2(side * across, along)
 
 
 @kernel
 def arms(body: Body, feature: int, phi: float) -> tuple[float, float]:
     """Arms ``a``, ``b`` [m] of a feature: the contact point lies at (-a, -b) from the mass centre."""
-    h, r, shift = feature_geometry(body, feature)
-    return h * math.sin(phi + shift), r - h * math.cos(phi + shift)
+    sine, cosine = math.sin(phi), math.cos(phi)
+    if feature == ARC:
+        return body.eccentricity * sine, body.radius - body.eccentricity * cosine
+    along, across = corner_lengths(body)
+    if feature == NOSE:
+        across = -across
+    return along * sine + across * cosine, across * sine - along * cosine
 
 
 @kernel
@@ -76,6 +89,5 @@ def lowest_support(body: Body) -> float:
     """Smallest support height [m] over all orientations, from which the supplied energy is counted."""
     lowest = body.radius - body.eccentricity
     if has_corners(body):
-        lying = body.eccentricity - body.radius * math.cos(body.half_angle)  # on the chord
-        lowest = min(lowest, lying)
+        lowest = min(lowest, corner_lengths(body)[0])  # on the chord
     return lowest

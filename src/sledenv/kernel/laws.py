@@ -77,7 +77,7 @@ def touch(
     return follow(body, law, slope, limits, state, c, z, steps, trajectory, samples)  # type: ignore[arg-type]
 
 
-@overload(touch)
+@overload(touch, inline="always")
 def _touch(  # type: ignore[no-untyped-def]
     body, law, slope, limits, state, c, z, steps, trajectory, samples
 ) -> Callable[..., Any]:

@@ -1,7 +1,6 @@
 """Power series of the state over one step of a contact, by recurrence: docs/physics.md, section 5.
 
-The programs below are straight lines of arithmetic, see :mod:`sledenv.kernel.trace`: they are unrolled, and run on one
-contact or on several side by side.
+The programs below are straight lines of arithmetic, see :mod:`sledenv.kernel.trace`.
 """
 
 from __future__ import annotations
@@ -57,9 +56,9 @@ ROWS = 13
     E_V_N,
     E_V_T,
     E_OMEGA,
-    E_NORMAL,  # [N s] impulses, [N m s] of the moment
-    E_FORCE,
-    E_MOMENT,
+    E_NORMAL,  # [N s] impulse
+    E_FORCE,  # [N s] of the tangential force where the slip is locked
+    E_MOMENT,  # [N m s] of the moment where the spin is locked
     E_SLIP,  # [J] integral of the normal force times the slip velocity,
     E_SPIN,  # [N] and times the spin
     E_TRAVEL,  # [m] most that x changes by on the way
@@ -179,7 +178,11 @@ def _expansion(gap_locked: bool, slip_locked: bool, spin_locked: bool) -> Any:
         v_n.append(none if gap_locked else fma(-h, last_sine, speed_n[ORDER]))
         v_t.append(none if slip_locked else fma(r, spins[ORDER], fma(-h, last_cosine, speed_t[ORDER])))
         rows = {X: x, GAP: gap, V_N: v_n, V_T: v_t, PHI: phi, OMEGA: spins, R_SINE: sine, R_COSINE: cosine}
-        rows |= {R_NORMAL: [*normal, none], R_FORCE: [*force, none], R_MOMENT: [*moment, none]}
+        rows[R_NORMAL] = [*normal, none]
+        if slip_locked:
+            rows[R_FORCE] = [*force, none]
+        if spin_locked:
+            rows[R_MOMENT] = [*moment, none]
         for row, values in rows.items():
             for k, value in enumerate(values):
                 c[row * TERMS + k] = value
@@ -252,27 +255,28 @@ def _location(row: int) -> Any:
     return program
 
 
+_SHARE = [1.0 / (k + 1) for k in range(ORDER)]  # of a term in the integral
+
+
 def _completion(z: Any, c: Any) -> None:
     """State and work at the end of a step of Z_STEP units, and whether anything changes its sign on the way."""
     s, unit = z[Z_STEP], z[Z_UNIT]
     time = s * unit
     powers = _powers(s)
-    names = (X, GAP, V_N, V_T, OMEGA, R_NORMAL, R_FORCE, R_MOMENT, R_SINE, R_COSINE)
-    x, gap, v_n, v_t, omega, normal, force, moment, sine, cosine = (
+    names = (X, GAP, V_N, V_T, OMEGA, R_NORMAL, R_SINE, R_COSINE)
+    x, gap, v_n, v_t, omega, normal, sine, cosine = (
         [c[row * TERMS + k] * powers[k] for k in range(TERMS)] for row in names
     )
-    share = [1.0 / (k + 1) for k in range(ORDER)]
-    turning = [omega[k] * share[k] for k in range(ORDER)]
+    turning = [omega[k] * _SHARE[k] for k in range(ORDER)]
     z[E_X] = total(x)
     z[E_PHI] = fma(time, total(turning), z[Z_PHI])
     z[E_GAP] = total(gap)
     z[E_V_N] = total(v_n)
     z[E_V_T] = total(v_t)
     z[E_OMEGA] = total(omega)
-    for answer, terms in ((E_NORMAL, normal), (E_FORCE, force), (E_MOMENT, moment)):
-        z[answer] = time * total([terms[k] * share[k] for k in range(ORDER)])
+    z[E_NORMAL] = time * total([normal[k] * _SHARE[k] for k in range(ORDER)])
     for answer, velocity in ((E_SLIP, v_t), (E_SPIN, omega)):
-        z[answer] = time * total([_convolve(normal, velocity, k) * share[k] for k in range(ORDER)])
+        z[answer] = time * total([_convolve(normal, velocity, k) * _SHARE[k] for k in range(ORDER)])
     z[E_TRAVEL] = total([absolute(term) for term in x[1:]])
     z[E_TURN] = time * total([absolute(term) for term in turning])
     z[E_SAFE_GAP] = _keeps_sign(gap)
@@ -294,8 +298,9 @@ def _above(terms: Sequence[Any]) -> Any:
 
 
 def _slack(z: Any, c: Any) -> None:
-    """Whether the forces of locked velocities stay within their bounds over a step of Z_STEP units."""
+    """Impulses of the forces of locked velocities over a step of Z_STEP units, and whether they stay within bounds."""
     powers = _powers(z[Z_STEP])
+    time = z[Z_STEP] * z[Z_UNIT]
     normal, force, moment = (
         [c[row * TERMS + k] * powers[k] for k in range(ORDER)] for row in (R_NORMAL, R_FORCE, R_MOMENT)
     )
@@ -303,6 +308,8 @@ def _slack(z: Any, c: Any) -> None:
         low = _above([fma(factor, n, f) for n, f in zip(normal, bounded, strict=True)])
         high = _above([fma(factor, n, -f) for n, f in zip(normal, bounded, strict=True)])
         z[answer] = smaller(low, high)
+    z[E_FORCE] = time * total([force[k] * _SHARE[k] for k in range(ORDER)])
+    z[E_MOMENT] = time * total([moment[k] * _SHARE[k] for k in range(ORDER)])
     low = _above([normal[0] - z[Z_LEAST], *normal[1:]])
     high = _above([z[Z_LARGEST] - normal[0], *(-term for term in normal[1:])])
     z[E_SAFE_NORMAL] = smaller(low, high)
@@ -348,7 +355,7 @@ def complete(z: np.ndarray, c: np.ndarray) -> None:
 
 @kernel
 def complete_locked(z: np.ndarray, c: np.ndarray) -> None:
-    """Answer whether the forces of locked velocities stay within their bounds."""
+    """Answer what the forces of locked velocities do up to Z_STEP, and whether they stay within their bounds."""
     _bound(z, c)
 
 

@@ -1,14 +1,11 @@
-"""Straight-line programs written once in Python and compiled for one lane or for several side by side.
+"""Straight-line programs written once in Python and compiled without a loop or a call in them.
 
-A program reads numbers from the rows of one array, reads and writes those of another, and may use arithmetic, the
-functions below and loops whose bounds are known beforehand. :func:`compiled` runs it once with values that write LLVM
-instructions instead of computing. Rows of one number make a scalar kernel, rows of LANES numbers one that handles as
-many lanes with vector instructions. Each lane goes through the same sequence of correctly rounded operations in both,
-so their results agree bit for bit; and no type inference looks at the thousands of instructions of an unrolled
-recurrence, which is what takes numba long.
+A program reads numbers from one array, reads and writes those of another, and may use arithmetic, the functions below
+and loops whose bounds are known beforehand. :func:`compiled` runs it once with values that write LLVM instructions
+instead of computing: an unrolled recurrence of thousands of instructions then costs no type inference, which is what
+takes numba long, and no loop stands between the processor and its order of execution.
 
-With NUMBA_DISABLE_JIT the program runs as it stands, on floats or on arrays of lanes; a fused multiply-add is then a
-multiplication and an addition.
+With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
 
 from __future__ import annotations
@@ -24,13 +21,11 @@ from numba import types
 from numba.core import cgutils, config
 from numba.extending import intrinsic
 
-LANES = 8
-
 Program = Callable[[Any, Any], None]
 
 
 class _Value:
-    """A double, or LANES of them, in the function that is being written."""
+    """A double in the function that is being written."""
 
     __slots__ = ("builder", "value")
 
@@ -42,10 +37,7 @@ class _Value:
         """Return the LLVM value of a number or a value."""
         if isinstance(other, _Value):
             return other.value
-        kind = self.value.type
-        if isinstance(kind, ir.VectorType):
-            return ir.Constant(kind, [ir.Constant(ir.DoubleType(), float(other))] * kind.count)
-        return ir.Constant(kind, float(other))
+        return ir.Constant(ir.DoubleType(), float(other))
 
     def _make(self, value: ir.Value) -> _Value:
         return _Value(self.builder, value)
@@ -79,11 +71,10 @@ class _Value:
 
     def call(self, name: str, *others: Any) -> _Value:
         """Call an LLVM intrinsic function of doubles."""
-        kind = self.value.type
-        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
+        kind = ir.DoubleType()
         signature = ir.FunctionType(kind, [kind] * (1 + len(others)))
         write: Any = cgutils.get_or_insert_function
-        function = write(self.builder.module, signature, f"{name}.{suffix}")
+        function = write(self.builder.module, signature, f"{name}.f64")
         return self._make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
 
 
@@ -142,30 +133,26 @@ def total(terms: Sequence[Any]) -> Any:
     return chains[0]
 
 
-class _Rows:
-    """An array in the function that is being written; each row is loaded once."""
+class _Numbers:
+    """An array in the function that is being written; each number is loaded once."""
 
-    def __init__(self, builder: ir.IRBuilder, data: ir.Value, lanes: int) -> None:
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value) -> None:
         self.builder = builder
         self.data = data
-        self.lanes = lanes
-        self.kind = ir.DoubleType() if lanes == 1 else ir.VectorType(ir.DoubleType(), lanes)
         self.known: dict[int, _Value] = {}
 
-    def _place(self, row: int) -> ir.Value:
-        offset = ir.Constant(ir.IntType(64), row * self.lanes)
-        at = self.builder.gep(self.data, [offset], source_etype=ir.DoubleType())
-        return self.builder.bitcast(at, ir.PointerType(self.kind))
+    def _place(self, i: int) -> ir.Value:
+        return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=ir.DoubleType())
 
-    def __getitem__(self, row: int) -> _Value:
-        if row not in self.known:
-            self.known[row] = _Value(self.builder, self.builder.load(self._place(row), align=8, typ=self.kind))
-        return self.known[row]
+    def __getitem__(self, i: int) -> _Value:
+        if i not in self.known:
+            self.known[i] = _Value(self.builder, self.builder.load(self._place(i), align=8, typ=ir.DoubleType()))
+        return self.known[i]
 
-    def __setitem__(self, row: int, value: Any) -> None:
-        zero = _Value(self.builder, ir.Constant(self.kind, None))
-        self.known[row] = _Value(self.builder, zero.lift(value))
-        self.builder.store(self.known[row].value, self._place(row), align=8)
+    def __setitem__(self, i: int, value: Any) -> None:
+        zero = _Value(self.builder, ir.Constant(ir.DoubleType(), 0.0))
+        self.known[i] = _Value(self.builder, zero.lift(value))
+        self.builder.store(self.known[i].value, self._place(i), align=8)
 
 
 def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
@@ -176,31 +163,30 @@ def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
     Parameters
     ----------
     program : callable
-        Of two objects that are indexed by row: it reads ``z`` and reads and writes ``c``.
+        Of two indexed objects: it reads and writes numbers of ``z`` and of ``c``, counted in the order of memory.
 
     Returns
     -------
     callable
-        Of two contiguous arrays: ``z``, shape (rows,) or (rows, LANES), and ``c``, whose last axis is that of the lanes
-        if ``z`` has two axes; its other axes are counted as one.
+        Of two contiguous arrays of any shape.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
         def interpreted(z: np.ndarray, c: np.ndarray) -> None:
             with np.errstate(all="ignore"):
-                program(z, c.reshape(-1) if z.ndim == 1 else c.reshape(-1, LANES))
+                program(z.reshape(-1), c.reshape(-1))
 
         return interpreted
 
     @intrinsic
     def straight(typing_context: Any, z: Any, c: Any) -> Any:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            lanes = LANES if signature.args[0].ndim == 2 else 1
-            source, target = (
-                _Rows(builder, context.make_array(of)(context, builder, argument).data, lanes)
-                for of, argument in zip(signature.args, arguments, strict=True)
+            program(
+                *(
+                    _Numbers(builder, context.make_array(of)(context, builder, argument).data)
+                    for of, argument in zip(signature.args, arguments, strict=True)
+                )
             )
-            program(source, target)
             return context.get_dummy_value()
 
         return types.void(z, c), write
