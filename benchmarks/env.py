@@ -101,7 +101,7 @@ def _sb3(lanes: int) -> Callable[[], Any]:
 
     env = make_vec_env(ID, lanes, seed=0, env_kwargs={"scenario": SCENARIO})
     env.reset()
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (lanes, *env.action_space.shape)).astype(np.float32)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (lanes, *(env.action_space.shape or ()))).astype(np.float32)
     return lambda: env.step(actions)
 
 
