@@ -647,7 +647,7 @@ class RideBatch:
         slope: Slope | Sequence[Slope] | np.ndarray,
         states: ArrayLike,
     ) -> None:
-        """Begin new descents.
+        """Begin new descents; their ledgers are empty until the first hop.
 
         Parameters
         ----------
@@ -667,6 +667,8 @@ class RideBatch:
         for name, column in zip(State._fields, launches.T, strict=True):
             flights[name] = column
         self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)
 
     def hop(self, trims: np.ndarray) -> None:
         """Follow one hop in every lane that has not ended.
