@@ -29,6 +29,7 @@ from benchmarks.harness import (
     spread,
     table,
 )
+from sledenv.kernel.records import RUNNING
 
 ROUNDS = 9
 IDS = {"SledLaunch": "sledenv/SledLaunch-v0", "SledDescent": "sledenv/SledDescent-v0"}
@@ -82,7 +83,7 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
 
     def hop() -> None:
         batch.hop(still)
-        ended = np.flatnonzero(batch.descents().status != sledenv.Status.RUNNING)
+        ended = np.flatnonzero(batch.outcomes()["status"] != RUNNING)
         if ended.size:
             batch.launch(ended, laws[ended], slopes[ended], states[ended])
 

@@ -165,11 +165,11 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(so
     for trimmed in (False, True):
         rides = batch(problems, keep_rebounds=True, rotor_inertia=ROTOR, **options)
         hops = 0
-        while (running := rides.descents().outcomes["status"] == RUNNING).any():
+        while (running := rides.outcomes()["status"] == RUNNING).any():
             ended = np.flatnonzero(~running)
-            kept = rides.descents(ended)
+            kept = rides.outcomes(ended)
             rides.hop(trims[hops] if trimmed and hops > 0 else np.zeros(200))
-            assert np.array_equal(rides.descents(ended).outcomes, kept.outcomes)
+            assert np.array_equal(rides.outcomes(ended), kept)
             hops += 1
         found = rides.descents()
         if trimmed:
@@ -239,7 +239,7 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
             call()
     for each in (rides, twin):
         each.hop(np.zeros(3))
-    assert np.array_equal(rides.descents().outcomes, twin.descents().outcomes)
+    assert np.array_equal(rides.outcomes(), twin.outcomes())
 
 
 @given(

@@ -706,9 +706,14 @@ class RideBatch:
             touching = np.flatnonzero(self._flights["rebounds"] > before)
             self._rebounds[touching, before[touching]] = self._touched[touching]
 
-    def descents(self, lanes: np.ndarray | slice = slice(None)) -> DescentBatch:
-        """Return the descents so far, those of some lanes; later hops do not change them."""
-        outcomes = self._flights[lanes].copy()
+    def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
+        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
+        return self._flights.copy() if lanes is None else self._flights[lanes]
+
+    def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
+        """Return the descents so far, those of all lanes or of some; later hops do not change them."""
+        chosen = np.arange(len(self._flights)) if lanes is None else lanes
+        outcomes = self._flights[chosen]
         longest = int(outcomes["rebounds"].max(initial=0))
-        rebounds = self._rebounds[lanes, :longest].copy() if self._rebounds.size else self._rebounds
-        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[lanes, 1]))
+        rebounds = self._rebounds[chosen, :longest] if self._rebounds.size else self._rebounds
+        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))

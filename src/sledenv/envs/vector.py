@@ -327,7 +327,7 @@ class SledDescentVector(SledVectorEnv):
         flights = np.zeros((len(lanes), len(FLIGHT)), np.float32)
         if self._rides is not None:
             moving = ~self._fresh[lanes]
-            flights[moving] = self.task.observe_flights(self._rides.descents(lanes[moving]).outcomes)
+            flights[moving] = self.task.observe_flights(self._rides.outcomes(lanes[moving]))
         return np.concatenate([self.task.observe(self._contexts[lanes]), flights], axis=1)
 
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
