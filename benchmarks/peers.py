@@ -60,7 +60,7 @@ def _method(name: str, run: Callable[[], Floats]) -> Peer:
     return Peer(name, SAME, run, run)
 
 
-def _loop(name: str, law: str, solver: str, rebounds: int) -> Peer:
+def _loop(name: str, law: str, solver: Any, rebounds: int) -> Peer:
     launches = np.tile(LAUNCH, (LANES, 1))
     run = scalar_loop(BODY, LAW, SLOPE, launches, solver=solver, max_rebounds=rebounds)
     return Peer(name, law, run, lambda: velocities(sled(rebounds, solver=solver)), LANES)

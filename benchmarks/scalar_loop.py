@@ -6,13 +6,14 @@ The one place in the benchmarks that looks below the public names of sledenv.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
-from sledenv.descent import _rigid
+from sledenv.descent import _touching
 from sledenv.kernel.descend import descend
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits
@@ -43,13 +44,13 @@ def scalar_loop(
     slope: Slope,
     states: ArrayLike,
     *,
-    solver: str = "compliant",
+    solver: Literal["compliant", "rigid"] = "compliant",
     max_rebounds: int = 1000,
     max_time: float = 60.0,
 ) -> Callable[[], np.ndarray]:
     """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
     launches = np.array(states, dtype=float, ndmin=2)
-    touching: Law = _rigid(body, law, slope, None) if solver == "rigid" else law
+    touching: Law = _touching(body, law, slope, solver, None)
     limits = Limits(max_time=max_time)
     log, trajectory = np.zeros(max_rebounds, REBOUND), np.zeros(0, TRAJECTORY)
     outcomes = np.zeros(len(launches), OUTCOME)

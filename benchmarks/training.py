@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from benchmarks.env import ID, SCENARIO
+from benchmarks.env import IDS, SCENARIO
 from benchmarks.harness import BLUE, GREY, bars, drawing, save, spread, table, with_quartiles
 
 ROUNDS = 5
@@ -97,7 +97,7 @@ def main(rounds: int = ROUNDS, samples: int = SAMPLES) -> None:
     from sledenv.envs.sb3 import make_vec_env
 
     torch.set_num_threads(1)  # networks this small run slower on more
-    sled = make_vec_env(ID, LANES, seed=0, env_kwargs={"scenario": SCENARIO})
+    sled = make_vec_env(IDS["SledLaunch"], LANES, seed=0, env_kwargs={"scenario": SCENARIO})
     envs: dict[str, VecEnv] = {SLED: sled, NULL: NullVecEnv(sled)}
     cases = [(name, epochs) for epochs in EPOCHS for name in envs]
     rates: dict[tuple[str, int], list[float]] = {case: [] for case in cases}

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Ride, ScenarioError, State, Status, load_scenario, simulate, simulate_batch
-from sledenv.kernel.descend import begin, hop_batch
-from sledenv.kernel.params import ContactLaw, Limits
-from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING
+from sledenv import Ride, RideBatch, ScenarioError, State, Status, load_scenario, simulate, simulate_batch
+from sledenv.kernel.params import ContactLaw
+from sledenv.kernel.records import RUNNING
 
 SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
 SOLVERS = ("compliant", "rigid")
@@ -148,43 +147,99 @@ def test_hops_find_an_end_in_flight_and_limits_where_they_are():
             assert_same(ride.run(), simulate(*problem("brake_mat", seed), **limits))
 
 
+def columns(problems: list[tuple]) -> list[list]:
+    """Laws, slopes and launches of problems that share a body."""
+    return [list(column) for column in zip(*problems, strict=True)][1:]
+
+
+def batch(problems: list[tuple], **options) -> RideBatch:
+    return RideBatch(problems[0][0], *columns(problems), **options)
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_batch_of_hops_is_a_batch_of_descents_and_leaves_ended_lanes_alone(solver):
+def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(solver):
     """Oracle: simulate_batch without trims, Ride with them."""
     problems = [problem("brake_mat", seed) for seed in range(200)]
-    body = problems[0][0]
-    laws = [p[1] for p in problems]
-    slopes, launches = np.array([p[2] for p in problems]), np.array([p[3] for p in problems])
-    rides = [Ride(*p, solver=solver, max_rebounds=50, rotor_inertia=ROTOR) for p in problems]
-    like = rides[0]._touching
-    rows = np.array([ride._touching for ride in rides])
+    options = {"solver": solver, "max_rebounds": 50}
     trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
     for trimmed in (False, True):
-        flights, rebounds = np.zeros(200, OUTCOME), np.zeros(200, REBOUND)
-        for flight, launch in zip(flights, launches, strict=True):
-            begin(State(*launch), flight)
+        rides = batch(problems, keep_rebounds=True, rotor_inertia=ROTOR, **options)
         hops = 0
-        while (flights["status"] == RUNNING).any():
-            lent = trims[hops] if trimmed and hops > 0 else np.zeros(200)
-            ended = flights["status"] != RUNNING
-            kept = flights[ended].copy()
-            hop_batch(body, like, rows, slopes, launches, Limits(), ROTOR, lent, flights, rebounds, 50)
-            assert np.array_equal(flights[ended], kept)
+        while (running := rides.outcomes()["status"] == RUNNING).any():
+            ended = np.flatnonzero(~running)
+            kept = rides.outcomes(ended)
+            rides.hop(trims[hops] if trimmed and hops > 0 else np.zeros(200))
+            assert np.array_equal(rides.outcomes(ended), kept)
             hops += 1
-        if not trimmed:
-            whole = simulate_batch(body, laws, slopes, launches, solver=solver, max_rebounds=50, keep_rebounds=True)
-            assert np.array_equal(flights, whole.outcomes)
-            continue
-        for i, ride in enumerate(rides):
-            ride.hop()
-            for j in range(1, hops):
-                if ride.status == Status.RUNNING:
-                    ride.trim(trims[j, i])
-                    ride.hop()
-            descent = ride.descent()
-            assert descent.outcome == flights[i]
-            if len(descent.rebounds):
-                assert descent.rebounds[-1] == rebounds[i]
+        found = rides.descents()
+        if trimmed:
+            singles = [Ride(*p, rotor_inertia=ROTOR, **options) for p in problems]
+            for i, ride in enumerate(singles):
+                ride.hop()
+                for j in range(1, hops):
+                    if ride.status == Status.RUNNING:
+                        ride.trim(trims[j, i])
+                        ride.hop()
+            whole = [ride.descent() for ride in singles]
+            assert np.array_equal(found.outcomes, [descent.outcome for descent in whole])
+            assert found.jam.reward.tolist() == [float(descent.jam.reward) for descent in whole]
+            logs = [descent.rebounds for descent in whole]
+        else:
+            expected = simulate_batch(problems[0][0], *columns(problems), keep_rebounds=True, **options)
+            assert np.array_equal(found.outcomes, expected.outcomes)
+            counts = expected.outcomes["rebounds"].tolist()
+            logs = [log[:count] for log, count in zip(expected.rebounds, counts, strict=True)]
+        for log, lane in zip(logs, found.rebounds, strict=True):
+            assert np.array_equal(log, lane[: len(log)])
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
+    """Oracle: batches of their own; a pickle made on the way."""
+    first, second = ([problem("ice_drop", seed) for seed in seeds] for seeds in (range(20), range(100, 120)))
+    options = {"solver": solver, "keep_rebounds": True}
+    rides, one, other = batch(first, **options), batch(first, **options), batch(second, **options)
+    still = np.zeros(20)
+    for _ in range(3):
+        rides.hop(still)
+        one.hop(still)
+    new = np.array([17, 0, 4, 11])
+    rides.launch(new, *columns([second[i] for i in new]))
+    rides = pickle.loads(pickle.dumps(rides))
+    old = np.setdiff1d(np.arange(20), new)
+    for _ in range(6):
+        for each in (rides, one, other):
+            each.hop(still)
+        for lanes, twin in ((old, one), (new, other)):
+            found, expected = rides.descents(lanes), twin.descents(lanes)
+            assert np.array_equal(found.outcomes, expected.outcomes)
+            assert np.array_equal(found.rebounds, expected.rebounds)
+
+
+def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
+    """Oracle: a batch that was not misused."""
+    problems = [problem("ice_drop", seed) for seed in range(3)]
+    rides, twin = batch(problems, rotor_inertia=ROTOR), batch(problems, rotor_inertia=ROTOR)
+    laws, slopes, launches = columns(problems)
+    buried = [launches[0], launches[1]._replace(y=0.0)]
+    for call, message in (
+        (lambda: rides.hop(np.zeros(2)), r"trims = .*: must be finite numbers of shape \(3,\)"),
+        (lambda: rides.hop(np.array([0.0, np.nan, 0.0])), "trims = .*: must be finite numbers"),
+        (lambda: batch(problems).hop(np.ones(3)), "no rotor"),
+        (
+            lambda: rides.launch(np.arange(2), laws[:2], slopes[:2], buried),
+            r"states\[1\].y = 0.0: .* below the surface",
+        ),
+        (lambda: rides.launch(np.arange(2), laws, slopes[:2], launches[:2]), "law: 3 given for 2 states"),
+        (lambda: batch(problems, solver="euler"), "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        (lambda: batch(problems, rotor_inertia=-1.0), r"RideBatch.rotor_inertia = -1.0: must be in \(0, inf\)"),
+        (lambda: batch(problems, max_rebounds=0), "max_rebounds = 0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+    for each in (rides, twin):
+        each.hop(np.zeros(3))
+    assert np.array_equal(rides.outcomes(), twin.outcomes())
 
 
 @given(

@@ -1,4 +1,4 @@
-"""The Python face of the descent loop: :func:`simulate`, :func:`simulate_batch` and, hop by hop, :class:`Ride`."""
+"""The Python face of the descent loop: whole descents, one or a batch, and the same hop by hop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.descend import begin, close_books, descend, descend_batch, hop, trim, work_space
+from sledenv.kernel.descend import begin, close_books, descend, descend_batch, hop, hop_batch, trim, work_space
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.geometry import support_heights
 from sledenv.kernel.laws import Law
@@ -507,6 +507,37 @@ def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
     return table
 
 
+def _checked_lanes(
+    body: Body,
+    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
+    slope: Slope | Sequence[Slope] | np.ndarray,
+    states: ArrayLike,
+    solver: str,
+    settle_speed: float | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Laws that the kernel follows, slopes and launches of N lanes, new arrays of one row a lane or one for all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+    launches = _table("states", states, State._fields)
+    _choice("solver", solver, ("compliant", "rigid"))
+    laws = _rows("law", ContactLaw, law, len(launches))
+    slopes = _rows("slope", Slope, slope, len(launches))
+    if solver == "rigid":
+        laws = _rigid(body, laws, slopes, settle_speed)
+    checked_rows("states[{lane}]", State, launches)
+    _on_the_surface("states[{lane}]", body, slopes, launches)
+    return laws, slopes, launches
+
+
+def _law_like(laws: np.ndarray, solver: str) -> Law:
+    """Return any law of the kind that the rows of ``laws`` are."""
+    return RigidLaw(*laws[0]) if solver == "rigid" else ContactLaw(*laws[0])
+
+
 def simulate_batch(
     body: Body,
     law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
@@ -544,22 +575,145 @@ def simulate_batch(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
     """
-    launches = _table("states", states, State._fields)
-    lanes = len(launches)
     body = Body(*body)
-    _choice("solver", solver, ("compliant", "rigid"))
-    laws = _rows("law", ContactLaw, law, lanes)
-    slopes = _rows("slope", Slope, slope, lanes)
-    like: Law = ContactLaw(*laws[0])
-    if solver == "rigid":
-        laws = _rigid(body, laws, slopes, settle_speed)
-        like = RigidLaw(*laws[0])
+    laws, slopes, launches = _checked_lanes(body, law, slope, states, solver, settle_speed)
+    lanes = len(launches)
     length = _count("max_rebounds", max_rebounds)
     limits = Limits(max_time=max_time, tolerance=tolerance)
-    checked_rows("states[{lane}]", State, launches)
-    _on_the_surface("states[{lane}]", body, slopes, launches)
     outcomes = np.zeros(lanes, OUTCOME)
     rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
-    descend_batch(body, like, laws, slopes, launches, limits, rebounds, length, outcomes)
+    descend_batch(body, _law_like(laws, solver), laws, slopes, launches, limits, rebounds, length, outcomes)
     ends = slopes[:, 1] if len(slopes) > 1 else slopes[0, 1]
     return DescentBatch(outcomes, rebounds, descent_jam(outcomes, body.mass, ends))
+
+
+class RideBatch:
+    """Many descents of one body, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
+
+    A lane can be launched anew whatever the others do. Pickles and copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+        As for :func:`simulate_batch`.
+    keep_rebounds : bool
+        Keep the logs, N * max_rebounds records of 152 bytes.
+    rotor_inertia : float, optional
+        Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
+        slope: Slope | Sequence[Slope] | np.ndarray,
+        states: ArrayLike,
+        *,
+        solver: Literal["compliant", "rigid"] = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        keep_rebounds: bool = False,
+        tolerance: float = TOLERANCE,
+        settle_speed: float | None = None,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        self.body = Body(*body)
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._solver: Literal["compliant", "rigid"] = solver
+        self._settle_speed = settle_speed
+        self._limits = Limits(max_time=max_time, tolerance=tolerance)
+        self._log_length = _count("max_rebounds", max_rebounds)
+        launches = _table("states", states, State._fields)
+        lanes = len(launches)
+        self._laws = np.empty((lanes, len(ContactLaw._fields)))
+        self._slopes = np.empty((lanes, len(Slope._fields)))
+        self._launches = np.empty_like(launches)
+        self._flights = np.zeros(lanes, OUTCOME)
+        self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
+        self._rebounds = np.zeros((lanes, self._log_length) if keep_rebounds else (0, 0), REBOUND)
+        self.launch(np.arange(lanes), law, slope, launches)
+
+    def launch(
+        self,
+        lanes: np.ndarray,
+        law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
+        slope: Slope | Sequence[Slope] | np.ndarray,
+        states: ArrayLike,
+    ) -> None:
+        """Begin new descents; their ledgers are empty until the first hop.
+
+        Parameters
+        ----------
+        lanes : ndarray of int, shape (n,)
+            In which lanes, no two alike.
+        law, slope, states
+            As for :func:`simulate_batch`, of n descents.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming the argument or the lane, counted in ``states``; no lane has changed then.
+        """
+        laws, slopes, launches = _checked_lanes(self.body, law, slope, states, self._solver, self._settle_speed)
+        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = laws, slopes, launches
+        flights = np.zeros(len(launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        for name, column in zip(State._fields, launches.T, strict=True):
+            flights[name] = column
+        self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)
+
+    def hop(self, trims: np.ndarray) -> None:
+        """Follow one hop in every lane that has not ended.
+
+        Parameters
+        ----------
+        trims : ndarray, shape (N,)
+            Spin [rad/s] that the rotor lends to each body during the hop: docs/physics.md, section 9.
+
+        Raises
+        ------
+        ValueError
+            For another shape, a trim that is not finite, or one without a rotor; no lane has moved then.
+        """
+        spins = np.asarray(trims, dtype=float)
+        if spins.shape != self._flights.shape or not np.isfinite(spins).all():
+            raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
+        if self.rotor_inertia is None and spins.any():
+            raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
+        before = self._flights["rebounds"].copy()
+        hop_batch(
+            self.body,
+            _law_like(self._laws, self._solver),
+            self._laws,
+            self._slopes,
+            self._launches,
+            self._limits,
+            self.rotor_inertia or 1.0,
+            spins,
+            self._flights,
+            self._touched,
+            self._log_length,
+        )
+        if self._rebounds.size:
+            touching = np.flatnonzero(self._flights["rebounds"] > before)
+            self._rebounds[touching, before[touching]] = self._touched[touching]
+
+    def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
+        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
+        return self._flights.copy() if lanes is None else self._flights[lanes]
+
+    def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
+        """Return the descents so far, those of all lanes or of some; later hops do not change them."""
+        chosen = np.arange(len(self._flights)) if lanes is None else lanes
+        outcomes = self._flights[chosen]
+        longest = int(outcomes["rebounds"].max(initial=0))
+        rebounds = self._rebounds[chosen, :longest] if self._rebounds.size else self._rebounds
+        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import functools
+import copy
 import pickle
 import subprocess
 import sys
@@ -20,11 +20,16 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 import sledenv
-from sledenv.envs import LAUNCH_ID
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.task import INFO_KEYS
 from sledenv.envs.vector import SledLaunchVector
+
+SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
+WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 3}  # of an action
+both_ids = pytest.mark.parametrize("env_id", SCALAR)
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch and tensorboard, which this project does not own
 
@@ -40,26 +45,93 @@ def _one_thread():
 
 @pytest.fixture
 def make(short_scenario: sledenv.Scenario):
-    return functools.partial(make_vec_env, LAUNCH_ID, env_kwargs={"scenario": short_scenario})
+    def made(lanes: int, seed: int | None = None, env_id: str = LAUNCH_ID, **options) -> SledVecEnv:
+        return make_vec_env(env_id, lanes, seed, env_kwargs={"scenario": short_scenario}, **options)
+
+    return made
 
 
 def equal(one, other) -> bool:
     return data_equivalence(one, other, exact=True)
 
 
-def test_ten_thousand_episodes_agree_with_dummyvecenv_in_all_it_returns(make, short_scenario):
+@pytest.mark.parametrize(
+    ("env_id", "episodes"),
+    [(LAUNCH_ID, 10_000), (DESCENT_ID, 1_000), pytest.param(DESCENT_ID, 10_000, marks=pytest.mark.slow)],
+)
+def test_ten_thousand_episodes_agree_with_dummyvecenv_in_all_it_returns(make, short_scenario, env_id, episodes):
     """Oracle: DummyVecEnv of a hundred scalar environments, infos included."""
     lanes = 100
-    env = make(lanes, seed=7, info=INFO_KEYS)
-    dummy = DummyVecEnv([lambda: SledLaunch(short_scenario)] * lanes)
+    env = make(lanes, 7, env_id, info=INFO_KEYS)
+    dummy = DummyVecEnv([lambda: SCALAR[env_id](short_scenario)] * lanes)
     assert dummy.seed(7) == env.seed(7)
     assert equal(env.reset(), dummy.reset())
     assert equal(env.reset_infos, dummy.reset_infos)
     rng = np.random.default_rng(3)
-    for _ in range(100):
-        action = rng.uniform(-1.0, 1.0, (lanes, 2)).astype(np.float32)
-        assert equal(env.step(action), dummy.step(action))
+    ended = 0
+    while ended < episodes:
+        action = rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
+        step = env.step(action)
+        assert equal(step, dummy.step(action))
         assert equal(env.reset_infos, dummy.reset_infos)
+        ended += np.count_nonzero(step[2])
+
+
+def test_an_episode_that_met_a_limit_is_marked_as_truncated_and_one_that_ended_is_not(short_scenario):
+    """Oracle: the status of the descent; PPO and off-policy algorithms bootstrap where the mark is."""
+    content = short_scenario.model_dump(mode="json")
+    content["limits"]["max_rebounds"] = 2
+    given = {"scenario": sledenv.Scenario.model_validate(content)}
+    env = make_vec_env(DESCENT_ID, 50, 0, env_kwargs=given, info=("descent", "is_success"))
+    env.reset()
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(20):
+        observations, rewards, dones, infos = env.step(rng.uniform(-1.0, 1.0, (50, 3)))
+        for observation, reward, done, info in zip(observations, rewards, dones, infos, strict=True):
+            status = info["descent"]["status"]
+            seen.add(str(status))
+            assert done == (status != "running")
+            assert info["TimeLimit.truncated"] is (status == "log_full")
+            assert info["is_success"] is (status == "finish")
+            assert ("terminal_observation" in info) == done
+            if done:
+                assert not observation[8:].any()  # of the next episode, which has not been launched
+                assert info["terminal_observation"][8:].any()
+            else:
+                assert reward == 0.0
+                assert observation[8:].any()
+    assert {"running", "finish", "log_full"} <= seen
+
+
+def test_ppo_bootstraps_the_value_of_a_truncated_descent_and_of_no_other(short_scenario):
+    """Oracle: rewards in PPO's buffer less those of the environment are gamma V(last observation) where truncated."""
+    content = short_scenario.model_dump(mode="json")
+    content["limits"]["max_rebounds"] = 2
+    given = {"scenario": sledenv.Scenario.model_validate(content)}
+    env = VecMonitor(make_vec_env(DESCENT_ID, 16, 0, env_kwargs=given))
+    model = PPO("MlpPolicy", env, seed=0, n_steps=16, batch_size=64, n_epochs=1, gamma=0.5)
+    steps = []
+    forward = env.step_wait
+
+    def step_wait():
+        step = forward()
+        steps.append(copy.deepcopy(step))  # PPO adds to the rewards that it is given
+        return step
+
+    env.step_wait = step_wait
+    model.learn(256)
+    untrained = PPO("MlpPolicy", env, seed=0, n_steps=16, batch_size=64, n_epochs=1, gamma=0.5).policy
+    cut = 0
+    for stored, (_, rewards, _, infos) in zip(model.rollout_buffer.rewards, steps, strict=True):
+        for kept, reward, info in zip(stored, rewards, infos, strict=True):
+            expected = reward
+            if info["TimeLimit.truncated"]:
+                last = torch.as_tensor(info["terminal_observation"][np.newaxis])
+                expected += 0.5 * untrained.predict_values(last).item()
+                cut += 1
+            assert kept == pytest.approx(expected, abs=1e-6)
+    assert cut > 5
 
 
 def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
@@ -74,6 +146,7 @@ def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
         assert not np.array_equal(info["terminal_observation"], observation)
 
 
+@both_ids
 @pytest.mark.parametrize(
     ("algorithm", "settings"),
     [
@@ -82,35 +155,37 @@ def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
         (TD3, {"learning_starts": 1024, "batch_size": 64, "gradient_steps": 2}),
     ],
 )
-def test_algorithms_train_on_1024_lanes_with_one_call_save_and_load(make, algorithm, settings, tmp_path):
+def test_algorithms_train_on_1024_lanes_with_one_call_save_and_load(make, env_id, algorithm, settings, tmp_path):
     """Oracle: the weights have moved; what was loaded acts alike, and goes on learning in another batch."""
-    model = algorithm("MlpPolicy", make(1024), seed=0, gamma=0.0, **settings)
+    model = algorithm("MlpPolicy", make(1024, env_id=env_id), seed=0, gamma=0.0, **settings)
     before = [weight.detach().clone() for weight in model.policy.parameters()]
     model.learn(4 * 1024)
     assert model.num_timesteps == 4 * 1024
     assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
     model.save(tmp_path / "model.zip")
-    env = make(16, seed=1)
-    again = algorithm.load(tmp_path / "model.zip", env=env if algorithm is not PPO else make(1024))
+    env = make(16, 1, env_id)
+    again = algorithm.load(tmp_path / "model.zip", env=env if algorithm is not PPO else make(1024, env_id=env_id))
     observations = env.reset()
     assert np.array_equal(*(one.predict(observations, deterministic=True)[0] for one in (model, again)))
     again.learn(1024, reset_num_timesteps=False)
 
 
-def test_the_same_seed_trains_the_same_policy_as_dummyvecenv(make, short_scenario):
+@both_ids
+def test_the_same_seed_trains_the_same_policy_as_dummyvecenv(make, short_scenario, env_id):
     """Oracle: PPO on scalar environments, weights compared bit for bit."""
     policies = []
-    for env in (make(8), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 8)):
-        model = PPO("MlpPolicy", env, seed=3, n_steps=16, batch_size=32, n_epochs=2, gamma=0.0)
+    for env in (make(8, env_id=env_id), DummyVecEnv([lambda: SCALAR[env_id](short_scenario)] * 8)):
+        model = PPO("MlpPolicy", env, seed=3, n_steps=16, batch_size=32, n_epochs=2, gamma=0.9)
         model.learn(256)
         policies.append([weight.detach().numpy() for weight in model.policy.parameters()])
     assert all(np.array_equal(one, other) for one, other in zip(*policies, strict=True))
 
 
-def test_vecnormalize_vecmonitor_and_evalcallback_work_on_it(make, tmp_path):
+@both_ids
+def test_vecnormalize_vecmonitor_and_evalcallback_work_on_it(make, env_id, tmp_path):
     """Oracle: returns and successes of the monitor file and the evaluations against the environment's own."""
-    env = VecNormalize(VecMonitor(make(8), str(tmp_path / "train")), gamma=0.0)
-    judged = VecNormalize(VecMonitor(make(4, seed=5)), training=False, norm_reward=False)
+    env = VecNormalize(VecMonitor(make(8, env_id=env_id), str(tmp_path / "train")), gamma=0.0)
+    judged = VecNormalize(VecMonitor(make(4, 5, env_id)), training=False, norm_reward=False)
     callback = EvalCallback(
         judged, n_eval_episodes=8, eval_freq=4, log_path=str(tmp_path), best_model_save_path=str(tmp_path), verbose=0
     )
@@ -119,17 +194,19 @@ def test_vecnormalize_vecmonitor_and_evalcallback_work_on_it(make, tmp_path):
     results = np.load(tmp_path / "evaluations.npz")
     assert results["timesteps"].tolist() == [32, 64]
     assert ((results["results"] > 0.0) & (results["results"] < 1.0)).all()
-    assert results["ep_lengths"].tolist() == [[1] * 8] * 2
+    assert results["ep_lengths"].min() == 1
+    assert (results["ep_lengths"].max() > 1) == (env_id == DESCENT_ID)
     assert set(np.unique(results["successes"])) <= {False, True}
     assert (tmp_path / "best_model.zip").is_file()
     env.close()
-    lines = (tmp_path / "train.monitor.csv").read_text().splitlines()
-    assert len(lines) == 2 + 64
+    episodes = np.loadtxt(tmp_path / "train.monitor.csv", delimiter=",", skiprows=2)
+    assert len(episodes) == 64 if env_id == LAUNCH_ID else 8 <= len(episodes) < 64
+    assert 64 - 8 * 10 < episodes[:, 1].sum() <= 64  # lengths; the last episodes are under way
     assert env.obs_rms.count > 64
     env.save(tmp_path / "normalize.pkl")
-    again = VecNormalize.load(tmp_path / "normalize.pkl", make(8))
+    again = VecNormalize.load(tmp_path / "normalize.pkl", make(8, env_id=env_id))
     assert np.array_equal(again.obs_rms.mean, env.obs_rms.mean)
-    mean, _ = evaluate_policy(model, VecMonitor(make(4, seed=5)), n_eval_episodes=8)
+    mean, _ = evaluate_policy(model, VecMonitor(make(4, 5, env_id)), n_eval_episodes=8)
     assert 0.0 < mean < 1.0
 
 
@@ -212,12 +289,14 @@ def test_the_batch_leaves_torch_the_number_of_threads_it_had():
     assert done.stdout == "1\n"
 
 
-def test_a_pickled_adapter_goes_on_identically(make):
-    env = make(3, seed=0)
+@both_ids
+def test_a_pickled_adapter_goes_on_identically(make, env_id):
+    env = make(3, 0, env_id)
     env.reset()
+    env.step(np.zeros((3, WIDTH[env_id])))
     twin = pickle.loads(pickle.dumps(env))
-    for _ in range(3):
-        assert equal(env.step(np.zeros((3, 2))), twin.step(np.zeros((3, 2))))
+    for _ in range(5):
+        assert equal(*(one.step(np.zeros((3, WIDTH[env_id]))) for one in (env, twin)))
     env.close()
 
 

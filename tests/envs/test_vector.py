@@ -1,4 +1,4 @@
-"""The native vector environment is SyncVectorEnv of the scalar one, bit for bit, whatever the number of lanes."""
+"""The native vector environments are SyncVectorEnv of the scalar ones, bit for bit, whatever the number of lanes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import copy
 import pickle
 import subprocess
 import sys
+import time
 
 import gymnasium as gym
 import numpy as np
@@ -15,22 +16,33 @@ from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.utils.passive_env_checker import data_shares_objects
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 
 import sledenv
-from sledenv.envs import LAUNCH_ID
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import INFO_KEYS
-from sledenv.envs.vector import CHEAP_INFO, SledLaunchVector
+from sledenv.envs.vector import CHEAP_INFO, SledDescentVector, SledLaunchVector, SledVectorEnv
 
 MODES = list(AutoresetMode)
+NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
+SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
+WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 3}  # of an action
+
+both_ids = pytest.mark.parametrize("env_id", NATIVE)
 
 
-def native(lanes: int, mode: AutoresetMode = AutoresetMode.SAME_STEP, **options) -> SledLaunchVector:
-    return SledLaunchVector(lanes, autoreset_mode=mode, **{"scenario": "brake_mat", "info": INFO_KEYS} | options)
+def native(
+    lanes: int, mode: AutoresetMode = AutoresetMode.SAME_STEP, env_id: str = LAUNCH_ID, **options
+) -> SledVectorEnv:
+    return NATIVE[env_id](lanes, autoreset_mode=mode, **{"scenario": "brake_mat", "info": INFO_KEYS} | options)
 
 
-def actions(rng: np.random.Generator, lanes: int) -> np.ndarray:
-    return rng.uniform(-1.0, 1.0, (lanes, 2)).astype(np.float32)
+def actions(rng: np.random.Generator, lanes: int, env_id: str = LAUNCH_ID) -> np.ndarray:
+    return rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
 
 
 def equal(one, other) -> bool:
@@ -38,83 +50,108 @@ def equal(one, other) -> bool:
     return data_equivalence(one, other, exact=True)
 
 
-def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again():
-    env = gym.make_vec(LAUNCH_ID, num_envs=3, scenario="ice_drop", control="spin")
-    assert isinstance(env, SledLaunchVector)
+@both_ids
+def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(env_id):
+    env = gym.make_vec(env_id, num_envs=3, scenario="ice_drop", control="spin")
+    assert isinstance(env, NATIVE[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert env.observation_space.shape == (3, 8)
-    assert env.action_space.shape == (3, 1)
+    one = SCALAR[env_id](control="spin")
+    assert env.single_observation_space == one.observation_space
+    assert env.single_action_space == one.action_space
+    assert env.observation_space.shape == (3, *one.observation_space.shape)
+    assert env.action_space.shape == (3, WIDTH[env_id] - 1)
     again = gym.make_vec(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
-    assert isinstance(again, SledLaunchVector)
+    assert isinstance(again, NATIVE[env_id])
     assert equal(env.reset(seed=1), again.reset(seed=1))
-    sync = gym.make_vec(LAUNCH_ID, num_envs=3, vectorization_mode="sync")
+    sync = gym.make_vec(env_id, num_envs=3, vectorization_mode="sync")
     assert isinstance(sync, SyncVectorEnv)
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("scenario", ["brake_mat", "paper_impact"])
-def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(mode, scenario):
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"scenario": "brake_mat"},
+        {"scenario": "paper_impact"},
+        {"scenario": "ice_fast", "control": "spin", "solver": "rigid", "split": "train", "launch_noise": (0.2, 0.0)},
+    ],
+    ids=lambda given: given["scenario"],
+)
+@both_ids
+def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(env_id, mode, given):
     """Oracle: Gymnasium's SyncVectorEnv of the scalar environment; lanes run out of step by partial resets."""
-    env = native(5, mode, scenario=scenario)
-    sync = gym.make_vec(
-        LAUNCH_ID, num_envs=5, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, scenario=scenario
-    )
+    env = native(5, mode, env_id, **given)
+    sync = gym.make_vec(env_id, num_envs=5, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
     assert env.metadata["autoreset_mode"] is sync.metadata["autoreset_mode"] is mode
     rng = np.random.default_rng(0)
     assert equal(env.reset(seed=11), sync.reset(seed=11))
     assert env.np_random_seed == sync.np_random_seed
     for _ in range(25):
-        action = actions(rng, 5)
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         one, other = env.step(action), sync.step(action)
         assert env.observation_space.contains(one[0])
         assert equal(one, other)
-        mask = rng.random(5) < 0.5
+        mask = rng.random(5) < (0.5 if env_id == LAUNCH_ID else 0.1)
         if mode is AutoresetMode.DISABLED:
-            mask[:] = True
+            mask |= one[2] | one[3]
         if mask.any():
             seeds = [int(seed) if chance < 0.3 else None for seed, chance in zip(range(5), rng.random(5), strict=True)]
             given = {"options": {"reset_mask": mask}, "seed": seeds}
             assert equal(env.reset(**copy.deepcopy(given)), sync.reset(**copy.deepcopy(given)))
 
 
-def test_ten_thousand_episodes_agree_with_scalar_environments_and_syncvectorenv(short_scenario):
+@pytest.mark.parametrize(
+    ("env_id", "episodes"),
+    [
+        (LAUNCH_ID, 10_000),
+        (DESCENT_ID, 1_000),
+        pytest.param(DESCENT_ID, 10_000, marks=pytest.mark.slow),
+    ],
+)
+def test_ten_thousand_episodes_agree_with_scalar_environments_and_syncvectorenv(short_scenario, env_id, episodes):
     """Oracle: SyncVectorEnv of a hundred lanes in all it returns; three of them again as environments of their own."""
-    lanes, episodes = 100, 100
-    env = native(lanes, scenario=short_scenario)
-    scalars = {i: SledLaunch(short_scenario) for i in (0, 41, 99)}
-    sync = SyncVectorEnv([lambda: SledLaunch(short_scenario)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
+    lanes = 100
+    given = {"scenario": short_scenario, "launch_noise": (0.1, 0.3)}
+    env = native(lanes, env_id=env_id, **given)
+    scalars = {i: SCALAR[env_id](**given) for i in (0, 41, 99)}
+    sync = SyncVectorEnv([lambda: SCALAR[env_id](**given)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
     rng = np.random.default_rng(1)
     begun = env.reset(seed=1000)
     assert equal(begun, sync.reset(seed=1000))
     for i, scalar in scalars.items():
         assert equal(begun[0][i], scalar.reset(seed=1000 + i)[0])
-    statuses = set()
-    for _ in range(episodes):
-        action = actions(rng, lanes)
+    statuses, ended = set(), 0
+    while ended < episodes:
+        action = actions(rng, lanes, env_id)
         step = env.step(action)
         assert equal(step, sync.step(action))
-        final = step[4]["final_info"]
-        statuses |= set(final["descent"]["status"])
+        dones = step[2] | step[3]
+        ended += np.count_nonzero(dones)
+        if dones.any():
+            statuses |= set(step[4]["final_info"]["descent"]["status"][dones])
         for i, scalar in scalars.items():
             observation, reward, terminated, truncated, info = scalar.step(action[i])
-            assert equal(step[4]["final_obs"][i], observation)
+            last = step[4]["final_info"] if dones[i] else step[4]
             assert step[1][i] == reward
             assert (step[2][i], step[3][i]) == (terminated, truncated)
-            assert {name: column[i] for name, column in final["rebounds"].items() if name[0] != "_"} == info["rebounds"]
-            assert final["descent"]["energy"]["sliding"][i] == info["descent"]["energy"]["sliding"]
-            assert equal(step[0][i], scalar.reset()[0])
+            assert {name: column[i] for name, column in last["rebounds"].items() if name[0] != "_"} == info["rebounds"]
+            assert last["descent"]["energy"]["sliding"][i] == info["descent"]["energy"]["sliding"]
+            assert equal(step[4]["final_obs"][i] if dones[i] else step[0][i], observation)
+            if dones[i]:
+                assert equal(step[0][i], scalar.reset()[0])
     assert "finish" in statuses
     assert len(statuses) > 1
 
 
-def test_a_lane_does_not_depend_on_the_number_of_lanes_or_on_what_the_others_do():
+@both_ids
+def test_a_lane_does_not_depend_on_the_number_of_lanes_or_on_what_the_others_do(env_id):
     """Oracle: the same lanes in a larger batch whose other lanes act otherwise and are reset at other times."""
-    small, large = native(3), native(40)
+    small, large = (native(lanes, env_id=env_id, launch_noise=(0.1, 0.1)) for lanes in (3, 40))
     one, other = small.reset(seed=5), large.reset(seed=5)
     rng = np.random.default_rng(2)
     for k in range(40):  # more than a lane draws ahead
         assert np.array_equal(one[0], other[0][:3])
-        action = actions(rng, 40)
+        action = actions(rng, 40, env_id)
         one, other = small.step(action[:3]), large.step(action)
         assert np.array_equal(one[1], other[1][:3])
         if k % 3 == 0:
@@ -167,10 +204,11 @@ def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_al
 
 
 @pytest.mark.parametrize("keys", [(), ("is_success",), CHEAP_INFO, INFO_KEYS])
-def test_info_holds_what_was_asked_for(keys):
-    env = native(2, AutoresetMode.DISABLED, info=keys)
+@both_ids
+def test_info_holds_what_was_asked_for(env_id, keys):
+    env = native(2, AutoresetMode.DISABLED, env_id, info=keys)
     assert set(env.reset(seed=0)[1]) == ({"context", "_context"} if "context" in keys else set())
-    assert set(env.step(np.zeros((2, 2), np.float32))[4]) == {*keys, *(f"_{key}" for key in keys)}
+    assert set(env.step(np.zeros((2, WIDTH[env_id]), np.float32))[4]) == {*keys, *(f"_{key}" for key in keys)}
 
 
 def test_info_has_all_but_the_rebounds_by_default():
@@ -181,33 +219,35 @@ def test_info_has_all_but_the_rebounds_by_default():
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_pickled_and_a_copied_batch_go_on_identically(mode):
+@both_ids
+def test_a_pickled_and_a_copied_batch_go_on_identically(env_id, mode):
     """Oracle: the batch itself; taken in the middle of a block of draws and of the episodes."""
-    env = native(3, mode)
+    env = native(3, mode, env_id, launch_noise=(0.1, 0.1))
     env.reset(seed=8)
     rng = np.random.default_rng(4)
-    if mode is not AutoresetMode.DISABLED:
-        for _ in range(5):
-            env.step(actions(rng, 3))
-    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
-    for _ in range(20):
-        action = actions(rng, 3)
+    twins = []
+    for k in range(25):
+        if k == 5:
+            twins += [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+        action = actions(rng, 3, env_id)
         step = env.step(action)
         assert all(equal(step, twin.step(action)) for twin in twins)
-        if mode is AutoresetMode.DISABLED:
-            begun = env.reset()
-            assert all(equal(begun, twin.reset()) for twin in twins)
+        ended = step[2] | step[3]
+        if mode is AutoresetMode.DISABLED and ended.any():
+            begun = env.reset(options={"reset_mask": ended})
+            assert all(equal(begun, twin.reset(options={"reset_mask": ended})) for twin in twins)
 
 
-def test_another_process_gives_the_same_episodes():
+@both_ids
+def test_another_process_gives_the_same_episodes(env_id):
     """Oracle: a fresh interpreter."""
     code = (
         "import gymnasium as gym, numpy as np, sledenv\n"
-        "env = gym.make_vec('sledenv/SledLaunch-v0', num_envs=7, autoreset_mode='SameStep')\n"
+        f"env = gym.make_vec('{env_id}', num_envs=7, autoreset_mode='SameStep')\n"
         "observations, _ = env.reset(seed=21)\n"
         "rng, seen = np.random.default_rng(0), [observations.astype(float).ravel()]\n"
         "for _ in range(20):\n"
-        "    step = env.step(rng.uniform(-1, 1, (7, 2)).astype(np.float32))\n"
+        "    step = env.step(rng.uniform(-1, 1, env.action_space.shape).astype(np.float32))\n"
         "    seen += [step[0].astype(float).ravel(), step[1]]\n"
         "print(np.concatenate(seen).tobytes().hex())\n"
     )
@@ -221,10 +261,12 @@ def test_another_process_gives_the_same_episodes():
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_nothing_that_is_returned_is_used_again(mode):
+@both_ids
+def test_nothing_that_is_returned_is_used_again(env_id, mode):
     """Oracle: Gymnasium's data_shares_objects, and what a twin returns after a user has written into everything."""
-    env, twin = native(2, mode), native(2, mode)
-    calls = [env.reset(seed=0), env.step(np.zeros((2, 2), np.float32)), env.reset(seed=0)]
+    env, twin = native(2, mode, env_id), native(2, mode, env_id)
+    action = np.zeros((2, WIDTH[env_id]), np.float32)
+    calls = [env.reset(seed=0), env.step(action), env.reset(seed=0)]
     for i, (observations, *_, info) in enumerate(calls):
         for other, *_, other_info in calls[:i]:
             assert not data_shares_objects(observations, other)
@@ -232,7 +274,14 @@ def test_nothing_that_is_returned_is_used_again(mode):
     twin.reset(seed=0)
     calls[2][0][:] = 9.0
     calls[2][1]["context"]["speed"][:] = -1.0
-    assert equal(env.step(np.zeros((2, 2), np.float32)), twin.step(np.zeros((2, 2), np.float32)))
+    begun = env.step(action)
+    assert equal(begun, twin.step(action))
+    begun[0][:] = 9.0
+    if env_id == DESCENT_ID:
+        begun[4].get("descent", begun[4].get("final_info"))["time"] = None
+        begun[4]["rebounds"]["t"][0].append(np.nan)
+    if mode is not AutoresetMode.DISABLED or env_id == DESCENT_ID:
+        assert equal(env.step(action), twin.step(action))
 
 
 @pytest.mark.parametrize(
@@ -354,3 +403,117 @@ def test_gymnasiums_vector_wrappers_run_on_it():
     _, rewards, *_, infos = env.step(env.action_space.sample())
     assert [info["episode"]["r"] for info in infos] == rewards.tolist()
     assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
+
+
+class Session(RuleBasedStateMachine):
+    """Any order of calls gives what the same calls of SyncVectorEnv give; what is refused changes nothing."""
+
+    env_id: str
+    lanes = 3
+
+    @initialize(
+        mode=st.sampled_from(MODES),
+        scenario=st.sampled_from(["brake_mat", "ice_fast", "paper_impact"]),
+        noise=st.sampled_from([(0.0, 0.0), (0.2, 0.5)]),
+        solver=st.sampled_from(["compliant", "rigid"]),
+    )
+    def make(self, mode, scenario, noise, solver):
+        given = {"scenario": scenario, "launch_noise": noise, "solver": solver}
+        self.mode = mode
+        self.env = native(self.lanes, mode, self.env_id, **given)
+        self.sync = SyncVectorEnv([lambda: SCALAR[self.env_id](**given)] * self.lanes, autoreset_mode=mode)
+        self.begun = False
+        self.ended = np.zeros(self.lanes, np.bool_)
+
+    def both(self, name, **given):
+        """Call both and compare all that they give."""
+        one = getattr(self.env, name)(**copy.deepcopy(given))
+        assert equal(one, getattr(self.sync, name)(**copy.deepcopy(given)))
+        return one
+
+    @property
+    def steps(self):
+        """Whether a step is allowed."""
+        return self.begun and not (self.mode is AutoresetMode.DISABLED and self.ended.any())
+
+    @rule(
+        seed=st.one_of(st.integers(0, 9), st.lists(st.one_of(st.none(), st.integers(0, 9)), min_size=3, max_size=3)),
+        options=st.sampled_from([None, {}, {"split": "test"}]),
+    )
+    def reset_with_seeds(self, seed, options):
+        if not self.begun and isinstance(seed, list):
+            seed = [0 if one is None else one for one in seed]
+        self.both("reset", seed=seed, options=options)
+        self.begun, self.ended[:] = True, False
+
+    @precondition(lambda self: self.begun)
+    @rule(
+        mask=st.tuples(*[st.booleans()] * 3).filter(any),
+        context=st.sampled_from([{}, {"friction": 0.05}, {"speed": 1e200}, {"drop": 30.0, "speed": 0.0}]),
+    )
+    def reset_some(self, mask, context):
+        chosen = np.array(mask)
+        self.both("reset", options={"reset_mask": chosen, "context": context})
+        self.ended[chosen] = False
+
+    @precondition(lambda self: self.steps)
+    @rule(values=st.lists(st.floats(-1.0, 1.0, width=32), min_size=9, max_size=9))
+    def step(self, values):
+        action = np.array(values, np.float32).reshape(3, 3)[:, : WIDTH[self.env_id]]
+        observations, _, terminated, truncated, _ = self.both("step", actions=action)
+        assert self.env.observation_space.contains(observations)
+        self.ended = terminated | truncated
+
+    @precondition(lambda self: self.steps and not self.ended.all())
+    @rule(value=st.sampled_from([np.nan, 1.5, -np.inf]), data=st.data())
+    def step_out_of_the_box(self, value, data):
+        action = np.zeros((3, WIDTH[self.env_id]), np.float32)
+        action[data.draw(st.sampled_from(np.flatnonzero(~self.ended).tolist()))] = value
+        with pytest.raises(InvalidAction):
+            self.env.step(action)
+
+    @precondition(lambda self: not self.steps)
+    @rule()
+    def step_that_needs_a_reset(self):
+        with pytest.raises(ResetNeeded):
+            self.env.step(np.zeros((3, WIDTH[self.env_id]), np.float32))
+
+    @rule(
+        given=st.sampled_from(
+            [
+                {"seed": -1},
+                {"seed": [1, 2]},
+                {"options": {"contxt": {}}},
+                {"options": {"context": {"friction": np.nan}}},
+                {"seed": 3, "options": {"context": {"restitution": [0.5, 0.0, 0.5]}}},
+                {"seed": 3, "options": {"reset_mask": np.zeros(3, np.bool_)}},
+                {"seed": 3, "options": {"reset_mask": np.ones(2, np.bool_)}},
+            ]
+        )
+    )
+    def reset_wrongly(self, given):
+        with pytest.raises((ValueError, Error)):
+            self.env.reset(**given)
+
+    @rule()
+    def close(self):
+        self.env.close()
+
+    @rule(how=st.sampled_from([copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))]))
+    def copy(self, how):
+        self.env = how(self.env)
+
+
+@both_ids
+def test_no_order_of_calls_tells_a_batch_from_syncvectorenv(env_id):
+    machine = type("Machine", (Session,), {"env_id": env_id})
+    run_state_machine_as_test(machine, settings=settings(max_examples=12, stateful_step_count=20, deadline=None))
+
+
+@pytest.mark.slow
+@both_ids
+def test_a_minute_of_any_order_of_calls_breaks_nothing(env_id):
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        machine = type("Machine", (Session,), {"env_id": env_id})
+        run_state_machine_as_test(machine, settings=settings(max_examples=40, stateful_step_count=50, deadline=None))

@@ -17,4 +17,8 @@ def register() -> None:
             vector_entry_point="sledenv.envs.vector:SledLaunchVector",
         )
     if DESCENT_ID not in gym.registry:
-        gym.register(id=DESCENT_ID, entry_point="sledenv.envs.descent:SledDescent")
+        gym.register(
+            id=DESCENT_ID,
+            entry_point="sledenv.envs.descent:SledDescent",
+            vector_entry_point="sledenv.envs.vector:SledDescentVector",
+        )

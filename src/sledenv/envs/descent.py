@@ -6,17 +6,14 @@ import os
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent, Ride
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import FIELDS, FLIGHT, Control, Solver, checked_actions, only_lane
+from sledenv.envs.task import FLIGHT, Control, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
 from sledenv.scenario import Scenario, Split
-
-_GIVEN_UP = (Status.TIMEOUT, Status.LOG_FULL, Status.STEP_BUDGET)
 
 
 class SledDescent(SledLaunch):
@@ -58,8 +55,8 @@ class SledDescent(SledLaunch):
         launch_noise: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         super().__init__(scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise)
-        self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (self.task.action_space.shape[0] + 1,), np.float32)
+        self.observation_space = self.task.ride_observation_space
+        self.action_space = self.task.ride_action_space
         self._ride: Ride | None = None  # of the present episode, once it has been launched
 
     def reset(
@@ -92,18 +89,16 @@ class SledDescent(SledLaunch):
         else:
             ride, start = self._ride, self._ride.time
             if self.task.scenario.rider is not None:
-                ride.trim(float(chosen[0, -1]) * self.task.scenario.rider.trim_rad_s)
+                ride.trim(self.task.trims(chosen[0, -1]).item())
             ride.hop()
         if self.render_mode == "human":
             self._drawing().play(ride.descent(), start=start)
         descent = ride.descent()
         batch = descent.as_batch()
-        ended = descent.status != Status.RUNNING
-        truncated = descent.status in _GIVEN_UP
-        reward = float(descent.jam.reward) if ended else 0.0
+        rewards, terminated, truncated = self.task.verdict(batch)
         observation = np.append(self.task.observe(self._context)[0], self.task.observe_flights(batch.outcomes)[0])
         info = only_lane(self.task.info(self._context, batch))
-        return observation, reward, ended and not truncated, truncated, info
+        return observation, rewards.item(), terminated.item(), truncated.item(), info
 
     def _recorded(self) -> Descent:
         assert self._ride is not None

@@ -14,9 +14,19 @@ from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent, DescentBatch, Record, Ride, simulate, simulate_batch
+from sledenv.descent import Descent, DescentBatch, Record, Ride, RideBatch, simulate, simulate_batch
+from sledenv.kernel.geometry import directions
 from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
-from sledenv.kernel.records import FINISH, LEDGER_FIELDS, REBOUND, STATUS_OF_CODE
+from sledenv.kernel.records import (
+    FINISH,
+    LEDGER_FIELDS,
+    LOG_FULL,
+    REBOUND,
+    RUNNING,
+    STATUS_OF_CODE,
+    STEP_BUDGET,
+    TIMEOUT,
+)
 from sledenv.scenario import Context, Scenario, Split, check_split, load_scenario
 
 Control = Literal["both", "orientation", "spin"]
@@ -34,6 +44,7 @@ _CONTROLLED: dict[str, tuple[str, ...]] = {
     "spin": ("spin",),
 }
 _DISTURBED = [Context._fields.index("orientation"), Context._fields.index("spin")]
+_GIVEN_UP = (TIMEOUT, LOG_FULL, STEP_BUDGET)
 _STATUS = np.array([str(status) for status in STATUS_OF_CODE], dtype=object)
 
 
@@ -64,6 +75,10 @@ class Task:
     ----------
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
+    observation_space, action_space : Box
+        Of a launch.
+    ride_observation_space, ride_action_space : Box
+        Of a launch with the hops that follow: the flight is behind the context, the trim behind the launch.
 
     Raises
     ------
@@ -108,6 +123,8 @@ class Task:
         self._speed, self._spin = self._scales()
         self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
+        self.ride_observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
+        self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
 
     def given(self, options: Mapping[str, Any] | None, lanes: int = 1, also: tuple[str, ...] = ()) -> Given:
         """Read the options of a reset.
@@ -177,8 +194,9 @@ class Task:
         if self.draws == FIELDS:
             return contexts
         # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
-        length, turn = np.sqrt(-2.0 * np.log1p(-draws[:, FIELDS])), 2.0 * np.pi * draws[:, FIELDS + 1]
-        return np.column_stack([contexts, self.noise[0] * length * np.cos(turn), self.noise[1] * length * np.sin(turn)])
+        length = np.sqrt(-2.0 * np.log1p(-draws[:, FIELDS]))
+        cosine, sine = directions(2.0 * np.pi * draws[:, FIELDS + 1])
+        return np.column_stack([contexts, self.noise[0] * length * cosine, self.noise[1] * length * sine])
 
     @staticmethod
     def context(contexts: Contexts) -> Context:
@@ -202,10 +220,11 @@ class Task:
         flights : ndarray of OUTCOME, shape (n,)
         """
         scenario = self.scenario
+        cosine, sine = directions(np.ascontiguousarray(flights["phi"]))
         columns = (
             flights["x"] / scenario.slope_section.length_m,
-            np.sin(flights["phi"]),
-            np.cos(flights["phi"]),
+            sine,
+            cosine,
             flights["u"] / self._speed,
             flights["v"] / self._speed,
             flights["omega"] / self._spin,
@@ -284,6 +303,37 @@ class Task:
             max_rebounds=self.scenario.limits.max_rebounds,
             keep_rebounds=keep_rebounds,
         )
+
+    def rides(self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False) -> RideBatch:
+        """Return the descents of :meth:`descend_batch` at their launch; lane i equals :meth:`ride` of row i."""
+        rider = self.scenario.rider
+        return RideBatch(
+            self.body,
+            self.scenario.laws(contexts),
+            self.scenario.slopes(contexts),
+            launches,
+            solver=self.solver,
+            max_time=self.scenario.limits.max_time_s,
+            max_rebounds=self.scenario.limits.max_rebounds,
+            keep_rebounds=keep_rebounds,
+            rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
+        )
+
+    def trims(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the spins [rad/s] that trims in [-1, 1] ask for, same shape; 0 without a rider."""
+        rider = self.scenario.rider
+        return actions * (0.0 if rider is None else rider.trim_rad_s)
+
+    @staticmethod
+    def verdict(batch: DescentBatch) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return rewards, terminated and truncated of hops: the reward of the descent where it has ended, 0 elsewhere.
+
+        A descent that met a limit of its scenario is truncated.
+        """
+        status = batch.outcomes["status"]
+        ended = status != RUNNING
+        truncated = np.isin(status, _GIVEN_UP)
+        return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
 
     def info(self, contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
         """Everything about descents that an agent may not see but its user wants to.

@@ -15,7 +15,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.envs.task import INFO_KEYS, Contexts, Control, Given, Solver, Task, checked_actions
+from sledenv.descent import RideBatch
+from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Control, Given, Solver, Task, checked_actions
 from sledenv.scenario import Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
@@ -82,7 +83,7 @@ class Advance(NamedTuple):
 
 
 class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """Lanes of one task: seeds, resets, autoreset and info, for any environment that advances many lanes at once.
+    """Many lanes of one task: seeds, resets, autoreset and info, whatever an episode consists of.
 
     Lane i of ``reset(seed=s)`` gives, bit for bit, the episodes of the scalar environment after ``reset(seed=s + i)``,
     whatever the number of lanes: like :class:`gymnasium.vector.SyncVectorEnv`, in observations, rewards, endings and
@@ -90,28 +91,33 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 
     Parameters
     ----------
-    task : Task
-        Shared by all lanes.
     num_envs : int
         Number of lanes, >= 1.
-    observation_space, action_space : Box
-        Of one lane.
+    scenario, control, solver, split, launch_noise
+        As for :class:`sledenv.envs.launch.SledLaunch`, shared by all lanes.
     autoreset_mode : AutoresetMode or str
-        When an ended lane begins its next episode: ``"NextStep"``, ``"SameStep"`` or ``"Disabled"``.
-    info : iterable of str
-        Which entries of the scalar environment's info to give.
+        When an ended lane begins its next episode: ``"NextStep"`` (Gymnasium's default, spends a step on it),
+        ``"SameStep"`` or ``"Disabled"``.
+    info : sequence of str
+        Entries of the scalar environment's info to give: all but "rebounds" by default, which cost more than the rest.
+    render_mode : None
+        Nothing is drawn; ``vectorization_mode="sync"`` draws.
     """
 
     single_action_space: spaces.Box
 
     def __init__(
         self,
-        task: Task,
-        num_envs: int,
-        observation_space: spaces.Box,
-        action_space: spaces.Box,
-        autoreset_mode: AutoresetMode | str,
-        info: Sequence[str],
+        num_envs: int = 1,
+        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        control: Control = "both",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        info: Sequence[str] = CHEAP_INFO,
+        render_mode: None = None,
+        *,
+        solver: Solver = "compliant",
+        split: Split | None = None,
+        launch_noise: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")
@@ -122,22 +128,24 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         except ValueError:
             modes = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
-        self.task = task
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: must be None; vectorization_mode='sync' draws")
+        self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
         self.num_envs = int(num_envs)
-        self.single_observation_space = observation_space
-        self.single_action_space = action_space
-        self.observation_space = batch_space(observation_space, self.num_envs)
-        self.action_space = batch_space(action_space, self.num_envs)
+        self.single_observation_space, self.single_action_space = self._spaces()
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.autoreset_mode = mode
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self.info_keys = tuple(info)
-        self._streams = Streams(self.num_envs, task.draws)
+        self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
+        self._fresh = np.ones(self.num_envs, np.bool_)  # no step has been taken since the reset
         self._ended = np.zeros(self.num_envs, np.bool_)
 
     @abstractmethod
-    def _begin(self, lanes: Lanes) -> None:
-        """Prepare the first step of lanes whose contexts are new."""
+    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        """Observation and action space of one lane."""
 
     @abstractmethod
     def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
@@ -222,6 +230,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if lanes.size:
             step = self._advance(lanes, chosen[lanes])
             rewards[lanes], terminated[lanes], truncated[lanes] = step.rewards, step.terminated, step.truncated
+            self._fresh[lanes] = False
         if waiting.size:
             self._restart(waiting, info)
         observations = self._observe(np.arange(self.num_envs))
@@ -262,8 +271,8 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self._contexts is None:
             self._contexts = np.empty((self.num_envs, contexts.shape[1]))
         self._contexts[lanes] = contexts
+        self._fresh[lanes] = True
         self._ended[lanes] = False
-        self._begin(lanes)
         if "context" in self.info_keys:
             self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
 
@@ -283,40 +292,11 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 class SledLaunchVector(SledVectorEnv):
     """Many :class:`sledenv.envs.launch.SledLaunch` at once: each step runs one whole descent in every lane.
 
-    Parameters
-    ----------
-    num_envs : int
-        Number of lanes.
-    scenario, control, solver, split, launch_noise
-        As for :class:`sledenv.envs.launch.SledLaunch`.
-    autoreset_mode : AutoresetMode or str
-        ``"NextStep"`` (Gymnasium's default) spends every second step on resets, ``"SameStep"`` none.
-    info : sequence of str
-        Entries of the scalar environment's info to give: all but "rebounds" by default, which cost more than the rest.
-    render_mode : None
-        Nothing is drawn; ``vectorization_mode="sync"`` draws.
+    The arguments are those of :class:`SledVectorEnv`.
     """
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control = "both",
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        info: Sequence[str] = CHEAP_INFO,
-        render_mode: None = None,
-        *,
-        solver: Solver = "compliant",
-        split: Split | None = None,
-        launch_noise: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: must be None; vectorization_mode='sync' draws")
-        task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
-        super().__init__(task, num_envs, task.observation_space, task.action_space, autoreset_mode, info)
-
-    def _begin(self, lanes: Lanes) -> None:
-        """Nothing to prepare: the context is all there is."""
+    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        return self.task.observation_space, self.task.action_space
 
     def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
         assert self._contexts is not None
@@ -329,6 +309,48 @@ class SledLaunchVector(SledVectorEnv):
         batch = self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
         info = self.task.info(contexts, batch, self.info_keys)
         return Advance(batch.jam.reward, np.ones(len(lanes), np.bool_), np.zeros(len(lanes), np.bool_), info)
+
+
+class SledDescentVector(SledVectorEnv):
+    """Many :class:`sledenv.envs.descent.SledDescent` at once: each step runs one hop in every lane.
+
+    The arguments are those of :class:`SledVectorEnv`.
+    """
+
+    _rides: RideBatch | None = None  # before the first step, which launches all lanes
+
+    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        return self.task.ride_observation_space, self.task.ride_action_space
+
+    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
+        assert self._contexts is not None
+        flights = np.zeros((len(lanes), len(FLIGHT)), np.float32)
+        if self._rides is not None:
+            moving = ~self._fresh[lanes]
+            flights[moving] = self.task.observe_flights(self._rides.outcomes(lanes[moving]))
+        return np.concatenate([self.task.observe(self._contexts[lanes]), flights], axis=1)
+
+    def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
+        assert self._contexts is not None
+        fresh = self._fresh[lanes]
+        rides = self._launch(lanes[fresh], actions[fresh, :-1])
+        trims = np.zeros(self.num_envs)
+        trims[lanes[~fresh]] = self.task.trims(actions[~fresh, -1])
+        rides.hop(trims)  # the other lanes have ended
+        batch = rides.descents(lanes)
+        return Advance(*self.task.verdict(batch), self.task.info(self._contexts[lanes], batch, self.info_keys))
+
+    def _launch(self, lanes: Lanes, actions: Floats) -> RideBatch:
+        """Return the rides of all lanes, those of some begun anew."""
+        assert self._contexts is not None
+        contexts = self._contexts[lanes]
+        launches = self.task.launches(contexts, actions)
+        if self._rides is None:
+            self._rides = self.task.rides(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
+        elif lanes.size:
+            scenario = self.task.scenario
+            self._rides.launch(lanes, scenario.laws(contexts), scenario.slopes(contexts), launches)
+        return self._rides
 
 
 def _rows(columns: dict[str, Any], rows: Flags) -> dict[str, Any]:

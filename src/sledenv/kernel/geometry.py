@@ -85,6 +85,15 @@ def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def directions(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine of many angles [rad], shapes (N,): the same whatever N is, NaN where an angle is infinite."""
+    cosine, sine = np.empty(phi.shape[0]), np.empty(phi.shape[0])
+    for i in range(phi.shape[0]):
+        cosine[i], sine[i] = math.cos(phi[i]), math.sin(phi[i])
+    return cosine, sine
+
+
+@kernel
 def lowest_support(body: Body) -> float:
     """Smallest support height [m] over all orientations, from which the supplied energy is counted."""
     lowest = body.radius - body.eccentricity
