@@ -1,12 +1,13 @@
-"""The Python face of the descent loop: :func:`simulate`, :func:`simulate_batch` and, hop by hop, :class:`Ride`."""
+"""The Python face of the descent loop: one descent, a batch, a batch in blocks, and a ride hop by hop."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,12 +35,19 @@ from sledenv.kernel.params import (
 )
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
 Solver = Literal["compliant", "rigid", "euler"]
+BatchSolver = Literal["compliant", "rigid"]
 Record = Literal["rebounds", "trajectory"]
 FrictionSign = Literal["dissipative", "printed"]
+Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
+Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _FIRST_TRAJECTORY = 4096
+_BLOCK = 8192  # lanes of a batch between two chances to interrupt it
 _SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
@@ -507,20 +515,89 @@ def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
     return table
 
 
+class _Lanes(NamedTuple):
+    """A batch that has been checked: what the kernel is given."""
+
+    body: Body
+    like: Law
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+    limits: Limits
+    max_rebounds: int
+
+    def parts(self, block: int) -> Iterator[slice]:
+        """Split the lanes into blocks."""
+        lanes = len(self.launches)
+        return (slice(start, min(start + block, lanes)) for start in range(0, lanes, block))
+
+    def log(self, lanes: int, keep: bool) -> np.ndarray:
+        """Return empty rebound logs, of no lane unless they are kept."""
+        shape = (lanes, self.max_rebounds) if keep else (0, 0)
+        try:
+            return np.zeros(shape, REBOUND)
+        except (MemoryError, ValueError) as error:  # ValueError: not even an address
+            size = lanes * self.max_rebounds * REBOUND.itemsize
+            raise MemoryError(
+                f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {self.max_rebounds}, take "
+                f"{size / 1e9:.3g} GB; lower max_rebounds or take them block by block, see simulate_blocks"
+            ) from error
+
+    def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
+        """Simulate a block of lanes and return its jam metrics."""
+        laws = self.laws[part] if len(self.laws) > 1 else self.laws
+        slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
+        launches, log_length = self.launches[part], self.max_rebounds
+        descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, log_length, outcomes)
+        return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
+
+
+def _lanes(
+    body: Body,
+    law: Laws,
+    slope: Slopes,
+    states: ArrayLike,
+    solver: BatchSolver,
+    max_time: float,
+    max_rebounds: int,
+    tolerance: float,
+    settle_speed: float | None,
+) -> _Lanes:
+    """Check a batch."""
+    launches = _table("states", states, State._fields)
+    lanes = len(launches)
+    body = Body(*body)
+    _choice("solver", solver, get_args(BatchSolver))
+    laws = _rows("law", ContactLaw, law, lanes)
+    slopes = _rows("slope", Slope, slope, lanes)
+    like: Law = ContactLaw(*laws[0])
+    if solver == "rigid":
+        laws = _rigid(body, laws, slopes, settle_speed)
+        like = RigidLaw(*laws[0])
+    log_length = _count("max_rebounds", max_rebounds)
+    limits = Limits(max_time=max_time, tolerance=tolerance)
+    checked_rows("states[{lane}]", State, launches)
+    _on_the_surface("states[{lane}]", body, slopes, launches)
+    return _Lanes(body, like, laws, slopes, launches, limits, log_length)
+
+
 def simulate_batch(
     body: Body,
-    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
-    slope: Slope | Sequence[Slope] | np.ndarray,
+    law: Laws,
+    slope: Slopes,
     states: ArrayLike,
     *,
-    solver: Literal["compliant", "rigid"] = "compliant",
+    solver: BatchSolver = "compliant",
     max_time: float = 60.0,
     max_rebounds: int = 1000,
     keep_rebounds: bool = False,
     tolerance: float = TOLERANCE,
     settle_speed: float | None = None,
+    progress: bool = False,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.
+
+    The lanes are simulated in blocks, between which an interrupt takes effect; the result does not depend on them.
 
     Parameters
     ----------
@@ -533,33 +610,89 @@ def simulate_batch(
     solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate`.
     keep_rebounds : bool
-        Return the logs too, N * max_rebounds records of 152 bytes.
+        Return the logs too, N * max_rebounds records of 144 bytes; :func:`simulate_blocks` gives them piece by piece.
+    progress : bool
+        Show a bar on standard error; needs tqdm.
 
     Returns
     -------
     DescentBatch
+        About 200 bytes a lane, without logs.
 
     Raises
     ------
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
+    MemoryError
+        If there is no room for the logs; nothing is simulated then.
+    ImportError
+        If tqdm is missing and ``progress`` is asked for.
     """
-    launches = _table("states", states, State._fields)
-    lanes = len(launches)
-    body = Body(*body)
-    _choice("solver", solver, ("compliant", "rigid"))
-    laws = _rows("law", ContactLaw, law, lanes)
-    slopes = _rows("slope", Slope, slope, lanes)
-    like: Law = ContactLaw(*laws[0])
-    if solver == "rigid":
-        laws = _rigid(body, laws, slopes, settle_speed)
-        like = RigidLaw(*laws[0])
-    length = _count("max_rebounds", max_rebounds)
-    limits = Limits(max_time=max_time, tolerance=tolerance)
-    checked_rows("states[{lane}]", State, launches)
-    _on_the_surface("states[{lane}]", body, slopes, launches)
-    outcomes = np.zeros(lanes, OUTCOME)
-    rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
-    descend_batch(body, like, laws, slopes, launches, limits, rebounds, length, outcomes)
-    ends = slopes[:, 1] if len(slopes) > 1 else slopes[0, 1]
-    return DescentBatch(outcomes, rebounds, descent_jam(outcomes, body.mass, ends))
+    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    count = len(lanes.launches)
+    rebounds = lanes.log(count, keep_rebounds)
+    outcomes = np.zeros(count, OUTCOME)
+    jam = np.empty((len(DescentJam._fields), count))
+    with _bar(count) if progress else nullcontext() as bar:
+        for part in lanes.parts(_BLOCK):
+            jam[:, part] = lanes.run(part, outcomes[part], rebounds[part])
+            if bar is not None:
+                bar.update(part.stop - part.start)
+    return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+
+
+def simulate_blocks(
+    body: Body,
+    law: Laws,
+    slope: Slopes,
+    states: ArrayLike,
+    *,
+    block: int = _BLOCK,
+    solver: BatchSolver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    keep_rebounds: bool = True,
+    tolerance: float = TOLERANCE,
+    settle_speed: float | None = None,
+) -> Iterator[DescentBatch]:
+    """Simulate many descents block by block, for logs that memory cannot hold all at once.
+
+    Parameters
+    ----------
+    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+        As for :func:`simulate_batch`.
+    block : int
+        Launches simulated at a time, >= 1.
+    keep_rebounds : bool
+        Give the logs too, block * max_rebounds records of 144 bytes at a time.
+
+    Yields
+    ------
+    DescentBatch
+        Of the next ``block`` launches, or of those that are left. They share no memory; put together they are the
+        result of :func:`simulate_batch`, bit for bit.
+
+    Raises
+    ------
+    TypeError, ValueError, MemoryError
+        As :func:`simulate_batch`, when it is called.
+    """
+    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    block = _count("block", block)
+    lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
+
+    def blocks() -> Iterator[DescentBatch]:
+        for part in lanes.parts(block):
+            count = part.stop - part.start
+            outcomes, rebounds = np.zeros(count, OUTCOME), lanes.log(count, keep_rebounds)
+            yield DescentBatch(outcomes, rebounds, lanes.run(part, outcomes, rebounds))
+
+    return blocks()
+
+
+def _bar(count: int) -> tqdm[NoReturn]:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise ImportError("progress = True: the bar needs tqdm: pip install tqdm") from error
+    return tqdm(total=count, unit=" launches", unit_scale=True)
