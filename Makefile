@@ -55,7 +55,7 @@ lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-clean-cache: ## remove the compiled kernels (numba misses changes in an imported kernel)
+clean-cache: ## remove the compiled kernels and byte code
 	find src agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/

@@ -50,6 +50,7 @@ def _run(program: str, cache: str) -> float:
     """Wall time [s] of a program in a fresh process, the start of the interpreter not counted."""
     code = f"import time; start = time.perf_counter()\n{program}\nprint(time.perf_counter() - start)"
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=environment,

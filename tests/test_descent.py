@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import signal
+import sys
+from functools import partial
 from typing import Any
 
 import numba
@@ -12,7 +15,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv import descent as descent_module
-from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch
+from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
+from sledenv.jam import DescentJam
+from sledenv.kernel.descend import descend_batch
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
@@ -567,6 +572,93 @@ def test_a_batch_depends_neither_on_threads_nor_on_neighbours() -> None:
     assert np.array_equal(half.outcomes, whole.outcomes[::2])
 
 
+def assert_same_batch(one: DescentBatch, other: DescentBatch) -> None:
+    assert np.array_equal(one.outcomes, other.outcomes)
+    assert np.array_equal(one.rebounds, other.rebounds)
+    assert np.array_equal(one.jam, other.jam)
+
+
+@pytest.mark.parametrize("block", [1, 7, 24, 1000])
+def test_blocks_put_together_are_the_batch(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: simulate_batch in one block; laws and slopes differ from lane to lane."""
+    laws, slopes, states = mixed_lanes()
+    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40, "keep_rebounds": True}
+    whole = simulate_batch(SEGMENT, laws, slopes, states, **options)
+    parts = list(simulate_blocks(SEGMENT, laws, slopes, states, block=block, **options))
+    assert [len(part.outcomes) for part in parts] == [min(block, 24 - i) for i in range(0, 24, block)]
+    outcomes, rebounds = (np.concatenate([getattr(p, name) for p in parts]) for name in ("outcomes", "rebounds"))
+    assert_same_batch(whole, DescentBatch(outcomes, rebounds, DescentJam(*np.hstack([p.jam for p in parts]))))
+    monkeypatch.setattr(descent_module, "_BLOCK", block)
+    assert_same_batch(whole, simulate_batch(SEGMENT, laws, slopes, states, **options))
+
+
+def test_blocks_share_no_memory_and_may_be_left_in_the_middle() -> None:
+    """Oracle: the batch of the lanes that were taken; the input may change meanwhile."""
+    _, _, states = mixed_lanes()
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states[:16], max_rebounds=10, keep_rebounds=True)
+    blocks = simulate_blocks(SEGMENT, LAW, INCLINE, states, block=8, max_rebounds=10)
+    states[:] = np.nan
+    taken = [next(blocks), next(blocks)]
+    blocks.close()  # type: ignore[attr-defined]
+    assert not np.shares_memory(taken[0].outcomes, taken[1].outcomes)
+    assert not np.shares_memory(taken[0].rebounds, taken[1].rebounds)
+    assert np.array_equal(np.concatenate([part.outcomes for part in taken]), whole.outcomes)
+    assert np.array_equal(np.concatenate([part.rebounds for part in taken]), whole.rebounds)
+
+
+def test_an_interrupt_takes_effect_between_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the number of blocks run; those handed out before are whole, and a batch is not handed out at all."""
+    _, _, states = mixed_lanes()
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    runs = 0
+
+    def interrupted(*arguments: Any) -> None:
+        nonlocal runs
+        runs += 1
+        if runs == 3:
+            signal.raise_signal(signal.SIGINT)
+        descend_batch(*arguments)
+
+    monkeypatch.setattr(descent_module, "descend_batch", interrupted)
+    monkeypatch.setattr(descent_module, "_BLOCK", 4)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    assert runs == 3
+    runs, taken = 0, []
+
+    def take_all() -> None:
+        for part in simulate_blocks(SEGMENT, LAW, INCLINE, states, block=4, max_rebounds=10, keep_rebounds=False):
+            taken.append(part.outcomes)  # noqa: PERF401  # a comprehension would lose them
+
+    with pytest.raises(KeyboardInterrupt):
+        take_all()
+    assert np.array_equal(np.concatenate(taken), whole.outcomes[:8])
+
+
+def test_logs_that_do_not_fit_are_refused(nothing_runs: None) -> None:
+    """Oracle: the message; a million launches with a log of a thousand million rebounds exceed every address space."""
+    states = np.broadcast_to(LAUNCH, (1_000_000, 6))
+    for run in (simulate_batch, partial(simulate_blocks, block=10**6)):
+        with pytest.raises(MemoryError, match=r"1000000 launches, max_rebounds = 1000000000, take 1.44e\+08 GB; lower"):
+            run(DISC, LAW, INCLINE, states, max_rebounds=10**9, keep_rebounds=True)
+
+
+def test_progress_shows_a_bar_or_says_what_is_missing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: what tqdm writes; without it nothing is simulated."""
+    _, _, states = mixed_lanes()
+    monkeypatch.setattr(descent_module, "_BLOCK", 10)
+    quiet = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    assert capsys.readouterr().err == ""
+    assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10, progress=True))
+    assert "24.0/24.0" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    monkeypatch.setattr(descent_module, "descend_batch", None)
+    with pytest.raises(ImportError, match="the bar needs tqdm: pip install tqdm"):
+        simulate_batch(SEGMENT, LAW, INCLINE, states, progress=True)
+
+
 def test_one_law_and_one_slope_serve_all_lanes() -> None:
     """Oracle: the same given once a lane; a single state is a batch of one; the input is left as it was."""
     _, _, states = mixed_lanes(6)
@@ -835,6 +927,18 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
     with pytest.raises(error) as caught:
         simulate_batch(**good | bad)
     assert message in str(caught.value)
+    with pytest.raises(error) as caught:  # on the call, not on the first block
+        simulate_blocks(**good | bad)
+    assert message in str(caught.value)
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_a_wrong_block_is_named() -> None:
+    """Oracle: the message."""
+    with pytest.raises(ValueError, match="block = 0: must be an integer >= 1"):
+        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=0)
+    with pytest.raises(TypeError, match=r"block = 1.5: must be an integer >= 1"):
+        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=1.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.usefixtures("nothing_runs")

@@ -1,6 +1,15 @@
 """Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
 
-from sledenv.descent import Descent, DescentBatch, Energy, Ride, RideBatch, simulate, simulate_batch
+from sledenv.descent import (
+    Descent,
+    DescentBatch,
+    Energy,
+    Ride,
+    RideBatch,
+    simulate,
+    simulate_batch,
+    simulate_blocks,
+)
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
@@ -34,6 +43,7 @@ __all__ = [
     "scenario_names",
     "simulate",
     "simulate_batch",
+    "simulate_blocks",
 ]
 
 _register()

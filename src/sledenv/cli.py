@@ -1,4 +1,4 @@
-"""The command ``sledenv``: simulate a scenario, or reproduce the paper."""
+"""The command ``sledenv``: simulate a scenario, reproduce the paper, or examine the installation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn, get_args
@@ -15,6 +16,7 @@ from typing import NoReturn, get_args
 import numpy as np
 
 from sledenv.descent import Descent, Solver, simulate
+from sledenv.doctor import examine
 from sledenv.kernel.records import Feature, Mode
 from sledenv.reproduce import publish, reproduce
 from sledenv.scenario import ScenarioError, load_scenario, scenario_names
@@ -36,13 +38,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 with a message on standard error where an argument is wrong or a file cannot be written;
-        130 and 143 after an interrupt and a request to terminate, which leave nothing behind.
+        Exit status: 0; 1 if ``doctor`` finds something wrong; 2 with a message on standard error where an argument is
+        wrong or a file cannot be written; 130 and 143 after an interrupt and a request to terminate, which leave
+        nothing behind.
     """
     options = _parser().parse_args(arguments)
     before = signal.signal(signal.SIGTERM, _terminate)  # or the folder being written would stay
     try:
-        options.run(options)
+        status: int = options.run(options)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader, head for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -55,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + signal.SIGINT
     finally:
         signal.signal(signal.SIGTERM, before)
-    return 0
+    return status
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -92,6 +95,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     paper.set_defaults(run=_reproduce)
     paper.add_argument("--out", type=Path, metavar="FOLDER", default=Path("reproduction"), help="default: reproduction")
+
+    doctor = commands.add_parser(
+        "doctor",
+        help="compile all kernels beforehand and check the installation",
+        description="Compile all kernels into the cache, so that nothing is compiled on first use; report versions, "
+        "processor, threads and cache; check results that are known. Ends with status 1 if something is wrong.",
+    )
+    doctor.set_defaults(run=_doctor)
     return parser
 
 
@@ -115,13 +126,22 @@ def _progress(command: str) -> Callable[[str], None]:
     return lambda line: print(f"{command}: {line}", flush=True)
 
 
-def _reproduce(options: argparse.Namespace) -> None:
+def _reproduce(options: argparse.Namespace) -> int:
     progress = _progress("reproduce")
     folder = reproduce(options.out, progress=progress)
     progress(f"wrote {folder / 'index.md'}")
+    return 0
 
 
-def _simulate(options: argparse.Namespace) -> None:
+def _doctor(options: argparse.Namespace) -> int:
+    problems = examine(partial(print, flush=True))
+    for problem in problems:
+        print(f"sledenv doctor: {problem}", file=sys.stderr)
+    print("something is wrong" if problems else "all is well")
+    return int(bool(problems))
+
+
+def _simulate(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario)
     context = scenario.sample(np.random.default_rng(options.seed))
     orientation = None if options.orientation_deg is None else math.radians(options.orientation_deg)
@@ -150,6 +170,7 @@ def _simulate(options: argparse.Namespace) -> None:
     if options.out is not None:
         _draw(descent, options.out)
         _progress("simulate")(f"wrote {' and '.join(PICTURES)} into {options.out}")
+    return 0
 
 
 def _rebound_table(descent: Descent) -> str:

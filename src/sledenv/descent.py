@@ -1,12 +1,13 @@
-"""The Python face of the descent loop: whole descents, one or a batch, and the same hop by hop."""
+"""The Python face of the descent loop: one descent, a batch, a batch in blocks, and rides hop by hop."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,12 +35,19 @@ from sledenv.kernel.params import (
 )
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
 Solver = Literal["compliant", "rigid", "euler"]
+BatchSolver = Literal["compliant", "rigid"]
 Record = Literal["rebounds", "trajectory"]
 FrictionSign = Literal["dissipative", "printed"]
+Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
+Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _FIRST_TRAJECTORY = 4096
+_BLOCK = 8192  # lanes of a batch between two chances to interrupt it
 _SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
@@ -365,7 +373,7 @@ class Ride:
         slope: Slope,
         state: State,
         *,
-        solver: Literal["compliant", "rigid"] = "compliant",
+        solver: BatchSolver = "compliant",
         max_time: float = 60.0,
         max_rebounds: int = 1000,
         record: Record = "rebounds",
@@ -374,7 +382,7 @@ class Ride:
         settle_speed: float | None = None,
         rotor_inertia: float | None = None,
     ) -> None:
-        _choice("solver", solver, ("compliant", "rigid"))
+        _choice("solver", solver, get_args(BatchSolver))
         _choice("record", record, get_args(Record))
         self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
         self.launch = _launched(self.body, self.slope, State(*state))
@@ -509,8 +517,8 @@ def _table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
 
 def _checked_lanes(
     body: Body,
-    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
-    slope: Slope | Sequence[Slope] | np.ndarray,
+    law: Laws,
+    slope: Slopes,
     states: ArrayLike,
     solver: str,
     settle_speed: float | None,
@@ -523,7 +531,7 @@ def _checked_lanes(
         Naming the argument or the lane, the value and the allowed range.
     """
     launches = _table("states", states, State._fields)
-    _choice("solver", solver, ("compliant", "rigid"))
+    _choice("solver", solver, get_args(BatchSolver))
     laws = _rows("law", ContactLaw, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     if solver == "rigid":
@@ -538,20 +546,79 @@ def _law_like(laws: np.ndarray, solver: str) -> Law:
     return RigidLaw(*laws[0]) if solver == "rigid" else ContactLaw(*laws[0])
 
 
+class _Lanes(NamedTuple):
+    """A batch that has been checked: what the kernel is given."""
+
+    body: Body
+    like: Law
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+    limits: Limits
+    max_rebounds: int
+
+    def parts(self, block: int) -> Iterator[slice]:
+        """Split the lanes into blocks."""
+        lanes = len(self.launches)
+        return (slice(start, min(start + block, lanes)) for start in range(0, lanes, block))
+
+    def log(self, lanes: int, keep: bool) -> np.ndarray:
+        """Return empty rebound logs, of no lane unless they are kept."""
+        shape = (lanes, self.max_rebounds) if keep else (0, 0)
+        try:
+            return np.zeros(shape, REBOUND)
+        except (MemoryError, ValueError) as error:  # ValueError: not even an address
+            size = lanes * self.max_rebounds * REBOUND.itemsize
+            raise MemoryError(
+                f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {self.max_rebounds}, take "
+                f"{size / 1e9:.3g} GB; lower max_rebounds or take them block by block, see simulate_blocks"
+            ) from error
+
+    def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
+        """Simulate a block of lanes and return its jam metrics."""
+        laws = self.laws[part] if len(self.laws) > 1 else self.laws
+        slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
+        launches, log_length = self.launches[part], self.max_rebounds
+        descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, log_length, outcomes)
+        return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
+
+
+def _lanes(
+    body: Body,
+    law: Laws,
+    slope: Slopes,
+    states: ArrayLike,
+    solver: BatchSolver,
+    max_time: float,
+    max_rebounds: int,
+    tolerance: float,
+    settle_speed: float | None,
+) -> _Lanes:
+    """Check a batch."""
+    body = Body(*body)
+    laws, slopes, launches = _checked_lanes(body, law, slope, states, solver, settle_speed)
+    log_length = _count("max_rebounds", max_rebounds)
+    limits = Limits(max_time=max_time, tolerance=tolerance)
+    return _Lanes(body, _law_like(laws, solver), laws, slopes, launches, limits, log_length)
+
+
 def simulate_batch(
     body: Body,
-    law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
-    slope: Slope | Sequence[Slope] | np.ndarray,
+    law: Laws,
+    slope: Slopes,
     states: ArrayLike,
     *,
-    solver: Literal["compliant", "rigid"] = "compliant",
+    solver: BatchSolver = "compliant",
     max_time: float = 60.0,
     max_rebounds: int = 1000,
     keep_rebounds: bool = False,
     tolerance: float = TOLERANCE,
     settle_speed: float | None = None,
+    progress: bool = False,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.
+
+    The lanes are simulated in blocks, between which an interrupt takes effect; the result does not depend on them.
 
     Parameters
     ----------
@@ -564,27 +631,92 @@ def simulate_batch(
     solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate`.
     keep_rebounds : bool
-        Return the logs too, N * max_rebounds records of 152 bytes.
+        Return the logs too, N * max_rebounds records of 144 bytes; :func:`simulate_blocks` gives them piece by piece.
+    progress : bool
+        Show a bar on standard error; needs tqdm.
 
     Returns
     -------
     DescentBatch
+        About 200 bytes a lane, without logs.
 
     Raises
     ------
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
+    MemoryError
+        If there is no room for the logs; nothing is simulated then.
+    ImportError
+        If tqdm is missing and ``progress`` is asked for.
     """
-    body = Body(*body)
-    laws, slopes, launches = _checked_lanes(body, law, slope, states, solver, settle_speed)
-    lanes = len(launches)
-    length = _count("max_rebounds", max_rebounds)
-    limits = Limits(max_time=max_time, tolerance=tolerance)
-    outcomes = np.zeros(lanes, OUTCOME)
-    rebounds = np.zeros((lanes, length) if keep_rebounds else (0, 0), REBOUND)
-    descend_batch(body, _law_like(laws, solver), laws, slopes, launches, limits, rebounds, length, outcomes)
-    ends = slopes[:, 1] if len(slopes) > 1 else slopes[0, 1]
-    return DescentBatch(outcomes, rebounds, descent_jam(outcomes, body.mass, ends))
+    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    count = len(lanes.launches)
+    rebounds = lanes.log(count, keep_rebounds)
+    outcomes = np.zeros(count, OUTCOME)
+    jam = np.empty((len(DescentJam._fields), count))
+    with _bar(count) if progress else nullcontext() as bar:
+        for part in lanes.parts(_BLOCK):
+            jam[:, part] = lanes.run(part, outcomes[part], rebounds[part])
+            if bar is not None:
+                bar.update(part.stop - part.start)
+    return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+
+
+def simulate_blocks(
+    body: Body,
+    law: Laws,
+    slope: Slopes,
+    states: ArrayLike,
+    *,
+    block: int = _BLOCK,
+    solver: BatchSolver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    keep_rebounds: bool = True,
+    tolerance: float = TOLERANCE,
+    settle_speed: float | None = None,
+) -> Iterator[DescentBatch]:
+    """Simulate many descents block by block, for logs that memory cannot hold all at once.
+
+    Parameters
+    ----------
+    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+        As for :func:`simulate_batch`.
+    block : int
+        Launches simulated at a time, >= 1.
+    keep_rebounds : bool
+        Give the logs too, block * max_rebounds records of 144 bytes at a time.
+
+    Yields
+    ------
+    DescentBatch
+        Of the next ``block`` launches, or of those that are left. They share no memory; put together they are the
+        result of :func:`simulate_batch`, bit for bit.
+
+    Raises
+    ------
+    TypeError, ValueError, MemoryError
+        As :func:`simulate_batch`, when it is called.
+    """
+    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    block = _count("block", block)
+    lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
+
+    def blocks() -> Iterator[DescentBatch]:
+        for part in lanes.parts(block):
+            count = part.stop - part.start
+            outcomes, rebounds = np.zeros(count, OUTCOME), lanes.log(count, keep_rebounds)
+            yield DescentBatch(outcomes, rebounds, lanes.run(part, outcomes, rebounds))
+
+    return blocks()
+
+
+def _bar(count: int) -> tqdm[NoReturn]:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise ImportError("progress = True: the bar needs tqdm: pip install tqdm") from error
+    return tqdm(total=count, unit=" launches", unit_scale=True)
 
 
 class RideBatch:
@@ -610,11 +742,11 @@ class RideBatch:
     def __init__(
         self,
         body: Body,
-        law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
-        slope: Slope | Sequence[Slope] | np.ndarray,
+        law: Laws,
+        slope: Slopes,
         states: ArrayLike,
         *,
-        solver: Literal["compliant", "rigid"] = "compliant",
+        solver: BatchSolver = "compliant",
         max_time: float = 60.0,
         max_rebounds: int = 1000,
         keep_rebounds: bool = False,
@@ -626,7 +758,7 @@ class RideBatch:
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._solver: Literal["compliant", "rigid"] = solver
+        self._solver: BatchSolver = solver
         self._settle_speed = settle_speed
         self._limits = Limits(max_time=max_time, tolerance=tolerance)
         self._log_length = _count("max_rebounds", max_rebounds)
@@ -643,8 +775,8 @@ class RideBatch:
     def launch(
         self,
         lanes: np.ndarray,
-        law: ContactLaw | Sequence[ContactLaw] | np.ndarray,
-        slope: Slope | Sequence[Slope] | np.ndarray,
+        law: Laws,
+        slope: Slopes,
         states: ArrayLike,
     ) -> None:
         """Begin new descents; their ledgers are empty until the first hop.
