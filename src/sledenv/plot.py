@@ -225,7 +225,7 @@ def plot_descent(descent: Descent) -> Figure:
     """
     rows = drawable_rows(descent)
     t = rows["t"]
-    layers = _energy_layers(descent, rows)
+    layers = energy_layers(descent, rows)
     curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
     with _matplotlib().rc_context(_STYLE):
         from matplotlib.figure import Figure
@@ -627,8 +627,8 @@ def _kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
 
 
-def _energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
+def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Return where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
     translation, rotation = _kinetic(descent, rows)
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
