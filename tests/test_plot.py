@@ -254,7 +254,7 @@ def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: 
 
 
 def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
-    layers = plot._energy_layers(slides, slides.trajectory)
+    layers = plot.energy_layers(slides, slides.trajectory)
     for kind in ("hysteresis", "sliding", "rolling"):
         assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(slides.energy, kind))
         assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()

@@ -103,6 +103,8 @@ def to_world(points: ArrayLike, angle: float) -> np.ndarray:
 def drawable_rows(descent: Descent) -> np.ndarray:
     """Return the rows of the trajectory that can be drawn, at least one: a numerical overflow is left out.
 
+    An impact without duration has two rows, the state before it and the state after.
+
     Raises
     ------
     ValueError
@@ -114,12 +116,25 @@ def drawable_rows(descent: Descent) -> np.ndarray:
     values = np.stack([rows[name] for name in ("t", *State._fields)])
     drawable = (np.abs(values) < _DRAWABLE).all(axis=0)  # False for NaN
     if drawable.any():
-        drawn: np.ndarray = rows[drawable]
-        return drawn
+        return _with_states_before_impacts(rows[drawable], descent.rebounds)
     row = rows[:1].copy()
     for name in ("t", *State._fields):
         row[name] = np.clip(np.nan_to_num(row[name]), -_DRAWABLE, _DRAWABLE)
     return row
+
+
+def _with_states_before_impacts(rows: np.ndarray, rebounds: np.ndarray) -> np.ndarray:
+    impacts = rebounds[rebounds["duration"] == 0.0]
+    places = np.searchsorted(rows["t"], impacts["t"])
+    known = places < len(rows)
+    known[known] = rows["t"][places[known]] == impacts["t"][known]
+    impacts, places = impacts[known], places[known]
+    before = np.zeros(len(impacts), rows.dtype)
+    for name in ("t", "x", "y", "phi"):
+        before[name] = rows[name][places]
+    for rate in State._fields[3:]:
+        before[rate] = impacts[f"{rate}_before"]
+    return np.insert(rows, places, before)
 
 
 def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:

@@ -650,8 +650,10 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     """Cumulative losses [J] by hysteresis, sliding and rolling, shape (3, m).
 
-    The rebounds say how much each contact lost; the power of the contact forces says when.
+    The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost
+    in an impact of rigid surfaces, where the kinetic energy falls.
     """
+    falls = -np.diff(sum(_kinetic(descent, rows)))
     a, b = _arms(descent, rows)
     power = np.stack(
         [
@@ -666,7 +668,12 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
         first, last = np.searchsorted(rows["t"], [rebound["t"] - rebound["duration"], rebound["t"]])
         losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
         done = np.cumsum(work[:, first:last], axis=1)
-        spread = np.divide(done, done[:, -1:], out=np.ones_like(done), where=done[:, -1:] > 0.0)
+        if done.size == 0:  # an impact without duration
+            total[:, last + 1 :] += losses[:, None]
+            continue
+        struck = np.arange(done.shape[1]) >= np.argmax(falls[first:last])
+        forced = done[:, -1:] > 0.1 * losses[:, None]
+        spread = np.divide(done, done[:, -1:], out=np.tile(1.0 * struck, (3, 1)), where=forced)
         total[:, first + 1 : last + 1] += losses[:, None] * spread
         total[:, last + 1 :] += losses[:, None]
     return total

@@ -30,7 +30,7 @@ from sledenv.plot import energy_layers
 from sledenv.text import REBOUND_COLUMNS, feature_name, mode_name, motion_words, rebound_cells, setting
 
 _DIGITS = 9  # significant, of every number in the page
-_POSES = 16
+_POSES = 12
 _COLUMNS = ("t", *State._fields, "normal", "tangential", "feature", "slip", "spin")
 
 

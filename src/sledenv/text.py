@@ -57,7 +57,7 @@ REBOUND_COLUMNS = (
     "loss",
     "stuck",
 )
-_WIDTHS = (3, 8, 8, 5, 15, 16, 16, 18, 5, 5, 0)
+_WIDTHS = (3, 8, 8, 5, 15, 15, 15, 17, 5, 5, 0)
 
 
 def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
