@@ -301,7 +301,7 @@ def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: floa
     film, times = pace(descent, speed).T
     seen = float(np.interp(after, times, film)) if after >= 0.0 else -1.0
     shown = np.arange(math.floor(seen * fps) + 1 if after >= 0.0 else 0, math.floor(film[-1] * fps) + 1) / fps
-    found = np.interp(shown, film, times)
+    found: np.ndarray = np.interp(shown, film, times)
     if descent.status != Status.RUNNING and seen < film[-1] and shown[-1:] != film[-1:]:
         found = np.append(found, times[-1])
     return found
