@@ -154,6 +154,12 @@ def shown_time(page: Browser) -> float:
     return float(page.text("#time").removesuffix(" s"))
 
 
+def wait_until(page: Browser, condition: str) -> None:
+    page.run(
+        f"return new Promise(done => {{ const look = () => {condition} ? done() : setTimeout(look, 20); look(); }})"
+    )
+
+
 def sled_columns(page: Browser) -> tuple[float, float]:
     """Where the sled begins and ends on the screen [px]."""
     left, right = page.run(
@@ -240,7 +246,7 @@ def test_a_click_on_a_plot_goes_there(page: Browser, descent: Descent) -> None:
 def test_play_runs_to_the_end_and_pause_stops(page: Browser, descent: Descent) -> None:
     page.click("#play")
     assert page.text("#play") == "Pause"
-    page.run("return new Promise(done => setTimeout(done, 400))")
+    wait_until(page, "document.querySelector('#time').textContent !== '0.0000 s'")
     page.click("#play")
     paused = shown_time(page)
     assert 0.0 < paused < descent.time
@@ -250,7 +256,7 @@ def test_play_runs_to_the_end_and_pause_stops(page: Browser, descent: Descent) -
         "document.querySelector('#speed').add(new Option('fast', 1000)); document.querySelector('#speed').value = 1000"
     )
     page.click("#play")
-    page.run("return new Promise(done => setTimeout(done, 300))")
+    wait_until(page, "document.querySelector('#play').textContent === 'Play'")
     assert shown_time(page) == pytest.approx(descent.time, abs=1e-4)
     assert page.text("#play") == "Play"
 
