@@ -72,6 +72,27 @@ def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert "wrote strobe.png and series.png" in capsys.readouterr().out
 
 
+def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    for spin in ("1.5", "2.5"):  # the second time it is replaced
+        assert main(["replay", "ice_drop", "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
+        assert capsys.readouterr().out == f"replay: wrote {page}\n"
+        assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+        text = page.read_text(encoding="utf-8")
+        assert '"title":"ice_drop, seed 3, solver compliant"' in text
+        assert f"spin {spin}00 rad/s" in text
+
+
+def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    assert "did you mean 'ice_drop'?" in refused(capsys, "replay", "ice_drp", "--out", str(page))
+    assert "--seed: must be an integer >= 0" in refused(capsys, "replay", "ice_drop", "--seed", "x", "--out", str(page))
+    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "page.yaml"))
+    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path))
+    assert "there is no folder" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "a" / "b.html"))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
     assert "argument --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")

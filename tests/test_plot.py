@@ -21,6 +21,7 @@ from sledenv import outline, plot
 from sledenv.descent import Descent, simulate
 from sledenv.kernel.geometry import arms, support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.kernel.records import Feature
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
@@ -253,8 +254,35 @@ def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: 
     assert [ax.get_ylabel().split()[0] for ax in figure.axes] == ["u", "v", "ω", "energy"]
 
 
+def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
+    """Oracle: conservation; the chord hits the slope at the end of a long contact, and what it loses is lost then."""
+    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.295, rolling_arm=0.005)
+    launch = (0.0, 0.232, -0.1316, 3.911, 0.0, -1.361)
+    descent = run(SLED, law, Slope(0.1456, 10.0), launch, solver="rigid")  # type: ignore[arg-type]
+    assert (descent.rebounds["duration"] > 0.1).any()
+    assert (descent.rebounds["feature"] == Feature.CHORD).any()
+    layers = plot.energy_layers(descent, outline.drawable_rows(descent))
+    sums = np.sum(list(layers.values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=0.03)
+
+
+def test_the_flight_into_a_rigid_impact_is_ballistic_to_its_end() -> None:
+    """Oracle: a parabola, and the velocities that the rebound recorded before the impact."""
+    descent = run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
+    rows, rebound = outline.drawable_rows(descent), descent.rebounds[0]
+    times = np.linspace(0.0, float(rebound["t"]), 50)[:-1]
+    states = outline.states_at(rows, times)
+    launch, g = descent.launch, descent.slope.gravity
+    along, normal = g * math.sin(0.15), -g * math.cos(0.15)
+    assert states[:, 0] == pytest.approx(launch.x + launch.u * times + 0.5 * along * times**2, abs=1e-12)
+    assert states[:, 1] == pytest.approx(launch.y + launch.v * times + 0.5 * normal * times**2, abs=1e-12)
+    before, after = outline.states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
+    assert before[3:] == pytest.approx([rebound["u_before"], rebound["v_before"], rebound["omega_before"]])
+    assert after[3:] == pytest.approx([rebound["u_after"], rebound["v_after"], rebound["omega_after"]])
+
+
 def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
-    layers = plot._energy_layers(slides, slides.trajectory)
+    layers = plot.energy_layers(slides, slides.trajectory)
     for kind in ("hysteresis", "sliding", "rolling"):
         assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(slides.energy, kind))
         assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()

@@ -1,4 +1,4 @@
-"""The command ``sledenv``: simulate a scenario, reproduce the paper, or examine the installation."""
+"""The command ``sledenv``: simulate a scenario, replay it, reproduce the paper, or examine the installation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from typing import NoReturn, get_args
 
 import numpy as np
 
-from sledenv.descent import Descent, Solver, simulate
+from sledenv.descent import Descent, Record, Solver, simulate
 from sledenv.doctor import examine
-from sledenv.kernel.records import Feature, Mode
+from sledenv.replay import replacing, replay_page
 from sledenv.reproduce import publish, reproduce
 from sledenv.scenario import ScenarioError, load_scenario, scenario_names
+from sledenv.text import story
 
 PICTURES = ("strobe.png", "series.png")
 _DPI = 150
@@ -75,18 +76,18 @@ def _parser() -> argparse.ArgumentParser:
         description="Simulate one descent: rebounds, how it ended, jam metrics and energy ledger.",
     )
     one.set_defaults(run=_simulate)
-    one.add_argument(
-        "scenario", metavar="SCENARIO", help=f"{', '.join(scenario_names())}, or a file that ends in .yaml"
-    )
-    one.add_argument("--seed", type=_seed, default=0, help="which context of the scenario is drawn (default 0)")
-    one.add_argument(
-        "--orientation-deg", type=_number, metavar="DEG", help="launch orientation instead of the drawn one"
-    )
-    one.add_argument("--spin", type=_number, metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one")
-    one.add_argument(
-        "--solver", choices=get_args(Solver), default="compliant", help="contact model (default compliant)"
-    )
+    _add_descent(one)
     one.add_argument("--out", type=Path, metavar="FOLDER", help=f"write {' and '.join(PICTURES)} into this folder")
+
+    film = commands.add_parser(
+        "replay",
+        help="write a page that replays one descent of a scenario",
+        description="Simulate one descent and write a page that replays it in any browser, offline: the sled with its "
+        "contact force, time series, rebound table.",
+    )
+    film.set_defaults(run=_replay)
+    _add_descent(film)
+    film.add_argument("--out", type=Path, metavar="FILE", default=Path("replay.html"), help="default: replay.html")
 
     paper = commands.add_parser(
         "reproduce",
@@ -104,6 +105,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     doctor.set_defaults(run=_doctor)
     return parser
+
+
+def _add_descent(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say which descent is meant."""
+    parser.add_argument(
+        "scenario", metavar="SCENARIO", help=f"{', '.join(scenario_names())}, or a file that ends in .yaml"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="which context of the scenario is drawn (default 0)")
+    parser.add_argument(
+        "--orientation-deg", type=_number, metavar="DEG", help="launch orientation instead of the drawn one"
+    )
+    parser.add_argument("--spin", type=_number, metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one")
+    parser.add_argument(
+        "--solver", choices=get_args(Solver), default="compliant", help="contact model (default compliant)"
+    )
 
 
 def _number(text: str) -> float:
@@ -142,6 +158,25 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    title, descent = _descend(options, "rebounds" if options.out is None else "trajectory")
+    print(title)
+    print(story(descent))
+    if options.out is not None:
+        _draw(descent, options.out)
+        _progress("simulate")(f"wrote {' and '.join(PICTURES)} into {options.out}")
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    with replacing(options.out) as page:
+        title, descent = _descend(options, "trajectory")
+        page.write_text(replay_page(descent, title), encoding="utf-8")
+    _progress("replay")(f"wrote {options.out}")
+    return 0
+
+
+def _descend(options: argparse.Namespace, record: Record) -> tuple[str, Descent]:
+    """Simulate the descent that the arguments mean; return its name too."""
     scenario = load_scenario(options.scenario)
     context = scenario.sample(np.random.default_rng(options.seed))
     orientation = None if options.orientation_deg is None else math.radians(options.orientation_deg)
@@ -153,64 +188,9 @@ def _simulate(options: argparse.Namespace) -> int:
         solver=options.solver,
         max_time=scenario.limits.max_time_s,
         max_rebounds=scenario.limits.max_rebounds,
-        record="rebounds" if options.out is None else "trajectory",
+        record=record,
     )
-    launch = descent.launch
-    print(f"{scenario.id}, seed {options.seed}, solver {options.solver}")
-    print(
-        f"slope {math.degrees(context.angle):.2f} deg, friction {context.friction:.3f}, "
-        f"restitution {context.restitution:.3f}"
-    )
-    print(
-        f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
-        f"speed {launch.u:.3f} m/s, clearance {context.drop:.3f} m, fall {0.0 - launch.v:.3f} m/s"
-    )
-    print(_rebound_table(descent))
-    print(_summary(descent))
-    if options.out is not None:
-        _draw(descent, options.out)
-        _progress("simulate")(f"wrote {' and '.join(PICTURES)} into {options.out}")
-    return 0
-
-
-def _rebound_table(descent: Descent) -> str:
-    """One line for each rebound, with the velocities before and after it."""
-    columns = (
-        f"{'#':>3} {'t [s]':>8} {'x [m]':>8} {'where':>5} {'how it ended':>15} "
-        f"{'u [m/s]':>16} {'v [m/s]':>16} {'omega [rad/s]':>18} {'grip':>5} {'loss':>5} stuck"
-    )
-    lines = ["", columns]
-    jam = descent.rebound_jam
-    for i, row in enumerate(descent.rebounds):
-        changes = " ".join(
-            f"{row[f'{name}_before']:z{width}.2f} ->{row[f'{name}_after']:z{width}.2f}"
-            for name, width in (("u", 6), ("v", 6), ("omega", 7))
-        )
-        stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
-        lines.append(
-            f"{i + 1:3d} {row['t']:8.4f} {row['x']:8.4f} {Feature(row['feature']).name.lower():>5} "
-            f"{Mode(row['mode']).name.lower().replace('_', '-'):>15} {changes} "
-            f"{jam.grip[i]:5.2f} {jam.tangential_loss[i]:5.2f} {stuck}".rstrip()
-        )
-    if len(lines) == 2:
-        lines.append("    no rebounds")
-    return "\n".join(lines)
-
-
-def _summary(descent: Descent) -> str:
-    """How the descent ended, its jam metrics and its energy ledger."""
-    jam, energy = descent.jam, descent.energy
-    lines = [
-        "",
-        f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
-        f"jam        progress {float(jam.progress):.4f}, retention {float(jam.retention):.4f}, "
-        f"reward {float(jam.reward):.4f}, jam index {float(jam.jam_index):.4f}",
-        "",
-        "energy [J]",
-        *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),
-        f"  {'residual':<12}{energy.residual:16.1e}",
-    ]
-    return "\n".join(lines)
+    return f"{scenario.id}, seed {options.seed}, solver {options.solver}", descent
 
 
 def _draw(descent: Descent, folder: Path) -> None:

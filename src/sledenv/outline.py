@@ -1,8 +1,9 @@
-"""Where the body is and what it looks like: the geometry that the figures and the renderer share."""
+"""Where the body is, what it looks like and how it is touched: what figures, renderer and replay share."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,9 +11,28 @@ from numpy.typing import ArrayLike
 from sledenv.descent import Descent
 from sledenv.kernel.geometry import arms, feature_at, whole_turns
 from sledenv.kernel.params import Body, State
+from sledenv.kernel.records import Feature, Status
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one
+_HOLD = 0.6  # [s] that an impact stays on the screen at least
+_HARD = (
+    0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
+)
+
+
+class Push(NamedTuple):
+    """What the slope does to the body at one time."""
+
+    number: int  # of the contact, from 0: row of the rebounds
+    place: float  # [m] along the slope where it touches
+    feature: int  # Feature that touches
+    slip: int  # sign of the slip velocity, 0 for an impact, which may run through several
+    spin: int  # sign of the angular velocity, likewise
+    tangential: float  # [N] force, or impulse [N s] if instantaneous
+    normal: float  # [N] or [N s]
+    largest: float  # [N] or [N s] largest normal force of the contact
+    instantaneous: bool  # whether the contact has no duration: an impact of rigid surfaces
 
 
 def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
@@ -83,6 +103,8 @@ def to_world(points: ArrayLike, angle: float) -> np.ndarray:
 def drawable_rows(descent: Descent) -> np.ndarray:
     """Return the rows of the trajectory that can be drawn, at least one: a numerical overflow is left out.
 
+    An impact without duration has two rows, the state before it and the state after.
+
     Raises
     ------
     ValueError
@@ -94,12 +116,25 @@ def drawable_rows(descent: Descent) -> np.ndarray:
     values = np.stack([rows[name] for name in ("t", *State._fields)])
     drawable = (np.abs(values) < _DRAWABLE).all(axis=0)  # False for NaN
     if drawable.any():
-        drawn: np.ndarray = rows[drawable]
-        return drawn
+        return _with_states_before_impacts(rows[drawable], descent.rebounds)
     row = rows[:1].copy()
     for name in ("t", *State._fields):
         row[name] = np.clip(np.nan_to_num(row[name]), -_DRAWABLE, _DRAWABLE)
     return row
+
+
+def _with_states_before_impacts(rows: np.ndarray, rebounds: np.ndarray) -> np.ndarray:
+    impacts = rebounds[rebounds["duration"] == 0.0]
+    places = np.searchsorted(rows["t"], impacts["t"])
+    known = places < len(rows)
+    known[known] = rows["t"][places[known]] == impacts["t"][known]
+    impacts, places = impacts[known], places[known]
+    before = np.zeros(len(impacts), rows.dtype)
+    for name in ("t", "x", "y", "phi"):
+        before[name] = rows[name][places]
+    for rate in State._fields[3:]:
+        before[rate] = impacts[f"{rate}_before"]
+    return np.insert(rows, places, before)
 
 
 def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:
@@ -180,11 +215,113 @@ def contact_spans(descent: Descent, until: float = math.inf) -> np.ndarray:
     begun = descent.rebounds[descent.rebounds["t"] - descent.rebounds["duration"] <= until]
     ends = np.stack([begun["t"] - begun["duration"], np.minimum(begun["t"], until)], axis=-1)
     states = states_at(rows, ends.ravel())
-    places = [_contact_place(descent.body, x, phi) for x, phi in states[:, [0, 2]].tolist()]
+    places = [contact_place(descent.body, x, phi) for x, phi in states[:, [0, 2]].tolist()]
     return np.array(places, dtype=float).reshape(-1, 2)
 
 
-def _contact_place(body: Body, x: float, phi: float) -> float:
-    """Place along the slope [m] of the lowest point of the body."""
+def push_at(descent: Descent, time: float) -> Push | None:
+    """Return what the slope does to the body at ``time`` [s], None in flight.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    time : float
+        An impact without duration is met at its very time alone, where :func:`pace` holds it.
+    """
+    log = descent.rebounds
+    i = int(np.searchsorted(log["t"] - log["duration"], time, side="right")) - 1
+    if i < 0 or time > log["t"][i]:
+        return None
+    rebound = log[i]
+    rows = drawable_rows(descent)
+    state = State._make(states_at(rows, [time])[0].tolist())
+    if rebound["duration"] == 0.0:
+        impulses = (float(rebound["tangential_impulse"]), float(rebound["normal_impulse"]))
+        place = contact_place(descent.body, state.x, state.phi, int(rebound["feature"]))
+        return Push(i, place, int(rebound["feature"]), 0, 0, *impulses, impulses[1], True)
+    within = (rows["t"] >= rebound["t"] - rebound["duration"]) & (rows["t"] <= rebound["t"])
+    rows = rows[within & (rows["feature"] > 0)]
+    if len(rows) == 0:
+        return None
+    row = rows[max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)]
+    tangential, normal = (float(np.interp(time, rows["t"], rows[name])) for name in ("tangential", "normal"))
+    place = contact_place(descent.body, state.x, state.phi, int(row["feature"]))
+    signs = int(row["slip"]), int(row["spin"])
+    return Push(i, place, int(row["feature"]), *signs, tangential, normal, float(rows["normal"].max()), False)
+
+
+def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
+    """Return how fast a descent is shown: at its own rate, but impacts are held until one has seen them.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    speed : float
+        Seconds of the descent in a second of film, > 0; the hold of an impact is the same at any speed.
+
+    Returns
+    -------
+    ndarray, shape (2 n + 2, 2)
+        Columns time in the film and time in the descent [s], neither of which ever decreases; linear in between. A hop
+        lasts as long in the film of a part of a descent as in that of the whole.
+    """
+    end = float(drawable_rows(descent)["t"][-1])
+    log = descent.rebounds
+    impulse = np.nan_to_num(log["normal_impulse"], nan=0.0, posinf=0.0)
+    holds = _HOLD * np.clip(impulse / (_HARD * descent.body.mass), 0.0, 1.0)
+    contacts = np.stack([log["t"] - log["duration"], log["t"]], axis=-1).ravel()
+    times = np.maximum.accumulate(np.concatenate([[0.0], np.clip(np.nan_to_num(contacts), 0.0, end), [end]]))
+    steps = np.diff(times) / speed
+    steps[1::2] = np.maximum(steps[1::2], holds)
+    return np.stack([np.append(0.0, np.cumsum(steps)), times], axis=-1)
+
+
+def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: float = 1.0) -> np.ndarray:
+    """Return the times [s] of the pictures of a film of a descent.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    fps : float
+        Pictures a second, > 0.
+    after : float
+        Leave out what had been shown when the descent was at this time [s]: the films of successive hops are the film
+        of the whole.
+    speed : float
+        As for :func:`pace`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Never decreasing; the last is the end of a descent that has ended.
+    """
+    film, times = pace(descent, speed).T
+    seen = float(np.interp(after, times, film)) if after >= 0.0 else -1.0
+    shown = np.arange(math.floor(seen * fps) + 1 if after >= 0.0 else 0, math.floor(film[-1] * fps) + 1) / fps
+    found: np.ndarray = np.interp(shown, film, times)
+    if descent.status != Status.RUNNING and seen < film[-1] and shown[-1:] != film[-1:]:
+        found = np.append(found, times[-1])
+    return found
+
+
+def contact_place(body: Body, x: float, phi: float, feature: int = Feature.NONE) -> float:
+    """Return where along the slope [m] a feature lies; the lowest point of the body in flight and for both corners.
+
+    Parameters
+    ----------
+    body : Body
+        Its shape.
+    x : float
+        Mass centre [m].
+    phi : float
+        Orientation [rad].
+    feature : Feature
+        What touches.
+    """
     local = phi - whole_turns(phi)
-    return x - arms(body, feature_at(body, local), local)[0]
+    if feature in (Feature.NONE, Feature.CHORD):
+        feature = feature_at(body, local)
+    return x - float(arms(body, feature, local)[0])

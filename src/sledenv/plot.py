@@ -225,7 +225,7 @@ def plot_descent(descent: Descent) -> Figure:
     """
     rows = drawable_rows(descent)
     t = rows["t"]
-    layers = _energy_layers(descent, rows)
+    layers = energy_layers(descent, rows)
     curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
     with _matplotlib().rc_context(_STYLE):
         from matplotlib.figure import Figure
@@ -627,8 +627,8 @@ def _kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
 
 
-def _energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
+def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Return where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
     translation, rotation = _kinetic(descent, rows)
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
@@ -650,8 +650,10 @@ def _energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     """Cumulative losses [J] by hysteresis, sliding and rolling, shape (3, m).
 
-    The rebounds say how much each contact lost; the power of the contact forces says when.
+    The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost
+    in an impact of rigid surfaces, where the kinetic energy falls.
     """
+    falls = -np.diff(sum(_kinetic(descent, rows)))
     a, b = _arms(descent, rows)
     power = np.stack(
         [
@@ -666,7 +668,12 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
         first, last = np.searchsorted(rows["t"], [rebound["t"] - rebound["duration"], rebound["t"]])
         losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
         done = np.cumsum(work[:, first:last], axis=1)
-        spread = np.divide(done, done[:, -1:], out=np.ones_like(done), where=done[:, -1:] > 0.0)
+        if done.size == 0:  # an impact without duration
+            total[:, last + 1 :] += losses[:, None]
+            continue
+        struck = np.arange(done.shape[1]) >= np.argmax(falls[first:last])
+        forced = done[:, -1:] > 0.1 * losses[:, None]
+        spread = np.divide(done, done[:, -1:], out=np.tile(1.0 * struck, (3, 1)), where=forced)
         total[:, first + 1 : last + 1] += losses[:, None] * spread
         total[:, last + 1 :] += losses[:, None]
     return total

@@ -18,6 +18,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
 from sledenv.envs import LAUNCH_ID, register
+from sledenv.envs.render import DescentRenderer
 
 SCENARIOS = sledenv.scenario_names()
 CONTROLS = ("both", "orientation", "spin")
@@ -203,6 +204,64 @@ def test_human_rendering_plays_the_descent_in_a_window():
     env.reset(seed=0)
     env.step(np.zeros(2, np.float32))
     assert env.render() is None
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
+def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call(name):
+    """Oracle: the film of the whole descent, simulated beside the environment."""
+    env = gym.make(name, scenario="ice_drop", render_mode="rgb_array_list")
+    plain = env.unwrapped
+    env.reset(seed=3)
+    shown = env.render()
+    assert len(shown) == 1
+    assert env.render() == []
+    action = np.zeros(env.action_space.shape, np.float32)
+    ended = False
+    while not ended:
+        _, _, terminated, truncated, _ = env.step(action)
+        shown += env.render()
+        assert env.render() == []
+        ended = terminated or truncated
+    context = plain.task.context(plain._context)
+    scenario = plain.task.scenario
+    launch = scenario.launch(context, 0.0, 0.0)
+    body, law, slope = scenario.body(), scenario.law(context), scenario.slope(context)
+    whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, record="trajectory")))
+    assert len(shown) == len(whole) > 60
+    assert all(np.array_equal(*pair) for pair in zip(shown[1:], whole[1:], strict=True))
+    env.reset(seed=4)
+    assert len(env.render()) == 1
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
+def test_ansi_tells_the_launch_and_then_the_rebounds(name):
+    env = gym.make(name, scenario="ice_drop", render_mode="ansi")
+    env.reset(seed=3)
+    launch = env.render()
+    assert launch.startswith("slope ")
+    assert len(launch.splitlines()) == 2
+    info = env.step(np.zeros(env.action_space.shape, np.float32))[4]
+    told = env.render()
+    lines = told.splitlines()
+    first = lines.index(next(line for line in lines if "how it ended" in line)) + 1
+    assert len(info["rebounds"]["t"]) == lines[first:].index("")
+    assert f"status     {info['descent']['status']}" in told
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
+def test_a_snapshot_restores_what_was_shown(name):
+    env = gym.make(name, scenario="ice_drop", render_mode="rgb_array_list").unwrapped
+    env.reset(seed=3)
+    env.render()
+    before = env.snapshot()
+    env.step(np.zeros(env.action_space.shape, np.float32))
+    first = env.render()
+    env.restore(before)
+    env.step(np.zeros(env.action_space.shape, np.float32))
+    assert all(np.array_equal(*pair) for pair in zip(env.render(), first, strict=True))
     env.close()
 
 

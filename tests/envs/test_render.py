@@ -7,17 +7,19 @@ import pickle
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pygame
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.descent import Descent, simulate
-from sledenv.envs.render import HEAVY, SHELL, Camera, DescentRenderer
+from sledenv.descent import Descent, Ride, simulate
+from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
-from sledenv.outline import arc_centre, states_at
+from sledenv.kernel.records import Mode, Status
+from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
@@ -234,13 +236,113 @@ def test_a_window_shows_pictures_until_it_is_closed(renderer: DescentRenderer, d
     assert not pygame.display.get_init()
 
 
-def test_a_descent_is_played_to_its_end(
+def test_a_film_runs_at_the_rate_of_the_descent_but_for_its_impacts(descent: Descent) -> None:
+    """Oracle: in flight a second of film is a second of the descent; a hard impact takes 0.6 s of film."""
+    times = film_times(descent, 100.0)
+    assert times[0] == 0.0
+    assert times[-1] == descent.time
+    begin, end = descent.rebounds["t"][:2] - descent.rebounds["duration"][:2], descent.rebounds["t"][:2]
+    assert np.diff(times[times < begin[0]]) == pytest.approx(0.01)
+    assert np.diff(times[(times > end[0]) & (times < begin[1])]) == pytest.approx(0.01)
+    assert ((times >= begin[0]) & (times <= end[0])).sum() == pytest.approx(60, abs=1)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_the_films_of_hops_are_the_film_of_the_descent(solver: Literal["compliant", "rigid"]) -> None:
+    launch = State(0.0, 1.2, 0.2, 3.0, 0.0, 0.5)
+    whole = simulate(DISC, ICE, HILL, launch, solver=solver, record="trajectory")
+    ride = Ride(DISC, ICE, HILL, launch, solver=solver, record="trajectory")
+    seen, hops = -1.0, []
+    while ride.status == Status.RUNNING:
+        ride.hop()
+        hops.append(film_times(ride.descent(), 30.0, after=seen))
+        seen = ride.time
+    assert len(hops) >= 4
+    assert np.concatenate(hops).tolist() == film_times(whole, 30.0).tolist()
+    assert film_times(whole, 30.0, after=whole.time).tolist() == []
+
+
+def test_gentle_impacts_are_held_for_less_so_that_ever_smaller_bounces_end() -> None:
+    """Oracle: a ball dropped from rest bounces at e^k of its speed; the holds add up to 0.6 s / (1 - e) at most."""
+    ball = simulate(
+        Body(1.0, 0.1, 0.0, 0.004),
+        ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.1, rolling_arm=0.0),
+        Slope(0.0),
+        State(0.0, 0.2, 0.0, 0.0, 0.0, 0.0),
+        solver="rigid",
+        record="trajectory",
+        max_time=2.0,
+    )
+    assert len(ball.rebounds) > 10
+    film = pace(ball)
+    assert (np.diff(film, axis=0) >= 0.0).all()
+    assert 0.6 < film[-1, 0] - ball.time < 0.6 / 0.5 * (1.0 + math.log(5.0, 2.0))
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_the_push_is_what_the_descent_recorded(solver: Literal["compliant", "rigid"]) -> None:
+    """Oracle: inside the friction cone at all times; the rows of the trajectory, or the impulse of the rebound."""
+    hop = simulate(DISC, MAT, HILL, State(0.0, 1.2, 0.2, 3.0, 0.0, 0.5), solver=solver, record="trajectory")
+    rebound = hop.rebounds[0]
+    begin = float(rebound["t"] - rebound["duration"])
+    assert push_at(hop, begin - 1e-6) is None
+    assert push_at(hop, float(rebound["t"]) + 1e-6) is None
+    times = np.linspace(begin, rebound["t"], 2001)
+    pushes = [push for time in times.tolist() if (push := push_at(hop, time)) is not None]
+    assert len(pushes) == 2001
+    normal, tangential = (np.array([getattr(push, name) for push in pushes]) for name in ("normal", "tangential"))
+    assert (np.abs(tangential) <= MAT.friction * normal * (1.0 + 1e-9) + 1e-9).all()
+    assert {push.number for push in pushes} == {0}
+    assert {push.instantaneous for push in pushes} == {solver == "rigid"}
+    if solver == "rigid":
+        assert normal[0] == rebound["normal_impulse"]
+        assert tangential[0] == rebound["tangential_impulse"]
+    else:
+        rows = hop.trajectory[(hop.trajectory["t"] > begin) & (hop.trajectory["t"] < rebound["t"])]
+        assert len(rows) > 10
+        for row in rows:
+            push = push_at(hop, float(row["t"]))
+            assert push is not None
+            assert [push.normal, push.tangential, push.slip] == [row["normal"], row["tangential"], row["slip"]]
+            assert push.normal <= push.largest == rows["normal"].max()
+
+
+def test_force_and_cone_are_drawn_in_contact_alone(renderer: DescentRenderer, descent: Descent) -> None:
+    """Oracle: the arrow leaves the contact point along the force: the edge of the cone, as it slides."""
+    rebound = descent.rebounds[0]
+    peak = float(descent.trajectory["t"][np.argmax(descent.trajectory["normal"])])
+    push = push_at(descent, peak)
+    assert push is not None
+    assert abs(push.tangential) == pytest.approx(descent.law.friction * push.normal)
+    image = renderer.frame(descent, peak)
+    rows, columns = drawn_in(image[100:PANEL], FORCE)  # below the words
+    camera = renderer.camera(descent, peak)
+    foot = camera.pixels(np.array([push.place, 0.0]))
+    lean = math.atan2(push.tangential, push.normal) + descent.slope.angle
+    tip = foot + 0.3 * camera.height * np.array([math.sin(lean), -math.cos(lean)])
+    assert [columns[rows.argmin()], 100 + rows.min()] == pytest.approx(tip, abs=6.0)
+    assert [columns[rows.argmax()], 100 + rows.max()] == pytest.approx(foot, abs=6.0)
+    assert len(drawn_in(image[:100], FORCE)[0]) > 50  # the mode of the contact in words
+    for time in (float(rebound["t"] - rebound["duration"]) - 0.01, float(rebound["t"]) + 0.01):
+        assert len(drawn_in(renderer.frame(descent, time), FORCE)[0]) == 0
+
+
+def test_the_mode_of_the_contact_is_named(renderer: DescentRenderer, descent: Descent) -> None:
+    peak = float(descent.trajectory["t"][np.argmax(descent.trajectory["normal"])])
+    other = descent.rebounds.copy()
+    other["mode"][0] = Mode.STUCK if other["mode"][0] != Mode.STUCK else Mode.SLIDE
+    renamed = renderer.frame(replace(descent, rebounds=other), peak)
+    assert (renamed[:40] != renderer.frame(descent, peak)[:40]).any()
+    assert (renamed[40:] == renderer.frame(descent, peak)[40:]).all()
+
+
+def test_a_film_is_played_to_its_end(
     renderer: DescentRenderer, descent: Descent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: list[np.ndarray] = []
     monkeypatch.setattr(renderer, "show", lambda image: shown.append(image) is None)
-    renderer.play(descent, speed=20.0)
-    assert len(shown) == math.ceil(descent.time * 30 / 20.0) + 1
+    renderer.play(renderer.film(descent, speed=20.0))
+    assert len(shown) == len(film_times(descent, 30, speed=20.0)) > 30
     assert (shown[0] == renderer.frame(descent, 0.0)).all()
     assert (shown[-1] == renderer.frame(descent, descent.time)).all()
 
@@ -248,7 +350,7 @@ def test_a_descent_is_played_to_its_end(
 def test_playing_stops_when_the_window_is_closed(renderer: DescentRenderer, descent: Descent) -> None:
     renderer.show(renderer.frame(descent, 0.0))
     pygame.event.post(pygame.event.Event(pygame.QUIT))
-    renderer.play(descent, speed=0.001)  # an hour otherwise
+    renderer.play(renderer.film(descent, speed=0.001))  # an hour otherwise
 
 
 def test_a_renderer_without_window_can_be_pickled(descent: Descent) -> None:
@@ -265,7 +367,7 @@ def test_wrong_arguments_are_named(renderer: DescentRenderer, descent: Descent) 
     with pytest.raises(ValueError, match="time"):
         renderer.frame(descent, math.nan)
     with pytest.raises(ValueError, match="speed"):
-        renderer.play(descent, speed=0.0)
+        next(renderer.film(descent, speed=0.0))
     with pytest.raises(ValueError, match='record="trajectory"'):
         renderer.frame(simulate(DISC, ICE, HILL, descent.launch), 0.0)
 

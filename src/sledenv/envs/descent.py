@@ -42,7 +42,7 @@ class SledDescent(SledLaunch):
         As for :class:`SledLaunch`; the window shows each hop as it is made.
     """
 
-    _episode = ("_context", "_launch", "_ride")
+    _episode = ("_context", "_launch", "_seen", "_ride")
 
     def __init__(
         self,
@@ -80,19 +80,18 @@ class SledDescent(SledLaunch):
         if self._context is None or (self._ride is not None and self._ride.status != Status.RUNNING):
             raise ResetNeeded("call reset before step: there is no descent under way")
         chosen = checked_actions(self.action_space, [action], 1)
-        start = 0.0
         if self._ride is None:
             launch = self.task.launches(self._context, chosen[:, :-1])
             ride = self.task.ride(self._context, launch, record="trajectory" if self.render_mode else "rebounds")
             ride.hop()
             self._launch, self._ride = launch, ride
         else:
-            ride, start = self._ride, self._ride.time
+            ride = self._ride
             if self.task.scenario.rider is not None:
                 ride.trim(self.task.trims(chosen[0, -1]).item())
             ride.hop()
         if self.render_mode == "human":
-            self._drawing().play(ride.descent(), start=start)
+            self._drawing().play(self._unseen())
         descent = ride.descent()
         batch = descent.as_batch()
         rewards, terminated, truncated = self.task.verdict(batch)

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import copy
 import os
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Contexts, Control, Solver, Task, checked_actions, only_lane
-from sledenv.scenario import Scenario, Split
+from sledenv.scenario import Context, Scenario, Split
+from sledenv.text import setting, story
+
+_NOTHING = -1.0  # [s] before any time of a film
 
 
 class Snapshot(NamedTuple):
@@ -48,8 +53,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         As for :func:`sledenv.load_scenario`.
     control : {"both", "orientation", "spin"}
         What the agent chooses; the rest is a disturbance that it observes.
-    render_mode : {"human", "rgb_array"}, optional
-        A window that plays the descent, or one picture of it.
+    render_mode : {"human", "rgb_array", "rgb_array_list", "ansi"}, optional
+        A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds.
     solver : {"compliant", "rigid"}
         Which contact is simulated, as for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -63,9 +68,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``options={"split": "test"}`` draws the rest from another split.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}
+    metadata = {"render_modes": ["human", "rgb_array", "rgb_array_list", "ansi"], "render_fps": 30}
     action_space: spaces.Box  # type: ignore[assignment]
-    _episode: tuple[str, ...] = ("_context", "_launch")  # attributes that make up a snapshot
+    _episode: tuple[str, ...] = ("_context", "_launch", "_seen")  # attributes that make up a snapshot
 
     def __init__(
         self,
@@ -86,6 +91,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._renderer: DescentRenderer | None = None
         self._context: Contexts | None = None  # one lane
         self._launch: NDArray[np.float64] | None = None  # of the last step; None while a launch is awaited
+        self._seen = _NOTHING  # time [s] up to which the film has been shown
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -110,8 +116,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         draws = self.np_random.random((1, self.task.draws)) if self.task.draws_for(given) else None
         self._context = self.task.begin(given, draws)
         self._launch = None
+        self._seen = _NOTHING
         if self.render_mode == "human":
-            self._show()
+            self._drawing().play(self._unseen())
         return self.task.observe(self._context)[0], only_lane({"context": self.task.context_info(self._context)})
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -130,23 +137,33 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         descent = self.task.descend(self._context, launch)
         self._launch = launch
         if self.render_mode == "human":
-            self._show()
+            self._drawing().play(self._unseen())
         info = self.task.info(self._context, descent.as_batch())
         return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the launch, or of the whole descent after the step: shape (H, W, 3), uint8."""
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
+        """Return what the render mode asks for.
+
+        Returns
+        -------
+        ndarray of uint8, shape (H, W, 3), list of them, str or None
+            "rgb_array": a picture of the launch, or a strobe picture of the descent so far. "rgb_array_list": the
+            pictures, ``metadata["render_fps"]`` a second, of all that has happened since the last call or the reset.
+            "ansi": the launch, and once there is one the descent so far, in words. "human": None, the window is drawn
+            by ``reset`` and ``step``.
+        """
         if self._context is None:
             raise ResetNeeded("call reset before render")
-        if self.render_mode is None:
-            gym.logger.warn("render is called without a render_mode: give one to gym.make")
-            return None
-        if self.render_mode == "human":
-            return None  # drawn by reset and step
-        renderer = self._drawing()
-        if self._launch is None:
-            return self._launch_frame()
-        return renderer.strobe(self._recorded())
+        match self.render_mode:
+            case "rgb_array":
+                return self._launch_frame() if self._launch is None else self._drawing().strobe(self._recorded())
+            case "rgb_array_list":
+                return list(self._unseen())
+            case "ansi":
+                return self._setting() if self._launch is None else story(self._recorded())
+            case None:
+                gym.logger.warn("render is called without a render_mode: give one to gym.make")
+        return None
 
     def snapshot(self) -> Snapshot:
         """Return where the environment stands; what is done with it later does not change the snapshot.
@@ -198,10 +215,16 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return type(self).__name__, task.scenario.hash, task.control, task.solver, *task.noise.tolist()
 
     def _launch_frame(self) -> NDArray[np.uint8]:
-        assert self._context is not None
-        context = self.task.context(self._context)
-        scenario = self.task.scenario
+        scenario, context = self._given()
         return self._drawing().launch_frame(scenario.slope(context), scenario.launch(context))
+
+    def _setting(self) -> str:
+        scenario, context = self._given()
+        return setting(scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context))
+
+    def _given(self) -> tuple[Scenario, Context]:
+        assert self._context is not None
+        return self.task.scenario, self.task.context(self._context)
 
     def _recorded(self) -> Descent:
         """Return the descent with its trajectory."""
@@ -209,9 +232,13 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         assert self._launch is not None
         return self.task.descend(self._context, self._launch, record="trajectory")
 
-    def _show(self) -> None:
-        renderer = self._drawing()
-        if self._launch is None:
-            renderer.show(self._launch_frame())
-        else:
-            renderer.play(self._recorded())
+    def _unseen(self) -> Iterator[NDArray[np.uint8]]:
+        """Draw what has happened since the last call: the launch, or the film of the descent."""
+        seen = self._seen
+        if self._launch is not None:
+            descent = self._recorded()
+            self._seen = descent.time
+            yield from self._drawing().film(descent, after=seen)
+        elif seen == _NOTHING:
+            self._seen = 0.0
+            yield self._launch_frame()

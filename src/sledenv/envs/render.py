@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,17 +12,22 @@ from gymnasium.error import DependencyNotInstalled
 
 from sledenv.descent import Descent
 from sledenv.kernel.params import Body, Slope, State
+from sledenv.kernel.records import Status
 from sledenv.outline import (
+    Push,
     arc_centre,
     body_outline,
     contact_spans,
     drawable_rows,
+    film_times,
     heavy_side,
+    push_at,
     reach,
     states_at,
     strobe_states,
     to_world,
 )
+from sledenv.text import feature_name, mode_name, motion_words, quantity
 
 if TYPE_CHECKING:
     import pygame
@@ -37,12 +43,15 @@ PATH: Colour = (0, 114, 178)
 CONTACT: Colour = (0, 158, 115)
 SHELL: Colour = (246, 199, 163)
 HEAVY: Colour = (213, 94, 0)
+CONE: Colour = (248, 238, 140)
+FORCE: Colour = (160, 30, 110)
 
 _SHARPNESS = 2  # shapes are drawn this many times larger and smoothed down
 _PANEL = 0.1  # of the height: the panel with the numbers, below the picture
 _SMALLEST = (160, 90)  # [px]
 _STROBE_POSES = 18
 _FAR = 20_000.0  # [px] from the middle of a picture
+_CONE_HEIGHT = 0.3  # of the height of the picture; the largest force of a contact is as long
 
 
 class Camera(NamedTuple):
@@ -74,7 +83,7 @@ class DescentRenderer:
     size : tuple of int
         Width and height of the pictures [px], at least 160 x 90.
     fps : int
-        Pictures a second in :meth:`play`, >= 1.
+        Pictures a second of a film, >= 1.
 
     Raises
     ------
@@ -126,8 +135,36 @@ class DescentRenderer:
         past = rows[rows["t"] <= now]
         canvas.path(np.stack([np.append(past["x"], state.x), np.append(past["y"], state.y)], axis=-1))
         canvas.contacts(contact_spans(descent, now))
+        push = push_at(descent, now)
+        if push is not None:
+            canvas.cone(push.place, descent.law.friction)
         canvas.sled(self.body, state, 1.0)
+        if push is not None:
+            canvas.push(push, descent.law.friction, self._reach)
+            canvas.note(*_push_words(descent, push))
         return canvas.picture(_numbers(descent, now, state))
+
+    def film(self, descent: Descent, *, after: float = -1.0, speed: float = 1.0) -> Iterator[np.ndarray]:
+        """Draw a film of a descent at its own rate, in which every impact is held until one has seen it.
+
+        Parameters
+        ----------
+        descent : Descent
+            Simulated with ``record="trajectory"``.
+        after : float
+            Leave out what had been shown when the descent was at this time [s].
+        speed : float
+            Simulated seconds a second outside impacts, > 0.
+
+        Yields
+        ------
+        ndarray of uint8, shape (height, width, 3)
+            Each as :meth:`frame` draws it, ``fps`` of them a second; the last shows the outcome.
+        """
+        if not 0.0 < speed < math.inf:
+            raise ValueError(f"speed = {speed!r}: must be in (0, inf)")
+        for time in film_times(descent, self.fps, after=after, speed=speed).tolist():
+            yield self.frame(descent, time)
 
     def strobe(self, descent: Descent) -> np.ndarray:
         """Draw a whole descent in one picture: the sled at equal intervals of time, the earlier the paler.
@@ -234,26 +271,19 @@ class DescentRenderer:
             self._dismissed = True
         return not self._dismissed
 
-    def play(self, descent: Descent, speed: float = 1.0, start: float = 0.0) -> None:
-        """Show a descent in the window, to its end, or until the user closes it.
+    def play(self, images: Iterable[np.ndarray]) -> None:
+        """Show pictures in the window, ``fps`` of them a second, until there are no more or the user closes it.
 
         Parameters
         ----------
-        descent : Descent
-            Simulated with ``record="trajectory"``.
-        speed : float
-            Simulated seconds a second, > 0.
-        start : float
-            Where to begin [s]; at the launch by default.
+        images : iterable of ndarray of uint8, shape (height, width, 3)
+            As :meth:`film` draws them.
         """
         import pygame
 
-        if not 0.0 < speed < math.inf:
-            raise ValueError(f"speed = {speed!r}: must be in (0, inf)")
         clock = pygame.time.Clock()
-        step = speed / self.fps
-        for i in range(math.ceil((descent.time - start) / step) + 1):
-            if not self.show(self.frame(descent, start + i * step)):
+        for image in images:
+            if not self.show(image):
                 return
             clock.tick(self.fps)
 
@@ -278,6 +308,7 @@ class _Canvas:
         self.surface = pygame.Surface((_SHARPNESS * camera.width, _SHARPNESS * camera.height), 0, 32)
         self.surface.fill(SKY)
         self.labels: list[tuple[str, float, float]] = []  # text, column and row [px] of its middle
+        self.notes: tuple[str, ...] = ()
 
     def points(self, points: np.ndarray) -> list[tuple[float, float]]:
         """Project points onto the enlarged surface; those far outside are pulled in, as pygame counts in C ints."""
@@ -338,6 +369,49 @@ class _Canvas:
             mark = np.array([(begin, 0.0), (begin - wide, -high), (begin + wide, -high)])
             pygame.draw.polygon(self.surface, CONTACT, self.points(mark))
 
+    def cone(self, place: float, friction: float) -> None:
+        """Draw the friction cone over the contact point, to be half covered by the sled."""
+        import pygame
+
+        foot, edges = self.cone_edges(place, friction)
+        pygame.draw.polygon(self.surface, CONE, self.points(np.array([foot, *edges])))
+        column, row = self.camera.pixels(foot + 1.06 * (edges.mean(axis=0) - foot)).tolist()
+        self.labels.append(("friction cone", column, row))
+
+    def cone_edges(self, place: float, friction: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return apex and ends of the two edges of the friction cone, shapes (2,) and (2, 2)."""
+        foot = np.array([place, 0.0])
+        height = _CONE_HEIGHT * self.camera.height / self.camera.scale
+        return foot, foot + height * np.array([(-friction, 1.0), (friction, 1.0)]) / math.hypot(1.0, friction)
+
+    def push(self, push: Push, friction: float, size: float) -> None:
+        """Draw the force as an arrow from the contact point, and over the sled the edges of the cone that holds it.
+
+        A sled of small ``size`` [m] gets a fine arrow, under which it stays visible.
+        """
+        import pygame
+
+        foot, edges = self.cone_edges(push.place, friction)
+        length = _CONE_HEIGHT * self.camera.height / self.camera.scale
+        broad = min(3.0, 0.1 * size * self.camera.scale)
+        for edge in edges:
+            self.line(np.array([foot, edge]), INK, 0.5)
+        if push.largest > 0.0:
+            tip = foot + length * np.array([push.tangential, push.normal]) / push.largest
+            self.line(np.array([foot, tip]), FORCE, broad)
+            along = tip - foot
+            long = float(np.hypot(*along))
+            if long > 0.0:
+                along = along / long * min(3.5 * broad / self.camera.scale, long)
+                across = 0.45 * np.array([-along[1], along[0]])
+                head = np.array([tip + 0.4 * along, tip - along + across, tip - along - across])
+                pygame.draw.polygon(self.surface, FORCE, self.points(head))
+        self.dot(push.place, 0.0, FORCE, broad)
+
+    def note(self, *lines: str) -> None:
+        """Write lines in the upper right corner, where the slope leaves room."""
+        self.notes = lines
+
     def sled(self, body: Body, state: State, strength: float) -> None:
         """Draw the sled; ``strength`` in [0, 1] fades it into the sky."""
         import pygame
@@ -369,6 +443,9 @@ class _Canvas:
         pygame.draw.rect(screen, SNOW, (0, top, width, panel))
         pygame.draw.line(screen, SURFACE, (0, top), (width, top))
         large = pygame.font.Font(None, round(1.35 * small))
+        for i, (line, style) in enumerate(zip(self.notes, (large, font, font), strict=False)):
+            image = style.render(line, True, FORCE if i == 0 else INK)
+            screen.blit(image, image.get_rect(topright=(width - small, round((0.8 + 1.4 * i) * small))))
         for i, (name, value) in enumerate(numbers.items()):
             _write(screen, font, name, PALE, (i + 0.5) * cell, top + 0.3 * panel)
             _write(screen, large, value, INK, (i + 0.5) * cell, top + 0.7 * panel)
@@ -403,12 +480,6 @@ def _write(
     screen.blit(image, image.get_rect(center=(round(column), round(row))))
 
 
-def _number(value: float, unit: str) -> str:
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:z.2f}{unit}" if abs(value) < 1e4 else f"{value:.1e}{unit}"
-
-
 def _motion(time: float, state: State) -> dict[str, str]:
     """What the panel says about the motion, by name."""
     return {
@@ -419,9 +490,26 @@ def _motion(time: float, state: State) -> dict[str, str]:
     }
 
 
+def _number(value: float, unit: str) -> str:
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:z.2f}{unit}" if abs(value) < 1e4 else f"{value:.1e}{unit}"
+
+
+def _push_words(descent: Descent, push: Push) -> tuple[str, ...]:
+    """How the contact will end, what it does now and with which force."""
+    name = f"contact {push.number + 1}, {feature_name(push.feature)}: "
+    available = descent.law.friction * push.normal
+    grip = f"   grip {abs(push.tangential) / available:.2f}" if available > 0.0 else ""
+    mode = mode_name(int(descent.rebounds[push.number]["mode"]))
+    if push.instantaneous:
+        return name + mode, f"impulse {quantity(push.normal, 'N s')}{grip}"
+    return name + mode, motion_words(push.slip, push.spin), f"force {quantity(push.normal, 'N')}{grip}"
+
+
 def _numbers(descent: Descent, time: float, state: State) -> dict[str, str]:
     """What the panel says at ``time`` [s]: the motion and, from the end on, the outcome."""
-    over = time >= descent.time
+    over = time >= descent.time and descent.status != Status.RUNNING
     return _motion(time, state) | {
         "status": str(descent.status) if over else "under way",
         "reward": _number(float(descent.jam.reward), "") if over else "-",

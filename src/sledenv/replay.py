@@ -1,0 +1,178 @@
+"""A descent as one HTML page to scrub through, offline: strobe picture, time series, rebound table."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sledenv.descent import Descent
+from sledenv.kernel.params import State
+from sledenv.outline import (
+    body_outline,
+    contact_place,
+    contact_spans,
+    drawable_rows,
+    heavy_side,
+    pace,
+    push_at,
+    reach,
+    strobe_states,
+)
+from sledenv.plot import energy_layers
+from sledenv.text import REBOUND_COLUMNS, feature_name, mode_name, motion_words, rebound_cells, setting
+
+_DIGITS = 9  # significant, of every number in the page
+_POSES = 12
+_COLUMNS = ("t", *State._fields, "normal", "tangential", "feature", "slip", "spin")
+
+
+def replay_page(descent: Descent, title: str) -> str:
+    """Return the page of a descent, which needs no other file and no network.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    title : str
+        Its heading.
+
+    Raises
+    ------
+    ValueError
+        If the descent has no trajectory.
+    """
+    # "</script>" in a title would end the data.
+    data = json.dumps(_plain(_content(descent, title)), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    page = files("sledenv").joinpath("replay.html").read_text(encoding="utf-8")
+    return page.replace("/*DESCENT*/", data)
+
+
+def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> None:
+    """Write the page of a descent.
+
+    Parameters
+    ----------
+    descent, title
+        As for :func:`replay_page`.
+    file : str or path
+        Its place; replaced if it exists.
+
+    Raises
+    ------
+    OSError
+        If the place cannot be written.
+    ValueError
+        If the descent has no trajectory.
+    """
+    with replacing(file) as scratch:
+        scratch.write_text(replay_page(descent, title), encoding="utf-8")
+
+
+@contextmanager
+def replacing(file: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give an empty file to write, and move it to its place when the block has ended without an error.
+
+    Whatever ends the block early, an interrupt included, leaves nothing behind and ``file`` as it was.
+
+    Raises
+    ------
+    OSError
+        If the place is no HTML file, or cannot be written.
+    """
+    place = Path(file)
+    if place.suffix.lower() not in (".html", ".htm"):
+        raise OSError(f"{place}: must end in .html")
+    if place.is_dir():
+        raise OSError(f"{place} is a folder: name a file in it")
+    if not place.parent.is_dir():
+        raise OSError(f"{place} cannot be written: there is no folder {place.parent}")
+    scratch = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        scratch.touch(exist_ok=False)
+    except OSError as error:
+        raise OSError(f"{place} cannot be written: {error.strerror}") from error
+    try:
+        yield scratch
+        scratch.replace(place)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def _content(descent: Descent, title: str) -> dict[str, Any]:
+    """What the script of the page draws."""
+    body, rows, jam = descent.body, drawable_rows(descent), descent.jam
+    film = pace(descent)
+    columns = {name: rows[name] for name in _COLUMNS}
+    touching = zip(rows["x"].tolist(), rows["phi"].tolist(), rows["feature"].tolist(), strict=True)
+    columns["place"] = np.array([contact_place(body, x, phi, feature) for x, phi, feature in touching])
+    interval = float(rows["t"][-1]) / _POSES
+    poses = strobe_states(body, rows, interval if interval > 0.0 else 1.0)
+    return {
+        "title": title,
+        "setting": setting(body, descent.law, descent.slope, descent.launch),
+        "status": str(descent.status),
+        "outcome": [
+            ("status", str(descent.status)),
+            ("time", f"{descent.time:.3f} s"),
+            ("position", f"{descent.state.x:z.2f} m"),
+            ("reward", f"{float(jam.reward):.3f}"),
+            ("jam index", f"{float(jam.jam_index):.3f}"),
+        ],
+        "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
+        "size": max(reach(body), 1e-6),  # a point mass has none
+        "slope": {"angle": descent.slope.angle, "length": descent.slope.length},  # null without end
+        "friction": descent.law.friction,
+        "motions": [motion_words(slip, spin) for slip in (0, 1) for spin in (0, 1)],
+        "rows": columns,
+        "energy": energy_layers(descent, rows),
+        "film": {"film": film[:, 0], "time": film[:, 1]},
+        "strobe": poses[:, :3],
+        "contacts": _contacts(descent, film),
+        "table": {"columns": REBOUND_COLUMNS, "rows": rebound_cells(descent)},
+    }
+
+
+def _contacts(descent: Descent, film: np.ndarray) -> list[dict[str, Any]]:
+    contacts = []
+    spans = contact_spans(descent)
+    for i, row in enumerate(descent.rebounds):
+        begin, end = film[2 * i + 1 : 2 * i + 3, 1].tolist()
+        push = push_at(descent, end)
+        contacts.append(
+            {
+                "begin": begin,
+                "end": end if row["duration"] > 0.0 else begin,
+                "from": spans[i, 0],
+                "to": spans[i, 1],
+                "place": spans[i, 0] if push is None else push.place,
+                "tangential": row["tangential_impulse"],
+                "normal": row["normal_impulse"],
+                "largest": 0.0 if push is None else push.largest,
+                "feature": feature_name(row["feature"]),
+                "mode": mode_name(row["mode"]),
+            }
+        )
+    return contacts
+
+
+def _plain(value: Any) -> Any:
+    """Turn arrays into lists, round numbers, and put None in place of what is no finite number, as JSON has it."""
+    match value:
+        case dict():
+            return {key: _plain(entry) for key, entry in value.items()}
+        case list() | tuple():
+            return [_plain(entry) for entry in value]
+        case np.ndarray() | np.generic():
+            return _plain(value.tolist())
+        case float():
+            return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+        case _:
+            return value

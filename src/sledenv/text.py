@@ -1,0 +1,105 @@
+"""A descent in words: how it began, its rebounds one by one, how it ended."""
+
+from __future__ import annotations
+
+import math
+
+from sledenv.descent import Descent
+from sledenv.kernel.geometry import support_height
+from sledenv.kernel.params import Body, ContactLaw, Slope, State
+from sledenv.kernel.records import Feature, Mode
+
+
+def feature_name(feature: int) -> str:
+    """Return what touches, such as "arc"; "none" in flight."""
+    return Feature(feature).name.lower()
+
+
+def mode_name(mode: int) -> str:
+    """Return how a contact ended, such as "slip-reversal"."""
+    return Mode(mode).name.lower().replace("_", "-")
+
+
+def motion_words(slip: int, spin: int) -> str:
+    """Return what a contact does at one time, from the signs of its slip and of its spin."""
+    return f"{'slides' if slip else 'sticks'}, {'turns' if spin else 'does not turn'}"
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a quantity with three digits and, where it needs one, a prefix of its unit: "24.1 kN"."""
+    size = abs(value)
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if factor <= size < 1e3 * factor:
+            return f"{value / factor:.3g} {prefix}{unit}"
+    return f"{value:z.3g} {unit}"
+
+
+def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
+    """Return the surface and the launch, one line each."""
+    clearance = launch.y - support_height(body, launch.phi)
+    return (
+        f"slope {math.degrees(slope.angle):.2f} deg, friction {law.friction:.3f}, restitution {law.restitution:.3f}\n"
+        f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
+        f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
+    )
+
+
+REBOUND_COLUMNS = (
+    "#",
+    "t [s]",
+    "x [m]",
+    "where",
+    "how it ended",
+    "u [m/s]",
+    "v [m/s]",
+    "omega [rad/s]",
+    "grip",
+    "loss",
+    "stuck",
+)
+_WIDTHS = (3, 8, 8, 5, 15, 15, 15, 17, 5, 5, 0)
+
+
+def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
+    """Return the cells of the table of rebounds, a row each, with the velocities before and after it."""
+    jam = descent.rebound_jam
+    rows = []
+    for i, row in enumerate(descent.rebounds):
+        changes = (
+            f"{row[f'{name}_before']:z.2f} ->{row[f'{name}_after']:z{width}.2f}"
+            for name, width in (("u", 6), ("v", 6), ("omega", 7))
+        )
+        stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
+        place = f"{row['t']:.4f}", f"{row['x']:.4f}", feature_name(row["feature"]), mode_name(row["mode"])
+        rows.append((f"{i + 1}", *place, *changes, f"{jam.grip[i]:.2f}", f"{jam.tangential_loss[i]:.2f}", stuck))
+    return rows
+
+
+def rebound_table(descent: Descent) -> str:
+    """Return a header and one line for each rebound."""
+    lines = [
+        " ".join(f"{cell:>{width}}" for cell, width in zip(row, _WIDTHS, strict=True)).rstrip()
+        for row in (REBOUND_COLUMNS, *rebound_cells(descent))
+    ]
+    return "\n".join(lines if len(lines) > 1 else [*lines, "    no rebounds"])
+
+
+def summary(descent: Descent) -> str:
+    """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
+    jam, energy = descent.jam, descent.energy
+    lines = [
+        f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
+        f"jam        progress {float(jam.progress):.4f}, retention {float(jam.retention):.4f}, "
+        f"reward {float(jam.reward):.4f}, jam index {float(jam.jam_index):.4f}",
+        "",
+        "energy [J]",
+        *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),
+        f"  {'residual':<12}{energy.residual:16.1e}",
+    ]
+    return "\n".join(lines)
+
+
+def story(descent: Descent) -> str:
+    """Return setting, rebounds and outcome of a descent, with blank lines between them."""
+    begin = setting(descent.body, descent.law, descent.slope, descent.launch)
+    return "\n\n".join([begin, rebound_table(descent), summary(descent)])

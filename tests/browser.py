@@ -1,0 +1,90 @@
+"""A headless Chromium driven over the WebDriver protocol, which needs no package: chromium and chromedriver do."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the key of an element's id: W3C WebDriver, section 12
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMEDRIVER = shutil.which("chromedriver")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1280,1400",
+)
+_LOCAL = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+
+
+class Browser:
+    """One tab; an element is named by its CSS selector."""
+
+    def __init__(self, session: str) -> None:
+        self.session = session
+
+    def open(self, file: Path) -> None:
+        _call("POST", f"{self.session}/url", {"url": file.resolve().as_uri()})
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """Value that a script returns."""
+        return _call("POST", f"{self.session}/execute/sync", {"script": script, "args": list(arguments)})
+
+    def text(self, selector: str) -> str:
+        return str(_call("GET", f"{self._find(selector)}/text"))
+
+    def click(self, selector: str) -> None:
+        _call("POST", f"{self._find(selector)}/click", {})
+
+    def press(self, selector: str, keys: str) -> None:
+        _call("POST", f"{self._find(selector)}/value", {"text": keys})
+
+    def log(self) -> list[str]:
+        """Messages of the console since the last call: errors of the script and refused requests."""
+        return [entry["message"] for entry in _call("POST", f"{self.session}/se/log", {"type": "browser"})]
+
+    def _find(self, selector: str) -> str:
+        found = _call("POST", f"{self.session}/element", {"using": "css selector", "value": selector})
+        return f"{self.session}/element/{found[ELEMENT]}"
+
+
+@contextmanager
+def browser(folder: Path) -> Iterator[Browser]:
+    """Start a Chromium whose profile lies in ``folder``, and end it."""
+    assert CHROMIUM is not None
+    assert CHROMEDRIVER is not None
+    options = {"binary": CHROMIUM, "args": [*FLAGS, f"--user-data-dir={folder}"]}
+    wanted = {"browserName": "chrome", "goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
+    with subprocess.Popen(
+        [CHROMEDRIVER, "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ
+    ) as driver:
+        assert driver.stdout is not None
+        session = None
+        try:
+            started = next(line for line in driver.stdout if "started successfully on port" in line)
+            server = f"http://127.0.0.1:{int(started.rstrip().rstrip('.').split()[-1])}/session"
+            session = f"{server}/{_call('POST', server, {'capabilities': {'alwaysMatch': wanted}})['sessionId']}"
+            yield Browser(session)
+        finally:
+            if session is not None:
+                _call("DELETE", session)
+            driver.terminate()
+
+
+def _call(method: str, url: str, content: dict[str, Any] | None = None) -> Any:
+    data = None if content is None else json.dumps(content).encode()
+    request = urllib.request.Request(url, data, {"Content-Type": "application/json"}, method=method)
+    with _LOCAL.open(request, timeout=60) as answer:
+        return json.load(answer)["value"]
