@@ -664,8 +664,8 @@ def simulate_blocks(
     block : int
         Launches simulated at a time, >= 1.
     keep_rebounds : bool
-        Give the logs too, block * max_rebounds records of 144 bytes at a time: 147 MB by default, and as much again while
-        the caller still holds the block before.
+        Give the logs too, block * max_rebounds records of 144 bytes at a time: 147 MB by default, and as much again
+        while the caller still holds the block before.
 
     Yields
     ------
