@@ -668,7 +668,7 @@ def simulate_blocks(
     slope: Slopes,
     states: ArrayLike,
     *,
-    block: int = _BLOCK,
+    block: int = 1024,
     solver: BatchSolver = "compliant",
     max_time: float = 60.0,
     max_rebounds: int = 1000,
@@ -685,7 +685,8 @@ def simulate_blocks(
     block : int
         Launches simulated at a time, >= 1.
     keep_rebounds : bool
-        Give the logs too, block * max_rebounds records of 144 bytes at a time.
+        Give the logs too, block * max_rebounds records of 144 bytes at a time: 147 MB by default, and as much again
+        while the caller still holds the block before.
 
     Yields
     ------
