@@ -9,7 +9,7 @@ from numba import prange
 
 from sledenv.kernel.flight import finish_time, touchdown_time
 from sledenv.kernel.geometry import arms, feature_at, lowest_support, whole_turns
-from sledenv.kernel.jit import kernel, parallel_kernel
+from sledenv.kernel.jit import inlined, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
@@ -220,7 +220,7 @@ def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros((ROWS, TERMS)), np.zeros(Z_ROWS), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
-@kernel
+@inlined
 def hop(
     body: Body,
     law: Law,

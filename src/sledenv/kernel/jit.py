@@ -33,6 +33,11 @@ def kernel(function: _F) -> _F:
     return cast(_F, _cached(numba.njit(**_OPTIONS)(function)))
 
 
+def inlined(function: _F) -> _F:
+    """Write a kernel into its callers: compiled by itself, it would have all that it calls compiled once more."""
+    return cast(_F, _cached(numba.njit(inline="always", **_OPTIONS)(function)))
+
+
 def parallel_kernel(function: _F) -> _F:
     """Compile a kernel whose outer ``prange`` loop is shared between threads."""
     return cast(_F, _cached(numba.njit(parallel=True, **_OPTIONS)(function)))

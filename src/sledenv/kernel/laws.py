@@ -10,7 +10,7 @@ from numba.extending import overload
 
 from sledenv.kernel.chord import ONE_CORNER, chord_contact
 from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
-from sledenv.kernel.jit import kernel
+from sledenv.kernel.jit import inlined
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
 from sledenv.kernel.records import TUMBLED
 from sledenv.kernel.rigid import strike
@@ -22,7 +22,7 @@ Law = ContactLaw | RigidLaw
 MOST_IDLE = 30
 
 
-@kernel
+@inlined
 def _compliant_touch(
     body: Body,
     law: ContactLaw,
