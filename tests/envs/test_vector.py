@@ -403,6 +403,17 @@ def test_gymnasiums_vector_wrappers_run_on_it():
     _, rewards, *_, infos = env.step(env.action_space.sample())
     assert [info["episode"]["r"] for info in infos] == rewards.tolist()
     assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
+    env = RecordEpisodeStatistics(native(8, AutoresetMode.SAME_STEP, DESCENT_ID))
+    env.reset(seed=0)
+    lengths = np.zeros(8, int)
+    for _ in range(30):
+        _, rewards, terminated, truncated, infos = env.step(env.action_space.sample())
+        lengths += 1
+        ended = terminated | truncated
+        if ended.any():
+            assert infos["episode"]["r"][ended].tolist() == rewards[ended].tolist()
+            assert infos["episode"]["l"][ended].tolist() == lengths[ended].tolist()
+        lengths[ended] = 0
 
 
 class Session(RuleBasedStateMachine):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sledenv.kernel.geometry import (
     arms,
+    directions,
     feature_at,
     feature_geometry,
     has_corners,
@@ -156,3 +157,18 @@ def test_lowest_support_is_the_least_height_over_all_poses(body: Body) -> None:
     """Oracle: 40001 poses, flat or on the chord included."""
     heights = support(body, np.append(np.linspace(-math.pi, math.pi, 40001), [0.0, math.pi]))
     assert lowest_support(body) == pytest.approx(heights.min(), abs=1e-9)
+
+
+def test_a_direction_does_not_depend_on_how_many_there_are():
+    """Oracle: math, one by one."""
+    angles = np.random.default_rng(0).uniform(-1e3, 1e3, 1001)
+    for some in (angles, angles[:1], angles[500:507]):
+        cosine, sine = directions(some.copy())
+        assert cosine.tolist() == [math.cos(angle) for angle in some.tolist()]
+        assert sine.tolist() == [math.sin(angle) for angle in some.tolist()]
+
+
+@pytest.mark.jit_only
+def test_an_infinite_angle_has_no_direction():
+    cosine, sine = directions(np.array([0.0, np.inf, -np.inf, np.nan]))
+    assert np.isnan(cosine).tolist() == np.isnan(sine).tolist() == [False, True, True, True]

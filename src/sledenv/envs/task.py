@@ -5,6 +5,7 @@ Contexts, observations, actions and launches are arrays with one row a lane; the
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple, get_args
@@ -44,7 +45,7 @@ _CONTROLLED: dict[str, tuple[str, ...]] = {
     "spin": ("spin",),
 }
 _DISTURBED = [Context._fields.index("orientation"), Context._fields.index("spin")]
-_GIVEN_UP = (TIMEOUT, LOG_FULL, STEP_BUDGET)
+_TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
 _STATUS = np.array([str(status) for status in STATUS_OF_CODE], dtype=object)
 
 
@@ -194,7 +195,7 @@ class Task:
         if self.draws == FIELDS:
             return contexts
         # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
-        length = np.sqrt(-2.0 * np.log1p(-draws[:, FIELDS]))
+        length = np.sqrt([-2.0 * math.log1p(-draw) for draw in draws[:, FIELDS].tolist()])
         cosine, sine = directions(2.0 * np.pi * draws[:, FIELDS + 1])
         return np.column_stack([contexts, self.noise[0] * length * cosine, self.noise[1] * length * sine])
 
@@ -332,7 +333,7 @@ class Task:
         """
         status = batch.outcomes["status"]
         ended = status != RUNNING
-        truncated = np.isin(status, _GIVEN_UP)
+        truncated = _TRUNCATED[status]
         return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
 
     def info(self, contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
