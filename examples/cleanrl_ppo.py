@@ -118,8 +118,8 @@ def train(args: Arguments) -> Agent:
             observations[t] = torch.as_tensor(next_observation)
             with torch.no_grad():
                 policy = agent.policy(observations[t])
-                actions[t] = policy.sample()
-                logprobs[t] = policy.log_prob(actions[t]).sum(-1)
+                actions[t] = policy.sample()  # type: ignore[no-untyped-call]
+                logprobs[t] = policy.log_prob(actions[t]).sum(-1)  # type: ignore[no-untyped-call]
                 values[t] = agent.value(observations[t])
             next_observation, reward, terminated, truncated, _ = envs.step(actions[t].clamp(-1.0, 1.0).numpy())
             ended = terminated | truncated
@@ -141,7 +141,7 @@ def train(args: Arguments) -> Agent:
         for _ in range(args.update_epochs):
             for rows in np.array_split(rng.permutation(steps * lanes), args.num_minibatches):
                 seen, chosen, old_logprob, advantage, target = (column[rows] for column in batch)
-                ratio = (agent.policy(seen).log_prob(chosen).sum(-1) - old_logprob).exp()
+                ratio = (agent.policy(seen).log_prob(chosen).sum(-1) - old_logprob).exp()  # type: ignore[no-untyped-call]
                 advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
                 clipped = ratio.clamp(1.0 - args.clip_coef, 1.0 + args.clip_coef)
                 policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()

@@ -11,8 +11,6 @@ import minari
 from minari import DataCollector, MinariDataset, StepDataCallback
 
 
-
-
 class ContextOnly(StepDataCallback):  # type: ignore[misc]  # Minari has no types
     """Keep the context of the info: Minari wants the same entries at every step, the reset included."""
 

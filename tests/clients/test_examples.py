@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 from examples import cleanrl_ppo
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 
+
 @pytest.fixture(autouse=True)
 def _torch_threads():
     threads = torch.get_num_threads()
@@ -59,6 +60,13 @@ def test_spawned_workers_give_what_one_process_gives(name):
             assert equal(one.step(action), other.step(action))
     finally:
         other.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
+def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
+    """Oracle: DummyVecEnv, info included."""
+    make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")
     dummy, spawned = DummyVecEnv([make] * 2), SubprocVecEnv([make] * 2, start_method="spawn")
     try:
         for env in (dummy, spawned):
@@ -75,8 +83,9 @@ def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
     make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario="ice_drop", disable_env_checker=True)
     env = AsyncVectorEnv([make], context="spawn")
     env.reset(seed=0)
-    with pytest.raises(InvalidAction, match=r"action = \[2.0, 0.0\]: must be within \[-1.0, 1.0\]"), pytest.warns(
-        UserWarning
+    with (
+        pytest.raises(InvalidAction, match=r"action = \[2.0, 0.0\]: must be within \[-1.0, 1.0\]"),
+        pytest.warns(UserWarning, match="Shutting it down"),
     ):
         env.step(np.array([[2.0, 0.0]], np.float32))
     env.close(terminate=True)
