@@ -3,10 +3,12 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
+CLIENTS ?= .venv-clients
+CLIENTS_STAMP = $(CLIENTS)/.installed
 BENCH_STAMP = $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench bench-instructions test test-slow test-nojit lint clean-cache clean
+.PHONY: help install demo bench bench-instructions clients test test-slow test-nojit lint clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -49,6 +51,17 @@ bench: $(BENCH_STAMP) ## run the benchmarks and write docs/performance.md (BENCH
 bench-instructions: $(STAMP) ## count instructions a hop with valgrind (UPDATE=--update sets the baseline)
 	$(BIN)/python -m benchmarks.instructions $(UPDATE)
 
+# RLlib fixes the version of gymnasium, so these clients have an environment of their own in which it is not pinned.
+$(CLIENTS_STAMP): pyproject.toml constraints.txt
+	@echo "Creating $(CLIENTS): Ray, rl-baselines3-zoo, Minari and JAX are large, so this takes some minutes"
+	@$(PYTHON) -m venv $(CLIENTS)
+	@$(CLIENTS)/bin/python -m pip install --disable-pip-version-check -q \
+		-c <(grep -v '^gymnasium==' constraints.txt) -e '.[dev,minari,ray,zoo]'
+	@touch $@
+
+clients: $(CLIENTS_STAMP) ## install the clients of docs/clients.md in .venv-clients and run their tests
+	$(CLIENTS)/bin/python -m pytest -q tests/clients
+
 lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -59,5 +72,5 @@ clean-cache: ## remove the compiled kernels and byte code
 	find src agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
-	rm -rf $(VENV) build dist src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
+	rm -rf $(VENV) $(CLIENTS) build dist src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
 		.pytest_cache .ruff_cache

@@ -1,0 +1,130 @@
+"""Clients that need only what the other tests need: the single-file PPO, and workers that are started anew."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium.error import InvalidAction
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+from examples import cleanrl_ppo
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+
+
+@pytest.fixture(autouse=True)
+def _torch_threads():
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+def equal(one, other) -> bool:
+    return data_equivalence(one, other, exact=True)
+
+
+def actions(env, steps: int, lanes: int) -> np.ndarray:
+    shape = (steps, lanes, *env.action_space.shape)
+    return np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
+
+
+def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
+    """Oracle: its own untrained policy on the same held-out contexts; a second run for the repetition."""
+    arguments = cleanrl_ppo.Arguments()
+    torch.manual_seed(arguments.seed)
+    before = cleanrl_ppo.evaluate(cleanrl_ppo.Agent(8, 2), arguments)
+    short = ["--total-timesteps", "6144"]
+    score = cleanrl_ppo.main(short)
+    progress = capsys.readouterr().out.splitlines()
+    assert len(progress) == 6144 // 512 + 1
+    assert score > before + 0.1
+    assert cleanrl_ppo.main(short) == score
+
+
+@pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
+def test_spawned_workers_give_what_one_process_gives(name):
+    """Oracle: SyncVectorEnv and DummyVecEnv, info included."""
+    make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")  # importable in a process that knows no sledenv
+    one, other = SyncVectorEnv([make] * 2), AsyncVectorEnv([make] * 2, context="spawn")
+    try:
+        assert equal(one.reset(seed=3), other.reset(seed=3))
+        for action in actions(make(), 12, 2):
+            assert equal(one.step(action), other.step(action))
+    finally:
+        other.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
+def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
+    """Oracle: DummyVecEnv, info included."""
+    make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")
+    dummy, spawned = DummyVecEnv([make] * 2), SubprocVecEnv([make] * 2, start_method="spawn")
+    try:
+        for env in (dummy, spawned):
+            env.seed(3)
+        assert equal(dummy.reset(), spawned.reset())
+        for action in actions(make(), 12, 2):
+            seen, rewards, dones, infos = spawned.step(action)  # rewards in double precision, infos as a tuple
+            assert equal(dummy.step(action), (seen, rewards.astype(np.float32), dones, list(infos)))
+    finally:
+        spawned.close()
+
+
+def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
+    make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario="ice_drop", disable_env_checker=True)
+    env = AsyncVectorEnv([make], context="spawn")
+    env.reset(seed=0)
+    with (
+        pytest.raises(InvalidAction, match=r"action = \[2.0, 0.0\]: must be within \[-1.0, 1.0\]"),
+        pytest.warns(UserWarning, match="Shutting it down"),
+    ):
+        env.step(np.array([[2.0, 0.0]], np.float32))
+    env.close(terminate=True)
+
+
+ROLLOUT = """
+import gymnasium as gym, numpy as np
+for name in ("SledLaunch", "SledDescent"):
+    env = gym.make(f"sledenv:sledenv/{name}-v0", scenario="ice_drop")
+    rng = np.random.default_rng(0)
+    for seed in range(2):
+        values = [env.reset(seed=seed)[0]]
+        ended = False
+        while not ended:
+            action = rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)
+            observation, reward, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+            values += [observation, [reward, info["descent"]["time"], len(info["rebounds"]["t"])]]
+        print(" ".join(float(x).hex() for x in np.concatenate(values)), info["descent"]["status"])
+"""
+
+
+def rollout(**variables: str) -> list[list[str]]:
+    command = [sys.executable, "-W", "error", "-c", ROLLOUT]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=dict(os.environ) | variables)
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+@pytest.mark.slow
+def test_the_cache_changes_nothing_and_plain_python_no_more_than_rounding(tmp_path):
+    """Oracle: a process that compiles everything anew, one that loads what it wrote, and one that compiles nothing.
+
+    Compiled code contracts a product and a sum into one rounding, so plain Python differs in the last digits.
+    """
+    fresh, cached = (rollout(NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
+    assert fresh == cached
+    plain = rollout(NUMBA_DISABLE_JIT="1")
+    assert [len(episode) for episode in plain] == [len(episode) for episode in fresh]
+    for one, other in zip(fresh, plain, strict=True):
+        assert one[-1] == other[-1]
+        compiled, interpreted = ([float.fromhex(x) for x in episode[:-1]] for episode in (one, other))
+        assert interpreted == pytest.approx(compiled, rel=1e-6, abs=1e-6)
