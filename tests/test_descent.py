@@ -606,7 +606,9 @@ def test_blocks_share_no_memory_and_may_be_left_in_the_middle() -> None:
     assert np.array_equal(np.concatenate([part.rebounds for part in taken]), whole.rebounds)
 
 
-def test_an_interrupt_takes_effect_between_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_takes_effect_between_blocks(
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
     """Oracle: the number of blocks run; those handed out before are whole, and a batch is not handed out at all."""
     _, _, states = mixed_lanes()
     whole = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
@@ -621,6 +623,8 @@ def test_an_interrupt_takes_effect_between_blocks(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(descent_module, "descend_batch", interrupted)
     monkeypatch.setattr(descent_module, "_BLOCK", 4)
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     with pytest.raises(KeyboardInterrupt):
         simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
     assert runs == 3
