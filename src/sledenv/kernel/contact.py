@@ -177,28 +177,40 @@ def _choose_branch(
 
 
 @kernel
-def _tell(
+def _introduce(
     body: Body,
-    geometry: tuple[float, float, float],
+    pair: Pair,
     slope: Slope,
     feature: int,
-    mu: float,
-    rho: float,
-    stiffness: float,
-    state: np.ndarray,
+    geometry: tuple[float, float, float],
+    arm: float,
     z: np.ndarray,
 ) -> None:
-    """Write what the series of a step need."""
+    """Write what the series need and does not change until another feature touches."""
     h, r, shift = geometry
     z[Z_PER_MASS] = 1.0 / body.mass
     z[Z_PER_INERTIA] = 1.0 / body.inertia
     z[Z_H] = h
     z[Z_R] = r
-    z[Z_MU] = mu
-    z[Z_RHO] = rho
-    z[Z_STIFFNESS] = stiffness
     z[Z_INWARD] = slope.gravity * math.cos(slope.angle)
     z[Z_DOWNHILL] = slope.gravity * math.sin(slope.angle)
+    z[Z_FRICTION] = pair.friction
+    z[Z_ARM] = arm
+    z[Z_OTHER], z[Z_SINE], z[Z_COSINE] = other_corner(body, feature, shift)
+
+
+@kernel
+def _tell(
+    pair: Pair, feature: int, shift: float, gap_rate: int, slip: int, spin: int, state: np.ndarray, z: np.ndarray
+) -> None:
+    """Write what the series of one step need besides."""
+    depth = -state[GAP]
+    rigid = pair.k_closing == math.inf
+    z[Z_MU] = -slip * z[Z_FRICTION]
+    z[Z_RHO] = -spin * z[Z_ARM]
+    z[Z_STIFFNESS] = pair.k_closing if gap_rate < 0 else pair.k_opening
+    z[Z_LEAST] = pair.k_opening * depth
+    z[Z_LARGEST] = math.inf if rigid else pair.k_closing * depth
     z[Z_THETA] = state[PHI] + shift
     z[Z_X] = state[X]
     z[Z_PHI] = state[PHI]
@@ -206,7 +218,8 @@ def _tell(
     z[Z_V_N] = state[V_N]
     z[Z_V_T] = state[V_T]
     z[Z_OMEGA] = state[OMEGA]
-    z[Z_OTHER], z[Z_SINE], z[Z_COSINE] = other_corner(body, feature, shift, state[PHI])
+    if feature == ARC:
+        z[Z_SINE] = math.copysign(z[Z_SINE], state[PHI])  # of its two ends the one that is further away
 
 
 @kernel
@@ -331,7 +344,7 @@ def drop_pull(velocity: np.ndarray, sign: int) -> int:
 
 
 @kernel
-def _advance(mu: float, rho: float, slip: int, spin: int, z: np.ndarray, state: np.ndarray) -> None:
+def _advance(slip: int, spin: int, z: np.ndarray, state: np.ndarray) -> None:
     """Move the state, the impulses and the losses to the end of the step."""
     state[TIME] += z[Z_STEP] * z[Z_UNIT]
     state[X] = z[E_X]
@@ -341,13 +354,13 @@ def _advance(mu: float, rho: float, slip: int, spin: int, z: np.ndarray, state: 
     state[V_T] = z[E_V_T]
     state[OMEGA] = z[E_OMEGA]
     state[IMPULSE_N] += z[E_NORMAL]
-    state[IMPULSE_T] += mu * z[E_NORMAL] if slip != 0 else z[E_FORCE]
-    state[IMPULSE_R] += rho * z[E_NORMAL] if spin != 0 else z[E_MOMENT]
+    state[IMPULSE_T] += z[Z_MU] * z[E_NORMAL] if slip != 0 else z[E_FORCE]
+    state[IMPULSE_R] += z[Z_RHO] * z[E_NORMAL] if spin != 0 else z[E_MOMENT]
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
     if slip != 0:
-        state[SLIDING] += max(-mu * z[E_SLIP], 0.0)
+        state[SLIDING] += max(-z[Z_MU] * z[E_SLIP], 0.0)
     if spin != 0:
-        state[ROLLING] += max(-rho * z[E_SPIN], 0.0)
+        state[ROLLING] += max(-z[Z_RHO] * z[E_SPIN], 0.0)
 
 
 @kernel
@@ -443,6 +456,7 @@ def contact(
     state[PHI] -= shift_turn
     geometry = feature_geometry(body, feature)
     arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
+    _introduce(body, pair, slope, feature, geometry, arm, z)
     size = body.radius + body.eccentricity
     rigid = pair.k_closing == math.inf
     scale = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
@@ -477,9 +491,7 @@ def contact(
             status = STEP_BUDGET
             break
         steps += 1
-        stiffness = pair.k_closing if gap_rate < 0 else pair.k_opening
-        mu, rho = -slip * pair.friction, -spin * arm
-        _tell(body, geometry, slope, feature, mu, rho, stiffness, state, z)
+        _tell(pair, feature, geometry[2], gap_rate, slip, spin, state, z)
         expected = NOTHING
         if gap_rate == 0:
             z[Z_UNIT] = _settled_unit(size, slope.gravity, state[OMEGA])
@@ -509,8 +521,6 @@ def contact(
             break
         depth = -state[GAP]
         z[Z_MOST] = step
-        z[Z_LEAST], z[Z_LARGEST] = pair.k_opening * depth, math.inf if rigid else pair.k_closing * depth
-        z[Z_FRICTION], z[Z_ARM] = pair.friction, arm
         event, sign_after = _take_step(
             body,
             feature,
@@ -539,7 +549,7 @@ def contact(
             )
         step = z[Z_STEP] * z[Z_UNIT]
         stalled = 0 if state[TIME] + step > state[TIME] else stalled + 1
-        _advance(mu, rho, slip, spin, z, state)
+        _advance(slip, spin, z, state)
         if event == SEPARATION:
             state[GAP] = 0.0
         if gap_rate > 0:
@@ -603,6 +613,7 @@ def contact(
             state[PHI] = math.copysign(body.half_angle, state[PHI])
             geometry = feature_geometry(body, feature)
             arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
+            _introduce(body, pair, slope, feature, geometry, arm, z)
             at_edge = 1
             choose = True
     state[PHI] += turns

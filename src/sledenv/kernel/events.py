@@ -109,24 +109,24 @@ def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing
 
 
 @kernel
-def other_corner(body: Body, feature: int, shift: float, phi: float) -> tuple[float, float, float]:
+def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, float]:
     """What the gap of the corner on the other side has over that of the feature: docs/physics.md, section 8.2.
 
     Returns
     -------
     tuple of float
         A constant [m], and the factors of sine and cosine of ``phi + shift``; inf, 0, 0 where no corner can come down.
+        Where the arc touches, the factor of the sine is that for ``phi > 0``; it changes its sign with ``phi``.
     """
     if not has_corners(body):
         return math.inf, 0.0, 0.0
+    across = body.radius * math.sin(body.half_angle)
     if feature == ARC:
         if body.half_angle <= 0.5 * math.pi:
             return math.inf, 0.0, 0.0
         # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
-        side = 1.0 if phi > 0.0 else -1.0
-        r = body.radius
-        return r, side * r * math.sin(body.half_angle), -r * math.cos(body.half_angle)
-    reach = 2.0 * body.radius * math.sin(body.half_angle) * (1.0 if feature == TAIL else -1.0)
+        return body.radius, across, -body.radius * math.cos(body.half_angle)
+    reach = 2.0 * across * (1.0 if feature == TAIL else -1.0)
     return 0.0, reach * math.cos(shift), -reach * math.sin(shift)
 
 

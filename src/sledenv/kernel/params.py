@@ -34,6 +34,8 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
         If ``value`` is NaN or outside the range.
     """
     accepts, allowed = rule
+    if type(value) is float and accepts(value):
+        return value
     try:
         if isinstance(value, str | bytes) or getattr(value, "dtype", np.dtype(float)).kind not in "biuf":
             raise TypeError

@@ -91,11 +91,6 @@ def absolute(a: Any) -> Any:
     return a.call("llvm.fabs") if isinstance(a, _Value) else np.abs(a)
 
 
-def root(a: Any) -> Any:
-    """Square root; NaN for a negative number."""
-    return a.call("llvm.sqrt") if isinstance(a, _Value) else np.sqrt(a)
-
-
 def nearest(a: Any) -> Any:
     """Round to the nearest integer, half to even."""
     return a.call("llvm.rint") if isinstance(a, _Value) else np.rint(a)
@@ -113,11 +108,6 @@ def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
 def smaller(a: Any, b: Any) -> Any:
     """Return the smaller of two; ``b`` if one of them is not a number."""
     return where_less(a, b, a, b)
-
-
-def larger(a: Any, b: Any) -> Any:
-    """Return the larger of two; ``b`` if one of them is not a number."""
-    return where_less(b, a, a, b)
 
 
 def total(terms: Sequence[Any]) -> Any:
