@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 from tqdm import tqdm
 
-from agents.problem import Problem
+from sledenv.benchmark.problem import Problem
 
 _FILE = "action.yaml"
 
 
-class BestFixed:
+class Agent:
     """Always takes the one action that did best on the training contexts."""
 
     def __init__(self, action: ArrayLike) -> None:
@@ -37,11 +37,11 @@ class BestFixed:
             Where the action is kept.
         """
         contexts = problem.contexts("train", settings["contexts"], seed)
-        count = settings["n_timesteps"] // len(contexts)
+        count = settings["n_timesteps"] // problem.trials(contexts)[..., 0].size
         sequence = qmc.Sobol(problem.actions, rng=np.random.default_rng(seed))
         candidates = 2.0 * sequence.random_base2(max(1, (count - 1).bit_length()))[:count] - 1.0
         rewards = [
-            float(problem.descend(contexts, np.tile(candidate, (len(contexts), 1))).jam.reward.mean())
+            float(problem.expect(contexts, np.tile(candidate, (len(contexts), 1, 1))).mean())
             for candidate in tqdm(candidates, desc="best-fixed", unit="candidate")
         ]
         agent = cls(candidates[int(np.argmax(rewards))])

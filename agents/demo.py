@@ -12,15 +12,16 @@ import matplotlib as mpl
 import numpy as np
 
 from agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
-from agents.problem import Agent, Problem
-from agents.sac import Sac
-from agents.train import load_run, run_folder, train
+from agents.sac import Agent as Sac
+from agents.train import run_folder, train, trained
 from sledenv import Descent
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.runs import load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot import plot_strobe
 
 SCENARIO = "brake_mat"
-ALGORITHMS = ("zero", "random", "best_fixed", "sac")
+ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
 
 
 def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, path: Path) -> None:
@@ -54,24 +55,25 @@ def main(arguments: list[str] | None = None) -> int:
     mpl.use("Agg")
     start = time.perf_counter()
     given.out.mkdir(parents=True, exist_ok=True)
+    problem = Problem(SCENARIO)
     for algo in ALGORITHMS:
-        if run_folder(given.out, algo, SCENARIO, "both", given.seed).exists():
+        if trained(algo, problem, seed=given.seed, folder=given.out, steps=given.steps):
             print(f"[{algo}] already trained", flush=True)
             continue
         print(f"[{algo}] training on {SCENARIO}", flush=True)
-        train(algo, SCENARIO, seed=given.seed, runs=given.out, steps=given.steps)
+        train(algo, problem, seed=given.seed, folder=given.out, steps=given.steps, overwrite=True)
 
     print(f"\nJudging on {CONTEXTS} held-out contexts of {SCENARIO}, the same for all\n", flush=True)
     scores = []
     for algo in ALGORITHMS:
-        problem, agent, _ = load_run(run_folder(given.out, algo, SCENARIO, "both", given.seed))
+        _, agent, _ = load_run(run_folder(given.out, algo, problem, given.seed))
         scores.append(evaluate(problem, agent, algo))
     text = table(scores)
     print(text)
     (given.out / "table.txt").write_text(text + "\n")
     (given.out / "scores.json").write_text(json.dumps(as_json(scores)))
 
-    sac_run = run_folder(given.out, "sac", SCENARIO, "both", given.seed)
+    sac_run = run_folder(given.out, "sac", problem, given.seed)
     untrained = Sac.load_untrained(sac_run)
     before = evaluate(problem, untrained, "untrained")
     picture = given.out / "before_after.png"

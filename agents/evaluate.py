@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
-from agents.problem import Agent, Problem
-from agents.train import load_run
 from sledenv import ScenarioError
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.runs import agent_name, load_run
 
 CONTEXTS = 400
 
@@ -42,8 +42,9 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
 
 def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
     """Simulate the agent's launches on ``count`` held-out contexts, the same for every agent."""
-    batch = problem.judge(agent, problem.contexts("test", count))
-    return Score(name, np.asarray(batch.jam.reward), batch.status)
+    trials = problem.trials(problem.contexts("test", count))
+    batch, _ = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
+    return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status)
 
 
 def table(scores: list[Score]) -> str:
@@ -83,10 +84,12 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--contexts {given.contexts}: must be >= 2")
     try:
         loaded = [load_run(folder) for folder in given.runs]
-        problems = {(problem.task.scenario.hash, problem.control) for problem, _, _ in loaded}
+        problems = {(problem.scenario.hash, problem.control) for problem, _, _ in loaded}
         if len(problems) > 1:
             raise ValueError("the runs have different scenarios or controls: judge them apart")
-        scores = [evaluate(problem, agent, config["algo"], given.contexts) for problem, agent, config in loaded]
+        scores = [
+            evaluate(problem, agent, agent_name(config["agent"]), given.contexts) for problem, agent, config in loaded
+        ]
     except (ScenarioError, ValueError, FileNotFoundError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

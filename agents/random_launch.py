@@ -9,12 +9,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from agents.problem import Problem
+from sledenv.benchmark.problem import Problem
 
 _FILE = "random.yaml"
 
 
-class RandomLaunch:
+class Agent:
     """Draws each action uniformly from the box; the seed is that of the run."""
 
     def __init__(self, problem: Problem, seed: int) -> None:

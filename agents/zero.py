@@ -8,10 +8,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.problem import Problem
+from sledenv.benchmark.problem import Problem
 
 
-class Zero:
+class Agent:
     """Launches upright and without spin where the bounds are symmetric."""
 
     def __init__(self, problem: Problem) -> None:

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from sledenv.descent import Descent, simulate
+from sledenv.files import replacing
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.outline import film_times, pace, push_at, states_at
-from sledenv.replay import replacing, replay_page, write_replay
+from sledenv.replay import replay_page, write_replay
 from sledenv.text import mode_name
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 
@@ -114,7 +115,7 @@ def test_a_descent_without_trajectory_is_refused_and_nothing_is_written(descent:
 def test_an_interrupt_leaves_the_older_page(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     page.write_text("older")
-    with pytest.raises(KeyboardInterrupt), replacing(page) as scratch:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), replacing(page, ".html") as scratch:  # noqa: PT012
         scratch.write_text("half")
         raise KeyboardInterrupt
     assert [file.read_text() for file in tmp_path.iterdir()] == ["older"]
@@ -130,7 +131,7 @@ def test_an_interrupt_leaves_the_older_page(tmp_path: Path) -> None:
 )
 def test_a_wrong_place_is_named(name: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "folder.html").mkdir()
-    with pytest.raises(OSError, match=message), replacing(tmp_path / name):
+    with pytest.raises(OSError, match=message), replacing(tmp_path / name, ".html"):
         raise AssertionError("not reached")
 
 

@@ -12,8 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from sledenv import plot, reproduce
+from sledenv.files import publish
 from sledenv.kernel.records import Mode
-from sledenv.reproduce import FILES, Row, printed_rules, publish
+from sledenv.reproduce import FILES, Row, printed_rules
 from sledenv.wheel import collide_wheel
 
 # id: value, tolerance; docs/physics.md, sections 2 and 4

@@ -17,8 +17,9 @@ import numpy as np
 
 from sledenv.descent import Descent, Record, Solver, simulate
 from sledenv.doctor import examine
-from sledenv.replay import replacing, replay_page
-from sledenv.reproduce import publish, reproduce
+from sledenv.files import publish, replacing
+from sledenv.replay import replay_page
+from sledenv.reproduce import reproduce
 from sledenv.scenario import ScenarioError, load_scenario, scenario_names
 from sledenv.text import story
 
@@ -168,7 +169,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    with replacing(options.out) as page:
+    with replacing(options.out, ".html", ".htm") as page:
         title, descent = _descend(options, "trajectory")
         page.write_text(replay_page(descent, title), encoding="utf-8")
     _progress("replay")(f"wrote {options.out}")

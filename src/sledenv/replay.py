@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sledenv.descent import Descent
+from sledenv.files import replacing
 from sledenv.kernel.params import State
 from sledenv.outline import (
     body_outline,
@@ -72,38 +70,8 @@ def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> 
     ValueError
         If the descent has no trajectory.
     """
-    with replacing(file) as scratch:
+    with replacing(file, ".html", ".htm") as scratch:
         scratch.write_text(replay_page(descent, title), encoding="utf-8")
-
-
-@contextmanager
-def replacing(file: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give an empty file to write, and move it to its place when the block has ended without an error.
-
-    Whatever ends the block early, an interrupt included, leaves nothing behind and ``file`` as it was.
-
-    Raises
-    ------
-    OSError
-        If the place is no HTML file, or cannot be written.
-    """
-    place = Path(file)
-    if place.suffix.lower() not in (".html", ".htm"):
-        raise OSError(f"{place}: must end in .html")
-    if place.is_dir():
-        raise OSError(f"{place} is a folder: name a file in it")
-    if not place.parent.is_dir():
-        raise OSError(f"{place} cannot be written: there is no folder {place.parent}")
-    scratch = place.with_name(f".{place.name}.{os.getpid()}")
-    try:
-        scratch.touch(exist_ok=False)
-    except OSError as error:
-        raise OSError(f"{place} cannot be written: {error.strerror}") from error
-    try:
-        yield scratch
-        scratch.replace(place)
-    finally:
-        scratch.unlink(missing_ok=True)
 
 
 def _content(descent: Descent, title: str) -> dict[str, Any]:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-import shutil
-import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -15,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent, FrictionSign, Solver, simulate
+from sledenv.files import publish
 from sledenv.impact import rigid_impact
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
@@ -146,61 +144,6 @@ def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], 
         _write_table(new, rows)
         _write_index(new, example)
     return Path(folder)
-
-
-@contextmanager
-def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
-    """Give an empty folder to write into, and move it to its place when the block has ended without an error.
-
-    Whatever ends the block early, an interrupt included, leaves nothing behind and ``folder`` as it was.
-
-    Parameters
-    ----------
-    folder : str or path
-        Its place. It is replaced if it exists.
-    files : collection of str
-        What the block writes; a folder that holds anything else is not replaced.
-
-    Raises
-    ------
-    OSError
-        If the place is taken or cannot be written.
-    """
-    place = Path(folder).resolve()
-    _check_free(place, folder, files)
-    home = next(parent for parent in place.parents if parent.is_dir())
-    try:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
-    except OSError as error:
-        raise OSError(f"{folder} cannot be written: {error.strerror}") from error
-    try:
-        new, old = scratch / "new", scratch / "old"
-        new.mkdir()
-        yield new
-        _check_free(place, folder, files)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        if place.exists():
-            place.rename(old)
-        try:
-            new.rename(place)
-        except BaseException:
-            if old.exists():
-                old.rename(place)
-            raise
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:
-    if not place.exists():
-        return
-    if not place.is_dir():
-        raise NotADirectoryError(f"{folder} is a file: choose another folder")
-    if place == Path.cwd():
-        raise FileExistsError(f"{folder} is the current folder: choose another one")
-    foreign = sorted(entry.name for entry in place.iterdir() if entry.name not in files)
-    if foreign:
-        raise FileExistsError(f"{folder} holds {foreign[0]!r}, which is not of this command: choose another folder")
 
 
 def worked_example() -> Example:

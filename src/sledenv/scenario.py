@@ -40,6 +40,7 @@ from sledenv.kernel.params import (
 
 Pair = tuple[float, float]
 Split = Literal["train", "validation", "test"]
+Control = Literal["both", "orientation", "spin"]
 
 _CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
 _TURN = 0.5 * (math.sqrt(5.0) - 1.0)  # of the range, between the draws of two splits
@@ -226,10 +227,13 @@ class LaunchSection(Section):
 
 
 class ControlSection(Section):
-    """The bounds of what an agent may choose."""
+    """What an agent may choose of the launch, within which bounds and how exactly."""
 
     orientation_deg: Annotated[Pair, _Bounds("[-360, 360] deg")]
     spin_rad_s: Annotated[Pair, _Bounds("(-inf, inf) rad/s")]
+    chosen: Control = "both"  # unless an environment is made with another control
+    noise_orientation_deg: Annotated[float, _Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch
+    noise_spin_rad_s: Annotated[float, _Quantity("[0, inf) rad/s")] = 0.0
 
 
 class RiderSection(Section):

@@ -11,9 +11,11 @@ import yaml
 import agents.demo
 import agents.train
 from agents.evaluate import Score, evaluate, interval, main, table
-from agents.problem import Problem
-from agents.sac import Sac
-from agents.train import default_settings, load_run, run_folder, train
+from agents.sac import Agent as Sac
+from agents.train import default_settings, run_folder, train, trained
+from agents.zero import Agent as Zero
+from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import load_run
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
 
@@ -23,10 +25,14 @@ def quick(monkeypatch):
     """Settings with which a training run takes seconds."""
     original = default_settings
 
-    def settings(algo):
-        values = original(algo)
+    def settings(algo, problem):
+        values = original(algo, problem)
         if algo == "sac":
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
+        if algo == "td3":
+            values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
+        if algo == "ppo":
+            values |= {"n_timesteps": 1024, "n_steps": 64, "n_epochs": 1}
         if algo == "best_fixed":
             values |= {"n_timesteps": 400, "contexts": 20}
         return values
@@ -42,12 +48,12 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
     assert not np.array_equal(problem.contexts("train", 3, seed=1), problem.contexts("train", 3, seed=2))
 
 
-@pytest.mark.parametrize("algo", ["zero", "random", "best_fixed", "sac"])
+@pytest.mark.parametrize("algo", ["zero", "random_launch", "best_fixed", "ppo", "sac", "td3"])
 def test_a_trained_run_is_complete_and_loads_to_the_same_agent(algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
-    folder = train(algo, "brake_mat", seed=3, runs=tmp_path)
+    folder = train(algo, Problem("brake_mat"), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
-    assert config["algo"] == algo
+    assert config["agent"] == f"agents.{algo}"
     assert config["scenario_hash"] == Problem("brake_mat").task.scenario.hash
     assert "numba" in config["versions"]
     assert not list(tmp_path.glob("*.part"))
@@ -60,12 +66,12 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(algo, quick, tmp_
 
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
-    folder = train("sac", "brake_mat", seed=0, runs=tmp_path)
+    folder = train("sac", Problem("brake_mat"), seed=0, folder=tmp_path)
     curve = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
     assert curve[0, 0] == 0
     assert curve[-1, 0] >= 160
     problem, agent, _ = load_run(folder)
-    mean = problem.judge(agent, problem.contexts("validation", 128)).jam.reward.mean()
+    mean = problem.judge(agent, problem.contexts("validation", 128))[0].jam.reward.mean()
     assert mean == pytest.approx(curve[:, 1].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
     assert Sac.load_untrained(folder).act(np.zeros((2, 8), np.float32)).shape == (2, 2)
@@ -73,10 +79,10 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
 
 def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):
     """Oracle: the same candidates, judged again one by one."""
-    folder = train("best_fixed", "brake_mat", seed=1, runs=tmp_path)
+    folder = train("best_fixed", Problem("brake_mat"), seed=1, folder=tmp_path)
     problem, agent, _ = load_run(folder)
     contexts = problem.contexts("train", 20, 1)
-    best = problem.judge(agent, contexts).jam.reward.mean()
+    best = problem.judge(agent, contexts)[0].jam.reward.mean()
     rng = np.random.default_rng(0)
     others = [problem.descend(contexts, np.tile(a, (20, 1))).jam.reward.mean() for a in rng.uniform(-1, 1, (5, 2))]
     assert best > np.median(others)
@@ -87,15 +93,15 @@ def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(q
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(agents.train.ALGORITHMS["zero"], "train", interrupt)
+        patch.setattr(Zero, "train", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            train("zero", "brake_mat", runs=tmp_path)
-    folder = run_folder(tmp_path, "zero", "brake_mat", "both", 0)
+            train("zero", Problem("brake_mat"), folder=tmp_path)
+    folder = run_folder(tmp_path, "zero", Problem("brake_mat"), 0)
     assert not folder.exists()
-    assert train("zero", "brake_mat", runs=tmp_path) == folder
+    assert train("zero", Problem("brake_mat"), folder=tmp_path) == folder
     with pytest.raises(FileExistsError, match="--overwrite"):
-        train("zero", "brake_mat", runs=tmp_path)
-    train("zero", "brake_mat", runs=tmp_path, overwrite=True)
+        train("zero", Problem("brake_mat"), folder=tmp_path)
+    train("zero", Problem("brake_mat"), folder=tmp_path, overwrite=True)
 
 
 @pytest.mark.parametrize(
@@ -116,12 +122,16 @@ def test_evaluating_what_is_no_run_is_explained(tmp_path, capsys):
     assert "no finished run" in capsys.readouterr().err
 
 
-def test_a_run_of_another_version_of_the_scenario_is_refused(quick, tmp_path):
-    folder = train("zero", "brake_mat", runs=tmp_path)
+def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quick, tmp_path):
+    """Oracle: a run keeps its own scenario, and is trained only if everything that is meant agrees."""
+    problem = Problem("brake_mat")
+    folder = train("zero", problem, folder=tmp_path)
+    assert trained("zero", problem, folder=tmp_path)
+    assert not trained("zero", problem, seed=1, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     (folder / "config.yaml").write_text(yaml.safe_dump(config | {"scenario_hash": "0" * 16}))
-    with pytest.raises(ValueError, match="has changed"):
-        load_run(folder)
+    assert not trained("zero", problem, folder=tmp_path)
+    assert load_run(folder)[0].scenario == problem.scenario
 
 
 def test_the_table_compares_context_by_context():

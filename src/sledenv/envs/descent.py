@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent, Ride
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import FLIGHT, Control, Solver, checked_actions, only_lane
+from sledenv.envs.task import FLIGHT, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
-from sledenv.scenario import Scenario, Split
+from sledenv.scenario import Control, Scenario, Split
 
 
 class SledDescent(SledLaunch):
@@ -47,12 +47,12 @@ class SledDescent(SledLaunch):
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control = "both",
+        control: Control | None = None,
         render_mode: str | None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
-        launch_noise: tuple[float, float] = (0.0, 0.0),
+        launch_noise: tuple[float, float] | None = None,
     ) -> None:
         super().__init__(scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise)
         self.observation_space = self.task.ride_observation_space

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import Contexts, Control, Solver, Task, checked_actions, only_lane
-from sledenv.scenario import Context, Scenario, Split
+from sledenv.envs.task import Contexts, Solver, Task, checked_actions, only_lane
+from sledenv.scenario import Context, Control, Scenario, Split
 from sledenv.text import setting, story
 
 _NOTHING = -1.0  # [s] before any time of a film
@@ -51,7 +51,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ----------
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
-    control : {"both", "orientation", "spin"}
+    control : {"both", "orientation", "spin"}, optional
         What the agent chooses; the rest is a disturbance that it observes.
     render_mode : {"human", "rgb_array", "rgb_array_list", "ansi"}, optional
         A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds.
@@ -59,8 +59,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Which contact is simulated, as for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
         Draw contexts of this split alone; no two splits have one in common, whatever the seeds.
-    launch_noise : pair of float
-        Standard deviations of normal noise on the orientation [rad] and the spin [rad/s] at launch.
+    launch_noise : pair of float, optional
+        Standard deviations of normal noise on the orientation [rad] and the spin [rad/s] at launch; those of the
+        scenario by default.
 
     Notes
     -----
@@ -75,12 +76,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control = "both",
+        control: Control | None = None,
         render_mode: str | None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
-        launch_noise: tuple[float, float] = (0.0, 0.0),
+        launch_noise: tuple[float, float] | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: must be one of {self.metadata['render_modes']}")

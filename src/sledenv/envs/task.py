@@ -28,9 +28,8 @@ from sledenv.kernel.records import (
     STEP_BUDGET,
     TIMEOUT,
 )
-from sledenv.scenario import Context, Scenario, Split, check_split, load_scenario
+from sledenv.scenario import Context, Control, Scenario, Split, check_split, load_scenario
 
-Control = Literal["both", "orientation", "spin"]
 Solver = Literal["compliant", "rigid"]
 # (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -63,14 +62,15 @@ class Task:
     ----------
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
-    control : {"both", "orientation", "spin"}
-        Which of the launch the agent chooses; the rest is part of the context.
+    control : {"both", "orientation", "spin"}, optional
+        Which of the launch the agent chooses; the rest is part of the context. What the scenario says by default.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
         Which contexts are drawn, see :meth:`sledenv.Scenario.contexts`; all by default.
-    launch_noise : pair of float
-        Standard deviations of normal noise on the orientation [rad] and on the spin [rad/s] at launch, >= 0.
+    launch_noise : pair of float, optional
+        Standard deviations of normal noise on the orientation [rad] and on the spin [rad/s] at launch, >= 0; those of
+        the scenario by default.
 
     Attributes
     ----------
@@ -90,12 +90,18 @@ class Task:
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario,
-        control: Control = "both",
+        control: Control | None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
-        launch_noise: tuple[float, float] = (0.0, 0.0),
+        launch_noise: tuple[float, float] | None = None,
     ) -> None:
+        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        section = self.scenario.control
+        if control is None:
+            control = section.chosen
+        if launch_noise is None:
+            launch_noise = math.radians(section.noise_orientation_deg), section.noise_spin_rad_s
         for name, value, kind in (("control", control, Control), ("solver", solver, Solver)):
             if value not in get_args(kind):
                 raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, get_args(kind)))}")
@@ -109,7 +115,6 @@ class Task:
         self.solver = solver
         self.split = split
         self.draws = FIELDS + 2 * bool(self.noise.any())
-        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.controlled = _CONTROLLED[control]
         self.body = self.scenario.body()
         self._context_low, self._context_high = self.scenario.ranges
@@ -117,8 +122,8 @@ class Task:
         self._width = self._context_high - self._context_low
         self._width[self._chosen] = 0.0  # as if it did not vary
         bounds = {
-            "orientation": np.radians(self.scenario.control.orientation_deg),
-            "spin": np.array(self.scenario.control.spin_rad_s),
+            "orientation": np.radians(section.orientation_deg),
+            "spin": np.array(section.spin_rad_s),
         }
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
         self._speed, self._spin = self._scales()

@@ -16,8 +16,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from sledenv.descent import RideBatch
-from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Control, Given, Solver, Task, checked_actions
-from sledenv.scenario import Scenario, Split
+from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions
+from sledenv.scenario import Control, Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
@@ -110,14 +110,14 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self,
         num_envs: int = 1,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control = "both",
+        control: Control | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
         render_mode: None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
-        launch_noise: tuple[float, float] = (0.0, 0.0),
+        launch_noise: tuple[float, float] | None = None,
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")

@@ -1,0 +1,130 @@
+"""What the agents of stable-baselines3 share: training, validation, the policy that is kept."""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecMonitor
+
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.sb3 import make_vec_env
+
+CURVE = "learning_curve.csv"
+_MODEL = "model.zip"
+_BEFORE = "model_before.zip"
+_CHECK_CONTEXTS = 128
+
+
+class _Validation(BaseCallback):
+    """Judge the policy on validation contexts, write the learning curve and keep the best policy so far."""
+
+    def __init__(self, agent: type[Learned], problem: Problem, folder: Path, every: int) -> None:
+        super().__init__()
+        self._agent = agent
+        self._problem = problem
+        self._folder = folder
+        trials = problem.trials(problem.contexts("validation", _CHECK_CONTEXTS))
+        lanes = np.arange(_CHECK_CONTEXTS)
+        self._contexts = trials[lanes, lanes % trials.shape[1]]  # each context with one draw of the noise
+        self._every = every
+        self._next = 0
+        self._best = -1.0
+        self._descents = 0
+
+    def _on_training_start(self) -> None:
+        with (self._folder / CURVE).open("w", newline="") as file:
+            csv.writer(file).writerow(["descents", "mean_reward", "finished"])
+        self.model.save(self._folder / _BEFORE)
+        self._check()
+
+    def _on_step(self) -> bool:
+        self._descents += int(self.locals["dones"].sum())
+        if self.num_timesteps >= self._next:
+            self._check()
+        return True
+
+    def _on_training_end(self) -> None:
+        self._check()
+
+    def _check(self) -> None:
+        self._next = self.num_timesteps + self._every
+        batch, _ = self._problem.judge(self._agent(self.model), self._contexts)
+        mean = float(batch.jam.reward.mean())
+        finished = float((batch.status == "finish").mean())
+        self.logger.record("validation/mean_reward", mean)
+        self.logger.record("validation/finished", finished)
+        self.logger.dump(self.num_timesteps)
+        with (self._folder / CURVE).open("a", newline="") as file:
+            csv.writer(file).writerow([self._descents, mean, finished])
+        if mean > self._best:
+            self._best = mean
+            self.model.save(self._folder / _MODEL)
+
+
+class Learned:
+    """A trained policy, acting without exploration noise."""
+
+    algorithm: ClassVar[type[BaseAlgorithm]]
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Train in the environment; the policy that does best on the validation contexts is kept.
+
+        Parameters
+        ----------
+        problem : Problem
+        settings : dict
+            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated.
+        seed : int
+            Of the networks, the environments and the exploration.
+        folder : Path
+            Where the models, the learning curve and the tensorboard log are written.
+        """
+        settings = cls.prepared(problem, dict(settings))
+        steps = settings.pop("n_timesteps")
+        checks = settings.pop("checks", 20)
+        torch.set_num_threads(1)  # networks this small run slower on more
+        lanes = make_vec_env(
+            problem.id,
+            settings.pop("n_envs"),
+            seed,
+            env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
+        )
+        env = VecMonitor(lanes)
+        model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
+        with warnings.catch_warnings():
+            # rich marks its use by tqdm as experimental; the bar is what the user asked for.
+            warnings.filterwarnings("ignore", message=".*rich is experimental.*")
+            model.learn(steps, callback=_Validation(cls, problem, folder, steps // checks), progress_bar=True)
+        env.close()
+        return cls.load(problem, folder)
+
+    @classmethod
+    def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
+        """Return settings with what YAML cannot say."""
+        return settings
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the policy of a run."""
+        return cls(cls.algorithm.load(folder / _MODEL, device="cpu"))
+
+    @classmethod
+    def load_untrained(cls, folder: Path) -> Self:
+        """Read the policy with which the run began."""
+        return cls(cls.algorithm.load(folder / _BEFORE, device="cpu"))
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        actions, _ = self.model.predict(observations, deterministic=True)
+        return np.asarray(actions, np.float32)

@@ -1,0 +1,26 @@
+"""Twin delayed deterministic policy gradient of stable-baselines3, from the context to the launch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from stable_baselines3 import TD3
+from stable_baselines3.common.noise import NormalActionNoise
+
+from agents.learning import Learned
+from sledenv.benchmark.problem import Problem
+
+
+class Agent(Learned):
+    """Learns off-policy, a deterministic policy that explores by normal noise."""
+
+    algorithm = TD3
+
+    @classmethod
+    def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
+        """Make the noise of a standard deviation ``noise_std``, as rl-baselines3-zoo does."""
+        sigma = settings.pop("noise_std")
+        return settings | {
+            "action_noise": NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma))
+        }

@@ -1,0 +1,189 @@
+"""The best launch of each context, by a dense search of orientation and spin: what every regret is measured against."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.task import Contexts
+from sledenv.files import replacing
+from sledenv.scenario import Context
+
+GRID: Final = (72, 33)  # orientations and spins of the dense search; the former alone if it is all that is chosen
+STARTS: Final = 6  # local maxima of the grid that are refined
+LEVELS: Final = 9  # of refinement, each with half the width
+NEIGHBOURS: Final = 24  # launches tried around each start at each level
+NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
+_BLOCK = 1 << 18  # descents at a time
+_SAME = 1e-9  # rewards that differ by less come from the same physics
+
+
+class JamMap(NamedTuple):
+    """Expected reward of the launches of one context on a grid."""
+
+    launches: tuple[NDArray[np.float64], ...]  # for each thing that is chosen, its values in [-1, 1]
+    rewards: NDArray[np.float64]  # of shape (orientations, spins), or one of the two
+
+
+def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID) -> list[JamMap]:
+    """Try a grid of launches in each context of an array of shape (n, 8).
+
+    Orientations that are a full turn apart are tried once; spins include both bounds.
+    """
+    axes = _axes(problem, grid)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    rewards = _expect(problem, contexts, np.broadcast_to(points, (len(contexts), *points.shape)))
+    return [JamMap(axes, row.reshape([len(axis) for axis in axes])) for row in rewards]
+
+
+def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
+    """Search the best launch of each context of an array of shape (n, 8).
+
+    A grid, then local refinement from its highest maxima: points of a Sobol sequence in a box around each, which
+    halves its width at every level. The landscape is made of plateaus with cliffs, so no gradient is used.
+
+    Returns
+    -------
+    DataFrame
+        One row a context: its fields; ``action_0``, ... and ``reward`` of the best launch found; and, from the grid,
+        ``uniform`` (mean reward), ``width`` (share of launches within 1 % of the best) and ``step_median``,
+        ``step_p99`` (difference of reward between neighbours).
+    """
+    maps = jam_map(problem, contexts)
+    axes = maps[0].launches
+    rewards = np.array([one.rewards for one in maps])
+    starts = np.array([_maxima(problem, one) for one in rewards])  # (n, STARTS, axes), indices
+    points = np.stack([axis[starts[..., i]] for i, axis in enumerate(axes)], axis=-1)
+    lanes = np.arange(len(contexts))[:, np.newaxis]
+    values = rewards[(lanes, *np.moveaxis(starts, -1, 0))]
+    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(axes)])
+    # An even number of points in pairs that mirror each other, so that a mirror image has a mirror-image optimum.
+    cloud = 2.0 * qmc.Sobol(len(axes), scramble=False).random_base2(4)[1 : NEIGHBOURS // 2 + 1] - 1.0
+    cloud = np.concatenate([cloud, -cloud])
+    for level in range(LEVELS):
+        tried = points[:, :, np.newaxis] + 0.5**level * width * cloud
+        tried = _inside(problem, tried)
+        found = _expect(problem, contexts, tried.reshape(len(contexts), -1, len(axes))).reshape(*values.shape, -1)
+        best = found.argmax(axis=2)
+        better = np.take_along_axis(found, best[..., np.newaxis], 2)[..., 0]
+        nearby = np.take_along_axis(tried, best[..., np.newaxis, np.newaxis], 2)[:, :, 0]
+        points = np.where((better > values)[..., np.newaxis], nearby, points)
+        values = np.maximum(values, better)
+        if level == LEVELS // 2 - 1:  # from here on, the two best are enough
+            kept = np.argsort(-values, axis=1, kind="stable")[:, :2]
+            points, values = np.take_along_axis(points, kept[..., np.newaxis], 1), np.take_along_axis(values, kept, 1)
+    winner = values.argmax(axis=1)
+    table = pd.DataFrame(contexts, columns=list(Context._fields))
+    for i in range(len(axes)):
+        table[f"action_{i}"] = points[np.arange(len(contexts)), winner, i]
+    table["reward"] = values.max(axis=1)
+    flat = rewards.reshape(len(contexts), -1)
+    table["uniform"] = flat.mean(axis=1)
+    table["width"] = (flat >= (1.0 - NEAR) * table["reward"].to_numpy()[:, np.newaxis]).mean(axis=1)
+    steps = [np.abs(_differences(problem, one)) for one in rewards]
+    table["step_median"] = [float(np.median(one)) for one in steps]
+    table["step_p99"] = [float(np.quantile(one, 0.99)) for one in steps]
+    return table
+
+
+def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
+    """Return :func:`best_launches`, from a Parquet file of ``folder`` if it has been searched before.
+
+    The name of the file holds a hash of the scenario, the control, the contexts and the settings of the search. A file
+    of older physics is recognised, because its launches do not earn their rewards any more, and written anew.
+    """
+    path = folder / f"oracle-{problem.scenario.id}-{_key(problem, contexts)}.parquet"
+    if path.is_file():
+        table = pd.read_parquet(path)
+        if np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME):
+            return table
+    table = best_launches(problem, contexts)
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(path, ".parquet") as part:
+        table.to_parquet(part, index=False)
+    return table
+
+
+def actions_of(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the best launches of a table of :func:`best_launches`, shape (n, k)."""
+    columns = [f"action_{i}" for i in range(len(problem.task.controlled))]
+    return np.asarray(table[columns], np.float64)
+
+
+def rewards_again(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
+    """Simulate the best launches of a table once more and return their expected rewards, shape (n,)."""
+    return problem.expect(table[list(Context._fields)].to_numpy(), actions_of(problem, table)[:, np.newaxis])[:, 0]
+
+
+def _key(problem: Problem, contexts: Contexts) -> str:
+    settings = [problem.scenario.hash, problem.control, problem.task.solver, *problem.task.noise.tolist()]
+    settings += [GRID, STARTS, LEVELS, NEIGHBOURS]
+    digest = hashlib.sha256(json.dumps(settings).encode())
+    digest.update(np.ascontiguousarray(contexts).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _expect(problem: Problem, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Evaluate :meth:`Problem.expect` block by block, so that memory stays bounded."""
+    rows = max(1, _BLOCK // actions.shape[1])
+    parts = [
+        problem.expect(contexts[start : start + rows], actions[start : start + rows])
+        for start in range(0, len(contexts), rows)
+    ]
+    return np.concatenate(parts)
+
+
+def _turns(problem: Problem, axis: int) -> bool:
+    """Whether the bounds of what is chosen are a full turn apart, so that both are the same launch."""
+    low, high = problem.scenario.control.orientation_deg
+    return problem.task.controlled[axis] == "orientation" and high - low == 360.0
+
+
+def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64], ...]:
+    counts = {"orientation": grid[0], "spin": grid[1]}
+    return tuple(
+        np.linspace(-1.0, 1.0, counts[name], endpoint=not _turns(problem, i))
+        for i, name in enumerate(problem.task.controlled)
+    )
+
+
+def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put launches into the box: a full turn wraps around, everything else stops at its bounds."""
+    columns = [
+        (points[..., i] + 1.0) % 2.0 - 1.0 if _turns(problem, i) else np.clip(points[..., i], -1.0, 1.0)
+        for i in range(points.shape[-1])
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def _maxima(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the indices of the highest cells of a grid, no two of them neighbours, shape (STARTS, axes)."""
+    left = rewards.copy()
+    chosen = []
+    for _ in range(STARTS):
+        best = np.unravel_index(left.argmax(), left.shape)
+        chosen.append(best)
+        near = []
+        for i, index in enumerate(best):
+            cells = index + np.array([-1, 0, 1])
+            near.append(cells % left.shape[i] if _turns(problem, i) else np.clip(cells, 0, left.shape[i] - 1))
+        left[np.ix_(*near)] = -1.0
+    return np.array(chosen)
+
+
+def _differences(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differences between neighbouring cells of a grid, along all axes."""
+    parts = []
+    for i in range(rewards.ndim):
+        parts.append(np.diff(rewards, axis=i).ravel())
+        if _turns(problem, i):
+            parts.append((np.take(rewards, 0, i) - np.take(rewards, -1, i)).ravel())
+    return np.concatenate(parts)

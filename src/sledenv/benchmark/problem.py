@@ -1,0 +1,172 @@
+"""What an agent is given: a scenario, what it controls, and contexts to train, to validate and to be judged on."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Final, Literal, Protocol, Self, get_args
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
+
+from sledenv.descent import DescentBatch
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Task, checked_actions
+from sledenv.kernel.records import RUNNING
+from sledenv.scenario import Control, Scenario, Split
+
+Environment = Literal["launch", "descent"]
+ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
+TRIALS: Final = 16  # launches with which a context is judged where the launch is noisy
+
+
+class Agent(Protocol):
+    """What can be trained and judged: a map from observations to actions, and how it comes about.
+
+    A suite names an agent as ``module:Class``; docs/benchmark.md shows a complete one.
+    """
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Train on contexts of the splits "train" and "validation", keep the result in a folder and return the agent.
+
+        Parameters
+        ----------
+        problem : Problem
+        settings : dict
+            From configs/agents; ``n_timesteps`` is the budget in simulated descents (in hops for SledDescent-v0).
+        seed : int
+            Of everything random.
+        folder : Path
+            Exists and is the agent's own.
+        """
+        ...
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read what :meth:`train` kept."""
+        ...
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 8) or (n, 17)."""
+        ...
+
+
+class Problem:
+    """A scenario with what the agent controls of it.
+
+    Parameters
+    ----------
+    scenario : str, path or Scenario
+        As for :func:`sledenv.load_scenario`.
+    environment : {"launch", "descent"}
+        Whether the agent chooses the launch alone or trims every hop too.
+    control : {"both", "orientation", "spin"}, optional
+        What it chooses of the launch; what the scenario says by default.
+
+    Raises
+    ------
+    ScenarioError, ValueError
+        For an unknown scenario, environment or control.
+    """
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario,
+        environment: Environment = "launch",
+        control: Control | None = None,
+    ) -> None:
+        if environment not in ENVIRONMENTS:
+            known = ", ".join(map(repr, get_args(Environment)))
+            raise ValueError(f"environment = {environment!r}: must be one of {known}")
+        self.task = Task(scenario, control)
+        self.scenario = self.task.scenario
+        self.environment = environment
+        self.id = ENVIRONMENTS[environment]
+        self.control = self.task.control
+        hops = environment == "descent"
+        self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
+        self.actions: int = self.action_space.shape[0]
+        self.noisy = bool(self.task.noise.any())
+
+    def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
+        """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
+        draws = np.array([np.random.default_rng([seed, i]).random(FIELDS) for i in range(count)])
+        return self.scenario.contexts(draws.reshape(count, FIELDS), split)
+
+    def trials(self, contexts: Contexts) -> Contexts:
+        """Repeat contexts of shape (n, 8) as often as they are judged, shape (n, t, 8) or (n, t, 10).
+
+        Where the launch is noisy, t is ``TRIALS`` and every context gets the same quasi-random normal noise, so that a
+        mean over the trials is the expected value, of agents and of the oracle alike. Otherwise t is 1.
+        """
+        if not self.noisy:
+            return contexts[:, np.newaxis]
+        noise = self.task.noise * qmc.MultivariateNormalQMC([0.0, 0.0], rng=np.random.default_rng(0)).random(TRIALS)
+        shape = len(contexts), TRIALS
+        repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
+        return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
+
+    def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
+        """Simulate one descent a context with launches of shape (n, k), on all cores."""
+        chosen = checked_actions(self.task.action_space, actions, len(contexts))
+        return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
+
+    def expect(self, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the expected reward of launches.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8)
+        actions : ndarray, shape (n, m, k)
+            Launches to try in each context.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+        """
+        tried = actions.shape[1]
+        trials = self.trials(contexts)
+        rewards: NDArray[np.float64] = np.zeros(actions.shape[:2])
+        for i in range(trials.shape[1]):
+            repeated = np.repeat(trials[:, i], tried, axis=0)
+            rewards += self.descend(repeated, actions.reshape(-1, actions.shape[2])).jam.reward.reshape(rewards.shape)
+        rewards /= trials.shape[1]
+        return rewards
+
+    def judge(self, agent: Agent, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+        """Simulate what an agent does in contexts, on all cores.
+
+        Parameters
+        ----------
+        agent : Agent
+        contexts : ndarray, shape (n, 8) or (n, 10)
+
+        Returns
+        -------
+        DescentBatch
+            Equal bit for bit to episodes of the environment.
+        ndarray, shape (n, k)
+            The launches that it chose, in [-1, 1].
+        """
+        task = self.task
+        seen = task.observe(contexts)
+        if self.environment == "launch":
+            actions = checked_actions(self.action_space, agent.act(seen), len(seen))
+            return task.descend_batch(contexts, task.launches(contexts, actions)), actions
+        ground = np.zeros((len(seen), len(FLIGHT)), np.float32)
+        actions = checked_actions(self.action_space, agent.act(np.hstack([seen, ground])), len(seen))[:, :-1]
+        rides = task.rides(contexts, task.launches(contexts, actions))
+        trims = np.zeros(len(seen))
+        while True:
+            rides.hop(trims)
+            flights = rides.outcomes()
+            moving = np.flatnonzero(flights["status"] == RUNNING)
+            if not moving.size:
+                return rides.descents(), actions
+            observed = np.hstack([seen[moving], task.observe_flights(flights[moving])])
+            chosen = checked_actions(self.action_space, agent.act(observed), len(moving))
+            trims = np.zeros(len(seen))
+            trims[moving] = task.trims(chosen[:, -1])

@@ -1,0 +1,162 @@
+"""Agents trained into folders that appear only when they are complete, and loaded from them."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import shutil
+import sys
+from pathlib import Path
+from typing import Any, Final, cast
+
+import yaml
+
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.scenario import Scenario
+
+_CONFIG: Final = "config.yaml"
+_PACKAGES: Final = ("sledenv", "gymnasium", "numba", "numpy", "stable-baselines3", "torch")
+
+
+def agent_class(module: str) -> type[Agent]:
+    """Import an agent: the class ``Agent`` of a module such as "agents.sac", also of the working folder.
+
+    Raises
+    ------
+    ValueError
+        If there is no such module or it has no such class.
+    """
+    here = os.getcwd()
+    if here not in sys.path:  # a console script does not look there by itself
+        sys.path.append(here)
+    try:
+        found = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not module.startswith(error.name):
+            raise  # something that the agent needs
+        raise ValueError(
+            f"agent {module!r}: there is no such module here; the shipped agents need a checkout of sledenv as "
+            "working folder"
+        ) from error
+    if not hasattr(found, "Agent"):
+        raise ValueError(f"agent {module!r}: the module has no class Agent, see docs/benchmark.md")
+    return cast("type[Agent]", found.Agent)
+
+
+def agent_name(module: str) -> str:
+    """Return the short name of an agent: the last part of its module."""
+    return module.rpartition(".")[2]
+
+
+def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]:
+    """Read the hyperparameters of an agent from a folder such as configs/agents; empty where it has none.
+
+    Raises
+    ------
+    ValueError
+        If the file says nothing about the environment of the problem.
+    """
+    path = folder / f"{agent_name(module)}.yaml"
+    if not path.is_file():
+        return {}
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if problem.id not in content:
+        raise ValueError(f"{path} has no settings for {problem.id}, only for {', '.join(content)}")
+    return dict(content[problem.id])
+
+
+def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Path:
+    """Train an agent and keep it in a folder of its own, in place of what is there.
+
+    Parameters
+    ----------
+    module : str
+        As for :func:`agent_class`.
+    problem : Problem
+    settings : dict
+        As for :meth:`Agent.train`.
+    seed : int
+        Of everything random in the run.
+    folder : Path
+        It appears when the run is complete, with ``config.yaml`` (all that is needed to repeat it) and the agent; an
+        interrupted run leaves only a ``.part`` folder, which the next attempt replaces.
+
+    Raises
+    ------
+    ValueError
+        As :func:`agent_class`; nothing is written then.
+    """
+    agent = agent_class(module)
+    part = folder.with_name(folder.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    config = _meant(module, problem, settings, seed)
+    config |= {"scenario": problem.scenario.model_dump(mode="json", by_alias=True), "versions": versions()}
+    (part / _CONFIG).write_text(yaml.safe_dump(config, sort_keys=False))
+    agent.train(problem, settings, seed, part)
+    shutil.rmtree(folder, ignore_errors=True)
+    part.rename(folder)
+    return folder
+
+
+def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> bool:
+    """Whether a folder holds a finished run of exactly this; whatever the versions of the packages."""
+    try:
+        config = read_config(folder)
+    except FileNotFoundError:
+        return False
+    meant = _meant(module, problem, settings, seed)
+    return {key: config.get(key) for key in meant} == meant
+
+
+def _meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return what tells one run from another, as plain data."""
+    return {
+        "agent": module,
+        "scenario_hash": problem.scenario.hash,
+        "environment": problem.environment,
+        "control": problem.control,
+        "seed": seed,
+        "settings": settings,
+    }
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """Read what a finished run was trained with.
+
+    Raises
+    ------
+    FileNotFoundError
+        If ``folder`` is no finished run.
+    """
+    path = folder / _CONFIG
+    if not path.is_file():
+        raise FileNotFoundError(f"{folder} is no finished run: it has no {_CONFIG}")
+    return cast("dict[str, Any]", yaml.safe_load(path.read_text()))
+
+
+def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
+    """Read a finished run: its problem, its agent and its configuration.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As :func:`read_config` and :func:`agent_class`.
+    """
+    config = read_config(folder)
+    scenario = Scenario.model_validate(config["scenario"])
+    problem = Problem(scenario, config["environment"], config["control"])
+    return problem, agent_class(config["agent"]).load(problem, folder), config
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages on which results depend; those that are not installed are left out."""
+    known = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            known[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return known

@@ -1,0 +1,102 @@
+"""Files and folders that appear only when they are complete."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(file: str | os.PathLike[str], *suffixes: str) -> Iterator[Path]:
+    """Give an empty file to write, and move it to its place when the block has ended without an error.
+
+    Whatever ends the block early, an interrupt included, leaves nothing behind and ``file`` as it was.
+
+    Parameters
+    ----------
+    file : str or path
+        Its place, in a folder that exists. It is replaced if it exists.
+    suffixes : str
+        How its name may end.
+
+    Raises
+    ------
+    OSError
+        If the place has another suffix, or cannot be written.
+    """
+    place = Path(file)
+    if place.suffix.lower() not in suffixes:
+        raise OSError(f"{place}: must end in {suffixes[0]}")
+    if place.is_dir():
+        raise OSError(f"{place} is a folder: name a file in it")
+    if not place.parent.is_dir():
+        raise OSError(f"{place} cannot be written: there is no folder {place.parent}")
+    scratch = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        scratch.touch(exist_ok=False)
+    except OSError as error:
+        raise OSError(f"{place} cannot be written: {error.strerror}") from error
+    try:
+        yield scratch
+        scratch.replace(place)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+@contextmanager
+def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
+    """Give an empty folder to write into, and move it to its place when the block has ended without an error.
+
+    Whatever ends the block early, an interrupt included, leaves nothing behind and ``folder`` as it was.
+
+    Parameters
+    ----------
+    folder : str or path
+        Its place. It is replaced if it exists.
+    files : collection of str
+        What the block writes; a folder that holds anything else is not replaced.
+
+    Raises
+    ------
+    OSError
+        If the place is taken or cannot be written.
+    """
+    place = Path(folder).resolve()
+    _check_free(place, folder, files)
+    home = next(parent for parent in place.parents if parent.is_dir())
+    try:
+        scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
+    except OSError as error:
+        raise OSError(f"{folder} cannot be written: {error.strerror}") from error
+    try:
+        new, old = scratch / "new", scratch / "old"
+        new.mkdir()
+        yield new
+        _check_free(place, folder, files)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.exists():
+            place.rename(old)
+        try:
+            new.rename(place)
+        except BaseException:
+            if old.exists():
+                old.rename(place)
+            raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:
+    if not place.exists():
+        return
+    if not place.is_dir():
+        raise NotADirectoryError(f"{folder} is a file: choose another folder")
+    if place == Path.cwd():
+        raise FileExistsError(f"{folder} is the current folder: choose another one")
+    foreign = sorted(entry.name for entry in place.iterdir() if entry.name not in files)
+    if foreign:
+        raise FileExistsError(f"{folder} holds {foreign[0]!r}, which is not of this command: choose another folder")
