@@ -112,6 +112,24 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
     return table
 
 
+def map_table(problem: Problem, contexts: Contexts) -> pd.DataFrame:
+    """Return the jam maps of contexts as one table.
+
+    Returns
+    -------
+    DataFrame
+        One row a launch: ``context``, the number of its row; ``orientation`` and ``spin`` in [-1, 1], NaN for what is
+        not chosen; ``reward``.
+    """
+    parts = []
+    for i, one in enumerate(jam_map(problem, contexts)):
+        grid = dict(zip(problem.task.controlled, np.meshgrid(*one.launches, indexing="ij"), strict=True))
+        none = np.full(one.rewards.shape, np.nan)
+        columns = {name: grid.get(name, none).ravel() for name in ("orientation", "spin")}
+        parts.append(pd.DataFrame({"context": i, **columns, "reward": one.rewards.ravel()}))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
 def actions_of(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
     """Return the best launches of a table of :func:`best_launches`, shape (n, k)."""
     columns = [f"action_{i}" for i in range(len(problem.task.controlled))]

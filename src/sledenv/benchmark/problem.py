@@ -109,6 +109,29 @@ class Problem:
         repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
         return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
 
+    def disturbed(self, contexts: Contexts, level: float) -> Contexts:
+        """Add normal noise to what the agent chooses of the launch, once for each of contexts of shape (n, 8).
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8)
+        level : float
+            Standard deviation as a share of half the control range, added to the noise of the scenario.
+
+        Returns
+        -------
+        ndarray, shape (n, 10)
+            The same whatever the agent.
+        """
+        section = self.scenario.control
+        halves = {
+            "orientation": np.ptp(np.radians(section.orientation_deg)) / 2,
+            "spin": np.ptp(section.spin_rad_s) / 2,
+        }
+        extra = [halves[name] if name in self.task.controlled else 0.0 for name in ("orientation", "spin")]
+        sigma = np.hypot(self.task.noise, level * np.array(extra))
+        return np.hstack([contexts, sigma * np.random.default_rng(0).standard_normal((len(contexts), 2))])
+
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
         """Simulate one descent a context with launches of shape (n, k), on all cores."""
         chosen = checked_actions(self.task.action_space, actions, len(contexts))

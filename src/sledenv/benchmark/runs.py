@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import importlib.metadata
 import os
 import platform
 import shutil
 import sys
+import time
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -17,6 +19,7 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.scenario import Scenario
 
 _CONFIG: Final = "config.yaml"
+_RECORD: Final = "record.yaml"
 _PACKAGES: Final = ("sledenv", "gymnasium", "numba", "numpy", "stable-baselines3", "torch")
 
 
@@ -92,10 +95,13 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     part = folder.with_name(folder.name + ".part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
-    config = _meant(module, problem, settings, seed)
+    config = meant(module, problem, settings, seed)
     config |= {"scenario": problem.scenario.model_dump(mode="json", by_alias=True), "versions": versions()}
     (part / _CONFIG).write_text(yaml.safe_dump(config, sort_keys=False))
-    agent.train(problem, settings, seed, part)
+    started = time.perf_counter(), time.process_time()
+    agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
+    record = {"train_seconds": time.perf_counter() - started[0], "train_cpu_seconds": time.process_time() - started[1]}
+    (part / _RECORD).write_text(yaml.safe_dump(record))
     shutil.rmtree(folder, ignore_errors=True)
     part.rename(folder)
     return folder
@@ -107,11 +113,11 @@ def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: in
         config = read_config(folder)
     except FileNotFoundError:
         return False
-    meant = _meant(module, problem, settings, seed)
-    return {key: config.get(key) for key in meant} == meant
+    wanted = meant(module, problem, settings, seed)
+    return {key: config.get(key) for key in wanted} == wanted
 
 
-def _meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) -> dict[str, Any]:
+def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) -> dict[str, Any]:
     """Return what tells one run from another, as plain data."""
     return {
         "agent": module,
@@ -135,6 +141,11 @@ def read_config(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"{folder} is no finished run: it has no {_CONFIG}")
     return cast("dict[str, Any]", yaml.safe_load(path.read_text()))
+
+
+def read_record(folder: Path) -> dict[str, float]:
+    """Read what the training of a finished run took: ``train_seconds`` and ``train_cpu_seconds``."""
+    return cast("dict[str, float]", yaml.safe_load((folder / _RECORD).read_text()))
 
 
 def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:

@@ -1,0 +1,221 @@
+"""Runs a suite: trains and judges its agents on all cores or on a cluster, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed, parallel_config
+from tqdm import tqdm
+
+from sledenv.benchmark.oracle import map_table, oracle
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
+from sledenv.benchmark.suite import Job, Suite
+from sledenv.envs.task import FIELDS, Contexts, Solver, Task
+from sledenv.files import replacing
+
+TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
+_CURVE = "learning_curve.csv"  # that an agent may leave in its folder
+_ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
+_LOSSES = ("hysteresis", "sliding", "rolling")
+
+Call = tuple[Callable[..., str], tuple[Any, ...]]
+
+
+def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = None, ray: str | None = None) -> Path:
+    """Train and judge everything of a suite that has not been yet, and gather the tables.
+
+    Every job writes its result in one move, so a run that is killed goes on without loss or repetition. The numbers do
+    not depend on the number of workers.
+
+    Parameters
+    ----------
+    suite : Suite
+    file : Path
+        Its file.
+    folder : Path
+        Of the results. ``trained/`` holds the agents, ``judged/`` one Parquet file a job, ``searched/`` the best
+        launches; the tables ``results``, ``curves``, ``runs``, ``oracle`` and ``maps`` gather them.
+    workers : int, optional
+        Processes, all cores by default; of a cluster all that it has.
+    ray : str, optional
+        Address of a Ray cluster whose nodes share the folder, "local" to start one here.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    SuiteError
+        If an agent cannot be imported or lacks settings; nothing is written then.
+    ImportError
+        If Ray is asked for and missing.
+    """
+    jobs = list(suite.jobs(file.parent))
+    run = _through_ray(ray) if ray is not None else _through_joblib(workers or os.cpu_count() or 1)
+    for part in ("trained", "judged", "searched"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    _warm_up(jobs[0])
+    stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
+    missing = [job for job in jobs if not _judged(suite, job, folder).is_file()]
+    calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
+    calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
+    done = len(jobs) - len(missing)
+    with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
+        for name in run(calls):
+            bar.set_postfix_str(name, refresh=False)
+            bar.update()
+    _gather(suite, jobs, folder)
+    return folder
+
+
+def _through_joblib(workers: int) -> Callable[[list[Call]], Iterator[str]]:
+    def run(calls: list[Call]) -> Iterator[str]:
+        # One thread in each process: more processes than cores would only wait for each other.
+        with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+            yield from Parallel(return_as="generator_unordered")(delayed(call)(*given) for call, given in calls)
+
+    return run
+
+
+def _through_ray(address: str) -> Callable[[list[Call]], Iterator[str]]:
+    try:
+        import ray
+    except ImportError as error:
+        raise ImportError("ray: a cluster needs Ray: pip install ray") from error
+
+    def run(calls: list[Call]) -> Iterator[str]:
+        # The working folder holds the agents, and one thread is what a task has asked for.
+        environment = {"env_vars": {"NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join([os.getcwd(), *sys.path])}}
+        with ray.init(address=address, runtime_env=environment, log_to_driver=False):
+            task = ray.remote(_call)
+            pending = [task.remote(call, given) for call, given in calls]
+            while pending:
+                (done,), pending = ray.wait(pending)
+                yield ray.get(done)
+
+    return run
+
+
+def _call(call: Callable[..., str], given: tuple[Any, ...]) -> str:
+    return call(*given)
+
+
+def _warm_up(job: Job) -> None:
+    """Compile the kernels once, or every worker would."""
+    for solver in get_args(Solver):
+        task = Task(job.scenario, solver=solver)
+        contexts = task.scenario.contexts(np.zeros((1, FIELDS)))
+        task.descend_batch(contexts, task.scenario.launches(contexts))
+        task.rides(contexts, task.scenario.launches(contexts)).hop(np.zeros(1))
+
+
+def _key(suite: Suite, job: Job, problem: Problem) -> str:
+    """Digest of all that the numbers of a job depend on."""
+    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _judged(suite: Suite, job: Job, folder: Path) -> Path:
+    return folder / "judged" / f"{job.name}-{_key(suite, job, job.problem())}.parquet"
+
+
+def _search(suite: Suite, scenario: str, folder: Path) -> str:
+    """Search the best launches of the held-out contexts of a scenario."""
+    problem = Problem(scenario)
+    contexts = problem.contexts("test", suite.contexts)
+    oracle(problem, contexts, folder / "searched")
+    return f"oracle of {problem.scenario.id}"
+
+
+def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]) -> str:
+    """Train an agent, unless it has been, and keep what it does on the held-out contexts."""
+    problem = job.problem()
+    place = folder / "trained" / job.name
+    if not is_trained(job.module, problem, job.settings, job.seed, place):
+        train(job.module, problem, job.settings, job.seed, place)
+    contexts = problem.contexts("test", suite.contexts)
+    _, agent, _ = load_run(place)
+    parts = [_rows(problem, agent, problem.trials(contexts)).assign(stage="trained", noise=0.0)]
+    for level in suite.noise:
+        noisy = problem.disturbed(contexts, level)[:, np.newaxis]
+        parts.append(_rows(problem, agent, noisy).assign(stage="trained", noise=level))
+    before = getattr(agent_class(job.module), "load_untrained", None)
+    if before is not None:
+        untrained = _rows(problem, before(place), problem.trials(contexts)[:, :1])
+        parts.append(untrained.assign(stage="untrained", noise=0.0))
+    table = pd.concat(parts, ignore_index=True)
+    table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
+    with replacing(_judged(suite, job, folder), ".parquet") as part:
+        table.to_parquet(part, index=False)
+    return job.name
+
+
+def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
+    """Return one row a judged descent, for contexts of shape (n, t, 8) or (n, t, 10)."""
+    batch, actions = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
+    outcomes, jam = batch.outcomes, batch.jam
+    context, trial = np.indices(trials.shape[:2]).reshape(2, -1)
+    columns = {"context": context, "trial": trial, "reward": jam.reward, "status": batch.status}
+    columns |= {"progress": jam.progress, "retention": jam.retention}
+    columns |= {f"loss_{name}": outcomes[name] for name in _LOSSES}
+    columns |= {"supplied": outcomes["supplied"], "rebounds": outcomes["rebounds"], "time": outcomes["t"]}
+    for i in range(2):
+        columns[f"action_{i}"] = actions[:, i] if i < actions.shape[1] else np.full(len(actions), np.nan)
+    columns["on_bound"] = np.abs(actions).max(axis=1) >= 1.0 - _ON_BOUND
+    return pd.DataFrame(columns)
+
+
+def _curve(folder: Path) -> list[list[float]]:
+    """Return descents and mean validation reward of a learning curve, empty if the agent left none."""
+    path = folder / _CURVE
+    if not path.is_file():
+        return []
+    curve: list[list[float]] = pd.read_csv(path)[["descents", "mean_reward"]].to_numpy().tolist()
+    return curve
+
+
+def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
+    """Put the results of all jobs into the tables."""
+    results, curves, runs = [], [], []
+    for job in jobs:
+        problem = job.problem()
+        table = pd.read_parquet(_judged(suite, job, folder))
+        curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "mean_reward"])
+        named = {"environment": job.environment, "scenario": problem.scenario.id, "agent": job.agent, "seed": job.seed}
+        used = curve["descents"].iloc[-1] if len(curve) else job.settings.get("n_timesteps", 0)
+        attributes = {key: value for key, value in table.attrs.items() if key != "curve"}
+        runs.append(pd.DataFrame([named | {"descents": int(used)} | attributes]))
+        curves.append(curve.assign(**named))
+        table.attrs = {}
+        results.append(table.assign(scenario_hash=problem.scenario.hash, **named))
+    searched, maps = [], []
+    for scenario in suite.scenarios:
+        problem = Problem(scenario)
+        contexts = problem.contexts("test", suite.contexts)
+        best = oracle(problem, contexts, folder / "searched")
+        searched.append(best.assign(scenario=problem.scenario.id, context=np.arange(len(best))))
+        maps.append(map_table(problem, contexts[: suite.maps]).assign(scenario=problem.scenario.id))
+    for name, tables in zip(TABLES, (results, curves, runs, searched, maps), strict=True):
+        with replacing(folder / f"{name}.parquet", ".parquet") as part:
+            pd.concat(tables, ignore_index=True).to_parquet(part, index=False)
+
+
+def _commit() -> str:
+    """Commit of the checkout, with a mark if it has been changed; empty outside one."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""

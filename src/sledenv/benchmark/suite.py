@@ -1,0 +1,144 @@
+"""Suites: which agents are judged on which scenarios, read from YAML."""
+
+from __future__ import annotations
+
+import os
+import reprlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Final, NamedTuple, Self
+
+import yaml
+from pydantic import Field, ValidationError, field_validator
+from pydantic_core import ErrorDetails
+
+from sledenv.benchmark.problem import Environment, Problem
+from sledenv.benchmark.runs import agent_class, agent_name, read_settings
+from sledenv.scenario import Section, load_scenario
+
+SUITES: Final = Path(__file__).parents[3] / "configs" / "suites"  # of a checkout
+
+Count = Annotated[int, Field(ge=1)]
+
+
+class SuiteError(ValueError):
+    """A suite that cannot be run; the message names the file, the key, its value and what is allowed."""
+
+
+class Job(NamedTuple):
+    """One agent on one scenario with one seed."""
+
+    module: str
+    environment: Environment
+    scenario: str
+    seed: int
+    settings: dict[str, Any]
+
+    @property
+    def agent(self) -> str:
+        """Short name of the agent."""
+        return agent_name(self.module)
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        return f"{self.environment}-{Path(self.scenario).stem}-{self.agent}-s{self.seed}"
+
+    def problem(self) -> Problem:
+        """Return what the agent is given."""
+        return Problem(self.scenario, self.environment)
+
+
+class Suite(Section):
+    """A benchmark: every agent on every scenario, on the same held-out contexts.
+
+    The keys are those of the YAML file. Instances are immutable.
+    """
+
+    id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    title: str
+    contexts: Annotated[int, Field(ge=2)]  # held-out contexts of each scenario
+    scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
+    agents: dict[Environment, dict[str, Count]]  # module of the agent -> number of seeds
+    settings: str  # folder of the hyperparameters, as seen from the file
+    steps: Count | None = None  # budget in environment steps in place of the configured one
+    noise: tuple[Annotated[float, Field(gt=0.0)], ...] = ()  # extra launch noise, see Problem.disturbed
+    maps: Annotated[int, Field(ge=0)] = 2  # contexts of each scenario whose jam map is kept
+
+    @field_validator("scenarios")
+    @classmethod
+    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            load_scenario(name)
+        if len(set(names)) < len(names):
+            raise ValueError("must not repeat a scenario")
+        return names
+
+    def jobs(self, folder: Path) -> Iterator[Job]:
+        """Yield everything to train and to judge; ``folder`` is that of the suite's file.
+
+        Jobs of one seed of all agents and scenarios come before those of the next, so that a suite that is stopped
+        early has seen everything.
+
+        Raises
+        ------
+        SuiteError
+            If an agent cannot be imported or has no settings for its environment.
+        """
+        named = [(kind, module, seeds) for kind, agents in self.agents.items() for module, seeds in agents.items()]
+        for seed in range(max((seeds for _, _, seeds in named), default=0)):
+            for scenario in self.scenarios:
+                for kind, module, seeds in named:
+                    if seed < seeds:
+                        yield Job(module, kind, scenario, seed, self._settings(folder, kind, module, scenario))
+
+    def _settings(self, folder: Path, kind: Environment, module: str, scenario: str) -> dict[str, Any]:
+        try:
+            agent_class(module)
+            settings = read_settings(folder / self.settings, module, Problem(scenario, kind))
+        except ValueError as error:
+            raise SuiteError(f"suite {self.id}: {error}") from error
+        return settings | {"n_timesteps": self.steps} if self.steps is not None and settings else settings
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file.
+
+        Raises
+        ------
+        SuiteError
+            Naming every wrong key, its value and what is allowed.
+        """
+        try:
+            return cls.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+        except (OSError, yaml.YAMLError) as error:
+            raise SuiteError(f"{path}: {error}") from error
+        except ValidationError as error:
+            raise SuiteError("\n".join(f"{path}: {_explain(details)}" for details in error.errors())) from error
+
+
+def _explain(error: ErrorDetails) -> str:
+    """Return one line for one validation error."""
+    key = ".".join(map(str, error["loc"])) or "the file"
+    if error["type"] == "missing":
+        return f"{key}: missing"
+    if error["type"] == "extra_forbidden":
+        return f"{key}: unknown key; known: {', '.join(Suite.model_fields)}"
+    text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
+    return f"{key} = {reprlib.repr(error['input'])}: {text}"
+
+
+def find_suite(name_or_path: str | os.PathLike[str]) -> Path:
+    """Return the file of a suite: a name such as "smoke" in a checkout, or a path that ends in .yaml.
+
+    Raises
+    ------
+    SuiteError
+        If there is none.
+    """
+    name = os.fspath(name_or_path)
+    path = Path(name) if name.endswith(".yaml") else SUITES / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(file.stem for file in SUITES.glob("*.yaml")))
+        raise SuiteError(f"no suite {name!r}: must be a file that ends in .yaml or, in a checkout, one of: {known}")
+    return path
