@@ -209,6 +209,36 @@ def test_waiting_in_the_air_until_the_time_is_over_does_not_pay() -> None:
     assert end.jam.reward == pytest.approx(0.4995)
 
 
+def test_one_giant_hop_over_the_whole_slope_does_not_pay() -> None:
+    """Oracle: by hand: a ballistic hop to the end is free of every impact, but its height and speed were supplied.
+
+    The same wheel rolling down keeps more of what it was given, though it loses some in each metre.
+    """
+    angle, length = 0.15, 8.0
+    slope, slick = Slope(angle, length), ContactLaw(1e6, 0.6, 0.05, 0.0005)
+    hop = simulate(WHEEL, slick, slope, State(0.0, 0.1, 0.0, 4.0, 12.0))
+    roll = simulate(WHEEL, slick, slope, State(0.0, 0.1, 0.0, 4.0))
+    assert hop.status == roll.status == Status.FINISH
+    assert len(hop.rebounds) == 0
+    assert len(roll.rebounds) > 0
+    supplied = 0.5 * (4.0**2 + 12.0**2) + 9.81 * length * math.sin(angle)
+    left = 0.5 * 4.0**2 + 9.81 * length * math.sin(angle)
+    assert hop.jam.retention == pytest.approx(left / supplied, rel=1e-12)
+    assert hop.jam.reward < roll.jam.reward - 0.1
+
+
+@pytest.mark.parametrize("angle", [-0.2, 0.0])
+def test_backing_off_does_not_pay(angle: float) -> None:
+    """Oracle: progress counts where the body ends, not how far it has been, and nothing behind the start."""
+    slope, slick = Slope(angle, 5.0), ContactLaw(1e6, 0.6, 0.02, 0.0)
+    ahead = State(0.0, 0.1, 0.0, 3.0 if angle else -3.0, 0.0)
+    end = simulate(WHEEL, slick, slope, ahead, max_time=6.0, record="trajectory")
+    assert end.status == Status.TIMEOUT
+    assert end.state.x < 0.0
+    assert (end.trajectory["x"].max() > 1.0) == (angle < 0.0)  # up the slope and back, or never ahead
+    assert end.jam.reward == 0.0
+
+
 def test_the_pose_at_launch_is_not_a_source_of_energy() -> None:
     """Oracle: the supplied height is counted from the lowest pose, so that tipping over cannot retain more than all."""
     rng = np.random.default_rng(7)

@@ -1,0 +1,101 @@
+"""The oracle: nothing found by another search beats it, symmetry, its cache."""
+
+from __future__ import annotations
+
+import cma
+import numpy as np
+import pandas as pd
+import pytest
+
+from sledenv.benchmark.oracle import GRID, actions_of, best_launches, jam_map, map_table, oracle, rewards_again
+from sledenv.benchmark.problem import Problem
+from sledenv.scenario import Context
+
+
+@pytest.fixture(scope="module")
+def found() -> tuple[Problem, pd.DataFrame]:
+    """Best launches of a few contexts of brake_mat."""
+    problem = Problem("brake_mat")
+    return problem, best_launches(problem, problem.contexts("test", 4))
+
+
+def evolve(problem: Problem, context: np.ndarray, start: np.ndarray, spread: float, budget: int, seed: int) -> float:
+    """Best expected reward that CMA-ES finds in one context."""
+    strategy = cma.CMAEvolutionStrategy(start, spread, {"seed": seed, "verbose": -9, "bounds": [-1, 1], "popsize": 16})
+    best = 0.0
+    while strategy.countevals < budget and not strategy.stop():
+        asked = np.clip(strategy.ask(), -1.0, 1.0)
+        rewards = problem.expect(context[np.newaxis], asked[np.newaxis])[0]
+        strategy.tell(list(asked), (-rewards).tolist())
+        best = max(best, float(rewards.max()))
+    return best
+
+
+def test_the_reward_of_a_best_launch_is_what_it_earns(found):
+    """Oracle: the simulator once more; a random search of the same box does not beat it."""
+    problem, table = found
+    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    contexts = table[list(Context._fields)].to_numpy()
+    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 1000, 2))
+    assert (problem.expect(contexts, tried).max(axis=1) <= 1.001 * table["reward"]).all()
+    assert (table["uniform"] < table["reward"]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["brake_mat", "ice_drop"])
+def test_evolution_strategies_with_restarts_do_not_beat_the_oracle_by_a_thousandth(scenario):
+    """Oracle: CMA-ES from the best launch and five times from a random one, as many descents as the oracle each."""
+    problem = Problem(scenario)
+    contexts = problem.contexts("test", 12)
+    table = best_launches(problem, contexts)
+    rng = np.random.default_rng(1)
+    gains = []
+    for i, context in enumerate(contexts):
+        starts = [(actions_of(problem, table)[i], 0.05), *((rng.uniform(-1.0, 1.0, 2), 0.5) for _ in range(5))]
+        best = max(evolve(problem, context, start, spread, 3000, 1 + j) for j, (start, spread) in enumerate(starts))
+        gains.append(best / table["reward"].iloc[i] - 1.0)
+    assert max(gains) <= 1e-3
+
+
+def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
+    """Oracle: launches a full turn apart are the same, so the grid has each once; a row agrees with the simulator."""
+    problem = Problem("ice_drop")
+    contexts = problem.contexts("test", 2)
+    one = jam_map(problem, contexts, (12, 5))[1]
+    assert one.rewards.shape == (12, 5)
+    assert one.launches[0][0] == -1.0
+    assert one.launches[0][-1] < 1.0 == one.launches[1][-1]
+    launch = np.array([[one.launches[0][7], one.launches[1][2]]])
+    assert problem.descend(contexts[1:], launch).jam.reward[0] == one.rewards[7, 2]
+    table = map_table(problem, contexts[:1])
+    assert len(table) == GRID[0] * GRID[1]
+    assert (
+        problem.descend(contexts[:1], table[["orientation", "spin"]].to_numpy()[99:100]).jam.reward[0]
+        == table["reward"].iloc[99]
+    )
+
+
+def test_what_is_not_chosen_is_not_searched():
+    problem = Problem("ice_drop", control="spin")
+    table = best_launches(problem, problem.contexts("test", 2))
+    assert "action_1" not in table
+    assert map_table(problem, problem.contexts("test", 1))["orientation"].isna().all()
+
+
+def test_a_search_is_kept_and_one_of_other_physics_is_made_anew(found, tmp_path, monkeypatch):
+    """Oracle: the file is read while its launches earn their rewards, and written anew once they do not."""
+    problem, table = found
+    contexts = problem.contexts("test", 4)
+    calls = []
+    monkeypatch.setattr(
+        "sledenv.benchmark.oracle.best_launches", lambda *arguments: calls.append(arguments) or table.copy()
+    )
+    first = oracle(problem, contexts, tmp_path / "cache")
+    pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path / "cache"), first)
+    assert len(calls) == 1
+    (file,) = (tmp_path / "cache").iterdir()
+    table.assign(reward=table["reward"] + 1e-6).to_parquet(file)
+    pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path / "cache"), first)
+    assert len(calls) == 2
+    oracle(problem, contexts[:2], tmp_path / "cache")
+    assert len(calls) == 3

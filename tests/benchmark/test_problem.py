@@ -1,0 +1,96 @@
+"""Problems: what is judged equals episodes of the environment, noise is the same for all, expectation is a mean."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
+from sledenv.scenario import Scenario, load_scenario
+
+
+class Scripted:
+    """Acts by a fixed linear map, so that every observation counts."""
+
+    def __init__(self, inputs: int, actions: int) -> None:
+        self._weights = np.random.default_rng(3).normal(0.0, 0.6, (inputs, actions))
+
+    def act(self, observations: np.ndarray) -> np.ndarray:
+        return np.tanh(observations @ self._weights).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Scenario:
+    """brake_mat with launch noise, and the orientation alone to choose."""
+    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    content["control"] |= {"chosen": "orientation", "noise_orientation_deg": 4.0, "noise_spin_rad_s": 0.5}
+    return Scenario.model_validate(content)
+
+
+@pytest.mark.parametrize("environment", ENVIRONMENTS)
+def test_an_agent_is_judged_as_in_episodes_of_the_environment(environment):
+    """Oracle: the scalar environment, episode by episode, bit for bit."""
+    problem = Problem("brake_mat", environment)
+    contexts = problem.contexts("test", 6)
+    env = gym.make(problem.id, scenario="brake_mat")
+    agent = Scripted(env.observation_space.shape[0], problem.actions)
+    batch, actions = problem.judge(agent, contexts)
+    for i, context in enumerate(contexts):
+        observation, _ = env.reset(options={"context": context})
+        ended, first = False, None
+        while not ended:
+            action = agent.act(observation[np.newaxis])[0]
+            first = action if first is None else first
+            observation, reward, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+        assert reward == batch.jam.reward[i]
+        assert info["descent"]["status"] == batch.status[i]
+        assert np.array_equal(first[:2].astype(float), actions[i])
+    assert len(set(batch.outcomes["rebounds"].tolist())) > 1
+
+
+def test_a_scenario_says_what_is_chosen_and_how_noisy_the_launch_is(noisy):
+    """Oracle: the settings of the scenario; an environment may be made otherwise."""
+    problem = Problem(noisy)
+    assert problem.control == "orientation"
+    assert problem.actions == 1
+    assert problem.task.noise == pytest.approx([np.radians(4.0), 0.5])
+    env = gym.make(problem.id, scenario=noisy, control="both", launch_noise=(0.0, 0.0)).unwrapped
+    assert env.action_space.shape == (2,)
+    assert not env.task.noise.any()
+
+
+def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
+    """Oracle: every trial by itself; all contexts share their noise, whose deviations are those of the scenario."""
+    problem = Problem(noisy)
+    contexts = problem.contexts("train", 3)
+    actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
+    trials = problem.trials(contexts)
+    assert trials.shape == (3, TRIALS, 10)
+    assert np.array_equal(trials[0, :, 8:], trials[2, :, 8:])
+    assert trials[0, :, 8:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
+    slow = [
+        [np.mean([problem.descend(trial[np.newaxis], [action]).jam.reward[0] for trial in trials[i]]) for action in row]
+        for i, row in enumerate(actions)
+    ]
+    assert problem.expect(contexts, actions) == pytest.approx(np.array(slow), abs=1e-14)
+    assert Problem("ice_drop").trials(contexts).shape == (3, 1, 8)
+
+
+def test_extra_noise_disturbs_what_is_chosen_alone(noisy):
+    """Oracle: standard deviations by hand; a disturbance that the agent does not choose stays as it is."""
+    quiet = noisy.model_copy(update={"control": load_scenario("brake_mat").control})
+    contexts = Problem(quiet).contexts("test", 2000)
+    both = Problem(quiet, control="both").disturbed(contexts, 0.05)[:, 8:]
+    assert both.std(axis=0) == pytest.approx([0.05 * np.pi, 0.05 * 8.0], rel=0.06)
+    one = Problem(quiet, control="orientation").disturbed(contexts, 0.05)[:, 8:]
+    assert np.array_equal(one[:, 0], both[:, 0])
+    assert not one[:, 1].any()
+    more = Problem(noisy).disturbed(contexts, 0.05)[:, 8:]
+    assert more.std(axis=0) == pytest.approx([np.hypot(0.05 * np.pi, np.radians(4.0)), 0.5], rel=0.06)
+
+
+def test_an_unknown_environment_is_refused():
+    with pytest.raises(ValueError, match="environment = 'flight': must be one of 'launch', 'descent'"):
+        Problem("ice_drop", "flight")
