@@ -1,4 +1,4 @@
-"""The command ``sledenv``: simulate a scenario, replay it, reproduce the paper, or examine the installation."""
+"""The command ``sledenv``: one scenario simulated, replayed or mapped, the paper, the benchmark, the installation."""
 
 from __future__ import annotations
 
@@ -98,6 +98,39 @@ def _parser() -> argparse.ArgumentParser:
     paper.set_defaults(run=_reproduce)
     paper.add_argument("--out", type=Path, metavar="FOLDER", default=Path("reproduction"), help="default: reproduction")
 
+    judged = commands.add_parser(
+        "benchmark",
+        help="train and judge the agents of a suite, and write the report",
+        description="Train and judge every agent of a suite on every scenario, gather the numbers as Parquet files and "
+        "write the report. What has been done already is kept, so that a run which was stopped goes on.",
+    )
+    judged.set_defaults(run=_benchmark)
+    judged.add_argument(
+        "--suite", default="smoke", metavar="SUITE", help="smoke, full, or a file that ends in .yaml (default smoke)"
+    )
+    judged.add_argument("--out", type=Path, metavar="FOLDER", help="default: runs/benchmark/SUITE")
+    judged.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
+    judged.add_argument(
+        "--ray", metavar="ADDRESS", help='use the Ray cluster at this address instead, or start one here: "local"'
+    )
+
+    landscape = commands.add_parser(
+        "map",
+        help="draw the jam map of a context: the reward of every launch",
+        description="Draw the reward of all launches of one context, with the best one and what trained agents choose.",
+    )
+    landscape.set_defaults(run=_map)
+    _add_scenario(landscape)
+    landscape.add_argument(
+        "--run",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="RUN",
+        help="folder of a trained agent; may be repeated",
+    )
+    landscape.add_argument("--out", type=Path, metavar="FILE", default=Path("map.png"), help="default: map.png")
+
     doctor = commands.add_parser(
         "doctor",
         help="compile all kernels beforehand and check the installation",
@@ -108,12 +141,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_descent(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that say which descent is meant."""
+def _add_scenario(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say which context is meant."""
     parser.add_argument(
         "scenario", metavar="SCENARIO", help=f"{', '.join(scenario_names())}, or a file that ends in .yaml"
     )
     parser.add_argument("--seed", type=_seed, default=0, help="which context of the scenario is drawn (default 0)")
+
+
+def _add_descent(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say which descent is meant."""
+    _add_scenario(parser)
     parser.add_argument(
         "--orientation-deg", type=_number, metavar="DEG", help="launch orientation instead of the drawn one"
     )
@@ -139,6 +177,12 @@ def _seed(text: str) -> int:
     return int(text)
 
 
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be an integer >= 1: {text!r}")
+    return int(text)
+
+
 def _progress(command: str) -> Callable[[str], None]:
     return lambda line: print(f"{command}: {line}", flush=True)
 
@@ -147,6 +191,36 @@ def _reproduce(options: argparse.Namespace) -> int:
     progress = _progress("reproduce")
     folder = reproduce(options.out, progress=progress)
     progress(f"wrote {folder / 'index.md'}")
+    return 0
+
+
+def _benchmark(options: argparse.Namespace) -> int:
+    # pandas, joblib and matplotlib are no dependencies of a simulation.
+    from sledenv.benchmark.report import write_report
+    from sledenv.benchmark.runner import run_suite
+    from sledenv.benchmark.suite import Suite, find_suite
+
+    file = find_suite(options.suite)
+    suite = Suite.read(file)
+    folder = run_suite(
+        suite,
+        file,
+        options.out or Path("runs/benchmark") / suite.id,
+        workers=options.workers,
+        ray=options.ray,
+    )
+    page = write_report(folder)
+    _progress("benchmark")(f"wrote {page}")
+    return 0
+
+
+def _map(options: argparse.Namespace) -> int:
+    from sledenv.benchmark.figures import draw_map
+
+    with replacing(options.out, ".png") as picture:
+        words = draw_map(options.scenario, options.seed, options.run, picture)
+    print(words)
+    _progress("map")(f"wrote {options.out}")
     return 0
 
 

@@ -43,7 +43,7 @@ def agent_class(module: str) -> type[Agent]:
             f"agent {module!r}: there is no such module here; the shipped agents need a checkout of sledenv as "
             "working folder"
         ) from error
-    if not hasattr(found, "Agent"):
+    if getattr(found, "Agent", Agent) is Agent:  # none, or the protocol that it imports
         raise ValueError(f"agent {module!r}: the module has no class Agent, see docs/benchmark.md")
     return cast("type[Agent]", found.Agent)
 

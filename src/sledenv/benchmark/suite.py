@@ -14,14 +14,14 @@ from pydantic_core import ErrorDetails
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenario import Section, load_scenario
+from sledenv.scenario import ScenarioError, Section, load_scenario
 
 SUITES: Final = Path(__file__).parents[3] / "configs" / "suites"  # of a checkout
 
 Count = Annotated[int, Field(ge=1)]
 
 
-class SuiteError(ValueError):
+class SuiteError(ScenarioError):
     """A suite that cannot be run; the message names the file, the key, its value and what is allowed."""
 
 

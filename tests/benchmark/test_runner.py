@@ -1,0 +1,173 @@
+"""Suites: what is refused, that numbers do not depend on how they were run, and that nothing is lost or repeated."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runner import TABLES, run_suite
+from sledenv.benchmark.suite import Suite, SuiteError, find_suite
+
+ROOT = Path(__file__).parents[2]
+TIMES = ["train_seconds", "train_cpu_seconds"]
+SUITE = {
+    "id": "tiny",
+    "title": "A test",
+    "contexts": 4,
+    "settings": str(ROOT / "configs" / "agents"),
+    "steps": 240,
+    "noise": [0.05],
+    "maps": 1,
+    "scenarios": ["ice_drop", "brake_mat"],
+    "agents": {"launch": {"agents.zero": 1, "agents.random_launch": 2, "agents.best_fixed": 2}},
+}
+
+
+def written(folder: Path, **changes: object) -> Path:
+    """File of a suite with some keys changed; None removes a key."""
+    content = {key: value for key, value in (SUITE | changes).items() if value is not None}
+    path = folder / "tiny.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def tables(folder: Path) -> dict[str, pd.DataFrame]:
+    """All tables of a finished suite, without what was timed."""
+    found = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
+    return found | {"runs": found["runs"].drop(columns=TIMES)}
+
+
+def same(one: dict[str, pd.DataFrame], other: dict[str, pd.DataFrame]) -> None:
+    for name in TABLES:
+        pd.testing.assert_frame_equal(one[name], other[name], check_exact=True)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, pd.DataFrame]]:
+    """A suite that was run by one worker without interruption: its file, its folder, its tables."""
+    home = tmp_path_factory.mktemp("suite")
+    file = written(home)
+    folder = run_suite(Suite.read(file), file, home / "out", workers=1)
+    return file, folder, tables(folder)
+
+
+def test_a_suite_judges_every_agent_on_every_scenario(finished):
+    """Oracle: counting; rewards are those of the simulator; no agent earns more than the best launch."""
+    _, folder, found = finished
+    results = found["results"]
+    assert len(results) == 2 * (1 + 2 + 2) * 4 * 2  # scenarios, seeds, contexts, noise levels
+    assert set(results["noise"]) == {0.0, 0.05}
+    assert len(found["runs"]) == 10
+    assert found["runs"].set_index("agent")["descents"].groupby("agent").max().to_dict() == {
+        "best_fixed": 240,
+        "random_launch": 0,
+        "zero": 0,
+    }
+    problem = Problem("ice_drop")
+    chosen = results.query("scenario == 'ice_drop' and agent == 'best_fixed' and seed == 1 and noise == 0")
+    again = problem.descend(problem.contexts("test", 4), chosen[["action_0", "action_1"]].to_numpy())
+    assert np.array_equal(again.jam.reward, chosen["reward"])
+    assert np.array_equal(again.outcomes["sliding"], chosen["loss_sliding"])
+    best = found["oracle"].set_index(["scenario", "context"])["reward"]
+    plain = results[results["noise"] == 0.0].set_index(["scenario", "context"])["reward"]
+    assert (plain <= 1.001 * best.loc[plain.index]).all()
+    assert not list(folder.rglob("*.part"))
+
+
+def test_the_numbers_do_not_depend_on_the_number_of_workers(finished, tmp_path):
+    """Oracle: one worker against two."""
+    file, _, found = finished
+    same(tables(run_suite(Suite.read(file), file, tmp_path / "out", workers=2)), found)
+
+
+def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch):
+    """Oracle: the tables as they were; only the deleted job and run are trained or judged again."""
+    file, folder, found = finished
+    trained = []
+    monkeypatch.setattr("sledenv.benchmark.runner.train", lambda *given: trained.append(given) or real(*given))
+    from sledenv.benchmark.runs import train as real
+
+    one, two = sorted((folder / "judged").glob("launch-ice_drop-best_fixed-*"))
+    one.unlink()
+    same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
+    assert not trained
+    two.unlink()
+    (folder / "results.parquet").unlink()
+    config = folder / "trained" / "launch-ice_drop-best_fixed-s1" / "config.yaml"
+    config.write_text(config.read_text().replace("n_timesteps: 240", "n_timesteps: 241"))
+    same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
+    assert [(given[0], given[3]) for given in trained] == [("agents.best_fixed", 1)]
+
+
+def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
+    """Oracle: the tables of the run that was not interrupted; what had been judged is not touched again."""
+    file, _, found = finished
+    folder = tmp_path / "out"
+    script = (
+        "import sys; from pathlib import Path\n"
+        "from sledenv.benchmark.runner import run_suite\n"
+        "from sledenv.benchmark.suite import Suite\n"
+        "if __name__ == '__main__':\n"
+        "    file = Path(sys.argv[1]); run_suite(Suite.read(file), file, Path(sys.argv[2]), workers=1)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", script, file, folder], cwd=ROOT, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 240.0
+    while len(list((folder / "judged").glob("*.parquet"))) < 3:
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = {path: path.stat().st_mtime_ns for path in (folder / "judged").glob("*.parquet")}
+    same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"contexts": 1}, "contexts = 1: Input should be greater than or equal to 2"),
+        ({"contexts": None}, "contexts: missing"),
+        ({"scenarios": ["ice_dorp"]}, "did you mean 'ice_drop'"),
+        ({"scenarios": ["ice_drop", "ice_drop"]}, "must not repeat a scenario"),
+        ({"agents": {"flight": {"agents.zero": 1}}}, "'launch' or 'descent'"),
+        ({"agents": {"launch": {"agents.zero": 0}}}, "agents.launch.agents.zero = 0"),
+        ({"seeds": 3}, "seeds: unknown key; known: id, title, contexts"),
+    ],
+)
+def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path):
+    with pytest.raises(SuiteError, match=r"tiny\.yaml") as error:
+        Suite.read(written(tmp_path, **changes))
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("agent", "message"),
+    [
+        ("agents.zorro", "there is no such module"),
+        ("agents.evaluate", "no class Agent"),
+    ],
+)
+def test_an_agent_that_is_none_is_refused_before_anything_is_written(agent, message, tmp_path):
+    file = written(tmp_path, agents={"launch": {agent: 1}})
+    with pytest.raises(SuiteError, match=message):
+        run_suite(Suite.read(file), file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_shipped_suite_can_be_read_and_its_agents_imported():
+    for path in (ROOT / "configs" / "suites").glob("*.yaml"):
+        suite = Suite.read(find_suite(path.stem))
+        assert suite.id == path.stem
+        assert len({job.name for job in suite.jobs(path.parent)}) == len(list(suite.jobs(path.parent))) > 0
+    with pytest.raises(SuiteError, match="no suite 'smoek': must be a file"):
+        find_suite("smoek")
