@@ -730,7 +730,7 @@ class RideBatch:
     body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate_batch`.
     keep_rebounds : bool
-        Keep the logs, N * max_rebounds records of 152 bytes.
+        Keep the logs, N * max_rebounds records of 144 bytes.
     rotor_inertia : float, optional
         Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
 

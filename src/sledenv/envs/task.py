@@ -117,6 +117,11 @@ class Task:
         self.draws = FIELDS + 2 * bool(self.noise.any())
         self.controlled = _CONTROLLED[control]
         self.body = self.scenario.body()
+        self._followed: dict[str, Any] = {  # how descents are, by all that simulate them
+            "solver": solver,
+            "max_time": self.scenario.limits.max_time_s,
+            "max_rebounds": self.scenario.limits.max_rebounds,
+        }
         self._context_low, self._context_high = self.scenario.ranges
         self._chosen = [Context._fields.index(name) for name in self.controlled]
         self._width = self._context_high - self._context_low
@@ -272,9 +277,7 @@ class Task:
         """Simulate the one descent of contexts and launches with one row."""
         return simulate(
             *self._scene(contexts, launches),
-            solver=self.solver,
-            max_time=self.scenario.limits.max_time_s,
-            max_rebounds=self.scenario.limits.max_rebounds,
+            **self._followed,
             record=record,
         )
 
@@ -283,9 +286,7 @@ class Task:
         rider = self.scenario.rider
         return Ride(
             *self._scene(contexts, launches),
-            solver=self.solver,
-            max_time=self.scenario.limits.max_time_s,
-            max_rebounds=self.scenario.limits.max_rebounds,
+            **self._followed,
             record=record,
             rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
         )
@@ -304,9 +305,7 @@ class Task:
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
             launches,
-            solver=self.solver,
-            max_time=self.scenario.limits.max_time_s,
-            max_rebounds=self.scenario.limits.max_rebounds,
+            **self._followed,
             keep_rebounds=keep_rebounds,
         )
 
@@ -318,9 +317,7 @@ class Task:
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
             launches,
-            solver=self.solver,
-            max_time=self.scenario.limits.max_time_s,
-            max_rebounds=self.scenario.limits.max_rebounds,
+            **self._followed,
             keep_rebounds=keep_rebounds,
             rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
         )

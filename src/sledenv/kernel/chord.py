@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.contact import MOST_STALLED, Pair, drop_pull, sign_of
+from sledenv.kernel.contact import MOST_STALLED, NO_DEPTH, Pair, drop_pull, sign_of
 from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import corner_lengths
@@ -311,8 +311,12 @@ def chord_contact(
         k_1 = pair.k_closing if sign_1 < 0 else pair.k_opening
         k_2 = pair.k_closing if sign_2 < 0 else pair.k_opening
         if choose:
-            n_1 = max(-k_1 * now[GAP], 1e-12 * k_1 * size)
-            n_2 = max(-k_2 * now[GAP_2], 1e-12 * k_2 * size)
+            shallow = NO_DEPTH * size
+            depth_1, depth_2 = max(-now[GAP], shallow), max(-now[GAP_2], shallow)
+            if min(-now[GAP], -now[GAP_2]) > 0.0 and max(-now[GAP], -now[GAP_2]) < shallow:
+                lift = shallow / max(-now[GAP], -now[GAP_2])  # both are loaded: their ratio counts
+                depth_1, depth_2 = -now[GAP] * lift, -now[GAP_2] * lift
+            n_1, n_2 = k_1 * depth_1, k_2 * depth_2
             # For the box rule the two normal forces act as their sum, at the arm of their resultant.
             lever = (_arms(one, now[PHI])[0] * n_1 + _arms(two, now[PHI])[0] * n_2) / (n_1 + n_2)
             arm = (one.rolling_arm * n_1 + two.rolling_arm * n_2) / (n_1 + n_2)

@@ -18,6 +18,7 @@ import numpy as np
 from sledenv.kernel.events import (
     CHORD_DOWN,
     FEATURE_ENDS,
+    MIDDLE_PASSED,
     NOTHING,
     RATE_RELEASED,
     RATE_ZERO,
@@ -111,6 +112,7 @@ from sledenv.kernel.trajectory import add_sample
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
 BOTH_CORNERS = -2  # status: the second corner has come down
 MOST_STALLED = 60  # events in a row without any progress in time
+TRIALS = 27  # of them the last ones, in which every branch is tried
 # A contact shallower than this share of the size of the body, or loaded less than this share of the force that drives
 # the slip, is resolved in the limit of a vanishing normal force.
 NO_DEPTH = 1e-12
@@ -173,6 +175,21 @@ def _choose_branch(
         2 * left_gap if left_gap != 0 else sign_of(state[V_N]),
         2 * left_slip if left_slip != 0 else sign_of(state[V_T]),
         2 * left_spin if left_spin != 0 else sign_of(state[OMEGA]),
+    )
+
+
+@kernel
+def _trial(number: int, state: np.ndarray) -> tuple[int, int, int]:
+    """One of the branches that the velocities of a contact admit.
+
+    The box rule sees the forces of an instant. Where they and the drives grow from zero together it may choose a branch
+    that ends at once; the right one is then the one that gets anywhere.
+    """
+    signs = (number % 3 - 1, number // 3 % 3 - 1, number // 9 % 3 - 1)
+    return (
+        sign_of(state[V_N]) if state[V_N] != 0.0 else signs[0],
+        sign_of(state[V_T]) if state[V_T] != 0.0 else signs[1],
+        sign_of(state[OMEGA]) if state[OMEGA] != 0.0 else signs[2],
     )
 
 
@@ -305,7 +322,9 @@ def _take_step(
     _, slip, spin = branch
     event = NOTHING
     z[Z_STEP] = z[Z_MOST]
-    if expected != NOTHING and z[Z_GUESS] < 1.1 * z[Z_MOST]:
+    # A gap rate that starts from zero has a root there, which Newton's method might find.
+    sought = expected == SEPARATION or (expected == RATE_ZERO and vanishing[0] == 0)
+    if sought and z[Z_GUESS] < 1.1 * z[Z_MOST]:
         if expected == SEPARATION:
             locate_gap(z, c)
         else:
@@ -471,6 +490,8 @@ def contact(
             gap_rate, slip, spin = _choose_branch(
                 body, pair, slope, feature, arm, state, left_gap, left_slip, left_spin
             )
+            if stalled >= MOST_STALLED - TRIALS and not rigid:
+                gap_rate, slip, spin = _trial(MOST_STALLED - stalled, state)
             # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
             jumps = (gap_rate != locked[0]) + (slip != locked[1]) + (spin != locked[2])
             leaving = 2 if jumps == 1 else 1
@@ -605,6 +626,8 @@ def contact(
         elif event == SPIN_RELEASED:
             left_spin = sign_after
             choose = True
+        elif event == MIDDLE_PASSED:
+            state[PHI] = math.copysign(0.0, -z[Z_SINE])
         elif event == FEATURE_ENDS:
             if feature == ARC:
                 feature = TAIL if state[PHI] > 0.0 else NOSE

@@ -10,7 +10,7 @@ from sledenv.kernel.geometry import has_corners
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.kernel.roots import first_root
+from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.series import (
     E_LEFT_OMEGA,
     E_LEFT_V_N,
@@ -41,14 +41,17 @@ from sledenv.kernel.series import (
     Z_PHI,
     Z_SINE,
     Z_STEP,
+    Z_THETA,
+    Z_UNIT,
     Z_X,
 )
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 
 FLAT = 1e-13  # [rad] rounding error of an orientation after many turns
+MOST_POLISHED = 4
 
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
-RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS = range(5, 11)
+RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
 
 
 @kernel
@@ -137,7 +140,19 @@ def _chord_down(z: np.ndarray, c: np.ndarray, step: float) -> float:
     for k in range(ORDER + 1):
         q[k] = c[GAP, k] + z[Z_SINE] * c[R_SINE, k] + z[Z_COSINE] * c[R_COSINE, k]
     q[0] += z[Z_OTHER]
-    return first_root(q, step, 0, FLAT * (abs(z[Z_SINE]) + abs(z[Z_COSINE])))
+    at = first_root(q, step, 0, FLAT * (abs(z[Z_SINE]) + abs(z[Z_COSINE])))
+    if 0.0 < at < math.inf:
+        # The step is chosen for the velocities: sine and cosine may converge less.
+        for _ in range(MOST_POLISHED):
+            theta = z[Z_THETA] - z[Z_PHI] + horner(c[PHI], at)
+            sine, cosine = math.sin(theta), math.cos(theta)
+            gap = horner(c[GAP], at) + z[Z_OTHER] + z[Z_SINE] * sine + z[Z_COSINE] * cosine
+            turning = z[Z_SINE] * cosine - z[Z_COSINE] * sine
+            rate = z[Z_UNIT] * (horner(c[V_N], at) + turning * horner(c[OMEGA], at))
+            if not rate < 0.0:
+                break
+            at = max(at - gap / rate, 0.0)
+    return at if at <= step else math.inf
 
 
 @kernel
@@ -248,7 +263,12 @@ def first_event(
                 step, event = at, FEATURE_ENDS
         if z[Z_OTHER] < math.inf and not z[E_SAFE_OTHER] > 0.0:
             at = _chord_down(z, c, step)
-            if at < math.inf:
+            if at < math.inf and feature == ARC and z[Z_SINE] * horner(c[PHI], at) < 0.0:
+                # By then the other end of the arc is further away: that one is heeded from the middle on.
+                at = series_root(c, PHI, 1 if z[Z_SINE] > 0.0 else -1, step, 0)
+                if at < math.inf:
+                    step, event = at, MIDDLE_PASSED
+            elif at < math.inf:
                 step, event = at, CHORD_DOWN
     if not length - z[Z_X] > z[E_TRAVEL]:
         at = slope_end(length, c, step)
