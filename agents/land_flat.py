@@ -21,9 +21,9 @@ class Agent:
     """Puts the mass centre straight below the centre of the arc at the first touch: the normal impulse has no arm then.
 
     A body that touches with phi = 0 has fallen by D = drop + s(phi_0) - s(0), s being the support height, and has taken
-    t for it with D = fall t + G t^2 / 2, G = g cos(beta). It is upright there if phi_0 + omega t = 0, up to whole turns.
-    Where friction holds what slides, f > tan(beta), it should not slip, u + s(0) omega = 0 with u = speed + g sin(beta)
-    t; elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for what it
+    t for it with D = fall t + G t^2 / 2, G = g cos(beta). It is upright there if phi_0 + omega t = 0 up to whole turns.
+    Where friction holds what slides, f > tan(beta), it should not slip: u + s(0) omega = 0, u = speed + g sin(beta) t.
+    Elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for what it
     controls, as far as the bounds allow; if that is the spin alone, being upright comes first. What it leaves out is a
     touch in another pose on the way, and all contacts after the first.
     """

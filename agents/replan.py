@@ -22,10 +22,10 @@ _FILE = "lookahead.yaml"
 class Agent:
     """Looks ahead to the end of the descent, as if the trim it tries were the last; it looks again after the next hop.
 
-    The launch is the best of a grid, a trim the best of evenly spaced ones. What is approximate: the surfaces are rigid;
-    the state has the precision of float32; and of the energy supplied so far an observation does not show the spin and
-    the height of the pose at launch, nor the work of former trims. They are left out, which makes every trim look
-    equally a little better.
+    The launch is the best of a grid, a trim the best of evenly spaced ones. Three things are approximate: the surfaces
+    of the simulation are rigid; a state that has been observed has the precision of float32; and the energy supplied
+    leaves out what cannot be observed after the launch, its spin, the height of its pose and the work of former trims,
+    so that every trim looks a little too good.
 
     Attributes
     ----------
