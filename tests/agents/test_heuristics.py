@@ -93,7 +93,8 @@ def test_land_flat_touches_upright(control):
 
 def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
     """Oracle: the slip u + (r - h) omega at the first touch of the simulator, where friction holds what slides."""
-    problem = Problem(altered("brake_mat", launch={"speed_m_s": [0.5, 2.0], "drop_m": [0.1, 0.2]}))
+    launch, contact = {"speed_m_s": [0.5, 2.0], "drop_m": [0.1, 0.2]}, {"friction": [0.25, 0.6]}
+    problem = Problem(altered("brake_mat", launch=launch, contact=contact))
     contexts = problem.contexts("test", 60)
     agent = land_flat.Agent(problem)
     launches = problem.task.launches(contexts, agent.act(problem.task.observe(contexts)).astype(float))
