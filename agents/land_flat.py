@@ -56,7 +56,7 @@ class Agent:
 
         def wanted(time: Floats) -> Floats:
             rolling = -(speed + along * time) / upright
-            return np.clip(np.where(friction > np.tan(angle), rolling, 0.0), *self._spins)
+            return np.asarray(np.clip(np.where(friction > np.tan(angle), rolling, 0.0), *self._spins))
 
         if control == "spin":
             time = fallen(drop + support_heights(body, np.ascontiguousarray(orientation)) - upright)
@@ -80,7 +80,8 @@ def _fallen(height: Floats, fall: Floats, gravity: Floats) -> Floats:
 
 def _turned(angle: Floats, bounds: Floats) -> Floats:
     """Add the whole turns that bring angles nearest to the middle of the bounds."""
-    return angle - _TURN * np.rint((angle - bounds.mean()) / _TURN)
+    turns: Floats = np.rint((angle - bounds.mean()) / _TURN)
+    return angle - _TURN * turns
 
 
 def _spin(orientation: Floats, time: Floats, wanted: Floats, bounds: Floats) -> Floats:
@@ -96,4 +97,4 @@ def _spin(orientation: Floats, time: Floats, wanted: Floats, bounds: Floats) -> 
 def _scaled(*columns: tuple[Floats, Floats]) -> NDArray[np.float32]:
     """Return actions in [-1, 1] of values and their bounds; what lies outside ends there."""
     scaled = [2.0 * (values - low) / (high - low) - 1.0 for values, (low, high) in columns]
-    return np.clip(np.stack(scaled, axis=-1), -1.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(np.stack(scaled, axis=-1), -1.0, 1.0), np.float32)

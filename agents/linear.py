@@ -46,7 +46,8 @@ def actions(task: Task, weights: Floats, observations: NDArray[np.float32]) -> F
         low, high = np.radians(task.scenario.control.orientation_deg)
         angle = np.arctan2(outputs[1], 1.0 + outputs[0])  # without weights: the middle
         columns = [2.0 * angle / (high - low), *outputs[2:]]
-    return np.clip(np.stack(columns, axis=-1), -1.0, 1.0)
+    clipped: Floats = np.clip(np.stack(columns, axis=-1), -1.0, 1.0)
+    return clipped
 
 
 class Judge:
@@ -107,7 +108,7 @@ class Linear:
         return cls(problem, np.array(yaml.safe_load((folder / _FILE).read_text())["weights"]))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        return actions(self._task, self.weights[np.newaxis], observations)[0].astype(np.float32)
+        return np.asarray(actions(self._task, self.weights[np.newaxis], observations)[0], np.float32)
 
 
 def _outputs(task: Task) -> int:
