@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-from agents import cma_es, land_flat, linear, no_trim, random_search, random_trim, replan
+from agents import cma_es, land_flat, linear, no_trim, ppo, random_search, random_trim, replan
 from sledenv import load_scenario
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Task
@@ -204,3 +205,17 @@ def test_the_lookahead_of_replan_predicts_what_its_model_earns():
         rides.hop(trims)
     earned = rides.descents().jam.reward
     assert np.median(np.abs(predicted - earned)) < 0.01
+
+
+@pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
+def test_the_likelihood_of_ppo_counts_only_what_acts(tmp_path):
+    """Oracle: before the launch the trim, and afterwards the launch, may be anything."""
+    settings = {"n_timesteps": 64, "policy": "MlpPolicy", "n_envs": 8, "n_steps": 8, "batch_size": 64, "n_epochs": 1}
+    agent = ppo.Agent.train(Problem("brake_mat", "descent"), settings, 0, tmp_path)
+    before = torch.zeros(2, 17)
+    after = before + torch.eye(17)[10]  # a cosine of 1
+    launches, trims = torch.tensor([[0.5, 0.2, 0.1], [0.1, 0.3, 0.1]]), torch.tensor([[0.5, 0.2, 0.1], [0.5, 0.2, 0.6]])
+    for observed, same, other in ((before, trims, launches), (after, launches, trims)):
+        (one, two), (three, four) = (agent.model.policy.evaluate_actions(observed, acts)[1] for acts in (same, other))
+        assert one == two
+        assert three != four
