@@ -12,7 +12,10 @@ from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.scenario import Control
 
-ALGORITHMS: Final = ("best_fixed", "ppo", "random_launch", "sac", "td3", "zero")
+ALGORITHMS: Final = (
+    *("best_fixed", "cma_es", "land_flat", "no_trim", "ppo", "random_launch", "random_search", "random_trim", "replan"),
+    *("sac", "td3", "zero"),
+)
 _SETTINGS = Path(__file__).parents[1] / "configs" / "agents"
 
 

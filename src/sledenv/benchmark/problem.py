@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 from sledenv.descent import DescentBatch
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Task, checked_actions
+from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
 from sledenv.kernel.records import RUNNING
 from sledenv.scenario import Control, Scenario, Split
 
@@ -65,11 +65,13 @@ class Problem:
         Whether the agent chooses the launch alone or trims every hop too.
     control : {"both", "orientation", "spin"}, optional
         What it chooses of the launch; what the scenario says by default.
+    solver : {"compliant", "rigid"}
+        As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
 
     Raises
     ------
     ScenarioError, ValueError
-        For an unknown scenario, environment or control.
+        For an unknown scenario, environment, control or solver.
     """
 
     def __init__(
@@ -77,11 +79,13 @@ class Problem:
         scenario: str | os.PathLike[str] | Scenario,
         environment: Environment = "launch",
         control: Control | None = None,
+        *,
+        solver: Solver = "compliant",
     ) -> None:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))
             raise ValueError(f"environment = {environment!r}: must be one of {known}")
-        self.task = Task(scenario, control)
+        self.task = Task(scenario, control, solver=solver)
         self.scenario = self.task.scenario
         self.environment = environment
         self.id = ENVIRONMENTS[environment]

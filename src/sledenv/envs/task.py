@@ -16,7 +16,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent, DescentBatch, Record, Ride, RideBatch, simulate, simulate_batch
-from sledenv.kernel.geometry import directions
+from sledenv.kernel.geometry import directions, support_heights
 from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.kernel.records import (
     FINISH,
@@ -80,6 +80,8 @@ class Task:
         Of a launch.
     ride_observation_space, ride_action_space : Box
         Of a launch with the hops that follow: the flight is behind the context, the trim behind the launch.
+    varies : ndarray of bool, shape (8,)
+        Which fields of a context an agent sees: those that vary and that it does not choose.
 
     Raises
     ------
@@ -126,6 +128,7 @@ class Task:
         self._chosen = [Context._fields.index(name) for name in self.controlled]
         self._width = self._context_high - self._context_low
         self._width[self._chosen] = 0.0  # as if it did not vary
+        self.varies: NDArray[np.bool_] = self._width > 0.0
         bounds = {
             "orientation": np.radians(section.orientation_deg),
             "spin": np.array(section.spin_rad_s),
@@ -219,9 +222,18 @@ class Task:
 
         What does not vary and what the agent controls reads 0.
         """
-        varies = self._width > 0.0
-        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / np.where(varies, self._width, 1.0) - 1.0
-        return np.where(varies, np.clip(centred, -1.0, 1.0), 0.0).astype(np.float32)
+        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / np.where(self.varies, self._width, 1.0) - 1.0
+        return np.where(self.varies, np.clip(centred, -1.0, 1.0), 0.0).astype(np.float32)
+
+    def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
+        """Return the contexts behind observations of shape (n, 8) or (n, 17), up to the rounding of float32.
+
+        What the agent controls is NaN: it is nobody's choice yet.
+        """
+        scaled = 0.5 * (observations[:, :FIELDS].astype(np.float64) + 1.0)
+        contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
+        contexts[:, self._chosen] = np.nan
+        return contexts
 
     def observe_flights(self, flights: np.ndarray) -> NDArray[np.float32]:
         """Scale where descents stand to [-1, 1], float32 of shape (n, 9), columns ``FLIGHT``.
@@ -246,6 +258,29 @@ class Task:
         # A descent that overflowed has ended, but must still be seen.
         scaled: NDArray[np.float64] = np.nan_to_num(np.stack(columns, axis=-1))
         return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+
+    def flights_seen(self, observations: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where descents stand at a rebound, from observations of shape (n, 17), up to the rounding of float32.
+
+        Returns
+        -------
+        states : ndarray, shape (n, 6)
+            Columns as in :class:`sledenv.State`; at a rebound the body touches, so its height follows from its
+            orientation.
+        lent : ndarray, shape (n,)
+            Spin [rad/s] that the rider's rotor lends to the body.
+        """
+        progress, sine, cosine, u, v, omega, trim, _, _ = observations[:, FIELDS:].astype(np.float64).T
+        phi = np.arctan2(sine, cosine)
+        columns = (
+            progress * self.scenario.slope_section.length_m,
+            support_heights(self.body, phi),
+            phi,
+            u * self._speed,
+            v * self._speed,
+            omega * self._spin,
+        )
+        return np.stack(columns, axis=-1), self.trims(trim)
 
     def _scales(self) -> tuple[float, float]:
         """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch."""

@@ -1,0 +1,115 @@
+"""Linear policies, and what the searches for their weights share: the map to actions, the judging, the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.task import Contexts, Task
+
+Floats = NDArray[np.float64]
+
+_FILE = "weights.yaml"
+
+
+def size(task: Task) -> int:
+    """Number of weights: of each output one for every field that is seen, and a constant."""
+    return _outputs(task) * (1 + int(task.varies.sum()))
+
+
+def actions(task: Task, weights: Floats, observations: NDArray[np.float32]) -> Floats:
+    """Return what policies do.
+
+    An orientation is a direction, the angle of two outputs counted from the middle of its bounds: bounds that are a
+    full turn apart have no seam. A spin is one output. Both end at the bounds.
+
+    Parameters
+    ----------
+    task : Task
+    weights : ndarray, shape (m, size)
+        Of m policies.
+    observations : ndarray, shape (n, 8)
+
+    Returns
+    -------
+    ndarray, shape (m, n, k)
+    """
+    seen = np.column_stack([np.ones(len(observations)), observations[:, task.varies]])
+    outputs = np.einsum("moi,ni->omn", weights.reshape(len(weights), _outputs(task), -1), seen)
+    columns = [outputs[-1]]
+    if "orientation" in task.controlled:
+        low, high = np.radians(task.scenario.control.orientation_deg)
+        angle = np.arctan2(outputs[1], 1.0 + outputs[0])  # without weights: the middle
+        columns = [2.0 * angle / (high - low), *outputs[2:]]
+    clipped: Floats = np.clip(np.stack(columns, axis=-1), -1.0, 1.0)
+    return clipped
+
+
+class Judge:
+    """Mean rewards of policies on training contexts, and how many descents they have cost."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self.descents = 0
+
+    def __call__(self, weights: Floats, contexts: Contexts) -> Floats:
+        """Return the mean reward of each policy.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (m, size)
+        contexts : ndarray, shape (n, 8)
+            The same for all policies; where launches are noisy, each has one draw of the noise.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+        """
+        trials = self._problem.trials(contexts)
+        lanes = np.arange(len(contexts))
+        disturbed = trials[lanes, lanes % trials.shape[1]]
+        chosen = actions(self._problem.task, weights, self._problem.task.observe(contexts))
+        self.descents += chosen[..., 0].size
+        repeated = np.tile(disturbed, (len(weights), 1))
+        rewards = self._problem.descend(repeated, chosen.reshape(len(repeated), -1)).jam.reward
+        means: Floats = rewards.reshape(len(weights), -1).mean(axis=1)
+        return means
+
+
+class Linear:
+    """Acts by the weights that a search has found."""
+
+    def __init__(self, problem: Problem, weights: Floats) -> None:
+        self._task = problem.task
+        self.weights = weights
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Search with a budget of ``n_timesteps`` descents, and keep the weights."""
+        judge = Judge(problem)
+        weights = cls.search(problem, judge, settings, seed)
+        content = {"descents": judge.descents, "weights": weights.tolist()}
+        (folder / _FILE).write_text(yaml.safe_dump(content))
+        return cls(problem, weights)
+
+    @classmethod
+    def search(cls, problem: Problem, judge: Judge, settings: dict[str, Any], seed: int) -> Floats:
+        """Return weights of shape (size,)."""
+        raise NotImplementedError
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the weights of a run."""
+        return cls(problem, np.array(yaml.safe_load((folder / _FILE).read_text())["weights"]))
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.asarray(actions(self._task, self.weights[np.newaxis], observations)[0], np.float32)
+
+
+def _outputs(task: Task) -> int:
+    return len(task.controlled) + ("orientation" in task.controlled)

@@ -1,0 +1,36 @@
+"""The best single launch for all contexts and no trim afterwards: what trims have to improve on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import best_fixed
+from sledenv.benchmark.problem import Problem
+
+
+class Agent:
+    """Launches as the agent best_fixed does, and leaves the rotor at rest."""
+
+    def __init__(self, launch: best_fixed.Agent) -> None:
+        self._launch = launch
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Search the launch as the agent best_fixed does, from whole descents."""
+        return cls(best_fixed.Agent.train(_launched(problem), settings, seed, folder))
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the launch of a run."""
+        return cls(best_fixed.Agent.load(_launched(problem), folder))
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.column_stack([self._launch.act(observations), np.zeros(len(observations), np.float32)])
+
+
+def _launched(problem: Problem) -> Problem:
+    return Problem(problem.scenario, "launch", problem.control)

@@ -1,0 +1,97 @@
+"""Model-predictive control: at every rebound, try a few trims in a simulation of rigid surfaces and take the best."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sledenv.benchmark.oracle import jam_map
+from sledenv.benchmark.problem import TRIALS, Problem
+from sledenv.envs.task import FIELDS, Contexts
+from sledenv.jam import descent_jam
+
+Floats = NDArray[np.float64]
+
+_FILE = "lookahead.yaml"
+
+
+class Agent:
+    """Looks ahead to the end of the descent, as if the trim it tries were the last; it looks again after the next hop.
+
+    The launch is the best of a grid, a trim the best of evenly spaced ones. Three things are approximate: the surfaces
+    of the simulation are rigid; a state that has been observed has the precision of float32; and the energy supplied
+    leaves out what cannot be observed after the launch, its spin, the height of its pose and the work of former trims,
+    so that every trim looks a little too good.
+
+    Attributes
+    ----------
+    descents : int
+        How many the lookahead has simulated.
+    """
+
+    def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
+        self._model = Problem(problem.scenario, control=problem.control, solver="rigid")
+        self._grid = settings["orientations"], settings["spins"]
+        self._trims = np.linspace(-1.0, 1.0, settings["trims"])
+        self._trials = TRIALS if self._model.noisy else 1
+        self.descents = 0
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Keep the settings; there is nothing to learn."""
+        (folder / _FILE).write_text(yaml.safe_dump(settings))
+        return cls(problem, settings)
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the settings of a run."""
+        return cls(problem, yaml.safe_load((folder / _FILE).read_text()))
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        contexts = self._model.task.contexts_seen(observations)
+        actions = np.zeros((len(observations), self._model.actions + 1))
+        waits = ~observations[:, FIELDS:].any(axis=1)  # before the launch; afterwards sine or cosine is not 0
+        if waits.any():
+            actions[waits, :-1] = self._best_launches(contexts[waits])
+        if not waits.all():
+            actions[~waits, -1] = self._best_trims(contexts[~waits], observations[~waits])
+        return actions.astype(np.float32)
+
+    def _best_launches(self, contexts: Contexts) -> Floats:
+        """Return the launches of the grid that the model rewards most, shape (n, k)."""
+        best = []
+        for one in jam_map(self._model, contexts, self._grid):
+            cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
+            best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
+            self.descents += one.rewards.size * self._trials
+        return np.array(best)
+
+    def _best_trims(self, contexts: Contexts, observations: NDArray[np.float32]) -> Floats:
+        """Return the trims that the model rewards most, shape (n,)."""
+        tried = len(self._trims)
+        states, lent = self._model.task.flights_seen(np.repeat(observations, tried, axis=0))
+        repeated = np.repeat(contexts, tried, axis=0)
+        spins = np.tile(self._model.task.trims(self._trims), len(contexts))
+        rewards = self._predicted(repeated, states, lent, spins).reshape(-1, tried)
+        return np.asarray(self._trims[rewards.argmax(axis=1)])
+
+    def _predicted(self, contexts: Contexts, states: Floats, lent: Floats, spins: Floats) -> Floats:
+        """Return the rewards of descents that go on from rebounds with other trims, shape (n,)."""
+        task, scenario = self._model.task, self._model.scenario
+        angle, _, _, speed, drop, fall, *_ = contexts.T
+        mass, inertia, gravity = task.body.mass, task.body.inertia, scenario.slope_section.gravity_m_s2
+        states[:, -1] += spins - lent
+        outcomes = task.descend_batch(contexts, states).outcomes
+        self.descents += len(outcomes)
+        rotor = 0.0 if scenario.rider is None else 0.5 * inertia**2 / scenario.rider.rotor_inertia_kg_m2
+        work = inertia * (spins - lent) * (states[:, -1] - 0.5 * (spins - lent)) + rotor * (spins**2 - lent**2)
+        length = scenario.slope_section.length_m
+        height = drop * np.cos(angle) + length * np.sin(angle)
+        given = mass * (0.5 * (speed**2 + fall**2) + gravity * height)
+        outcomes["supplied"] = given + np.maximum(work, 0.0)  # instead of what the state at the rebound stands for
+        rewards: Floats = descent_jam(outcomes, mass, length).reward
+        return rewards
