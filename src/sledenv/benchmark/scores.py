@@ -210,7 +210,7 @@ def scores(results: Results) -> pd.DataFrame:
                 "regret_low": low,
                 "regret_high": high,
                 "regret_p90": group["regret"].quantile(0.9),
-                "score": _normalised(group["reward"].mean(), group["uniform"].mean(), group["best"].mean()),
+                "score": float(_normalised(group["reward"].mean(), group["uniform"].mean(), group["best"].mean())),
                 "on_bound": group["on_bound"].mean(),
                 "finished": group["finished"].mean(),
             }
