@@ -6,7 +6,7 @@ import base64
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -317,8 +317,9 @@ def _percent(value: float) -> str:
     return _NONE if math.isnan(value) else f"{100.0 * value:z.2f} %".replace("-", _MINUS)
 
 
-def _interval(value: float, low: float, high: float, words: Any) -> str:
-    return f"{words(value)} <small>[{words(low)}, {words(high)}]</small>"
+def _interval(value: float, low: float, high: float, words: Callable[[float], str]) -> str:
+    bounds = ", ".join(words(bound).removesuffix(" %") for bound in (low, high))
+    return f"{words(value)} <small>[{bounds}]</small>"
 
 
 def _difference(row: dict[str, Any], baseline: str) -> str:
@@ -326,7 +327,7 @@ def _difference(row: dict[str, Any], baseline: str) -> str:
     if math.isnan(value):
         return _NONE
     kind = "yes" if high < 0.0 else "no" if low > 0.0 else ""
-    return f'<span class="{kind}">{_percent(value)}</span> <small>[{_percent(low)}, {_percent(high)}]</small>'
+    return f'<span class="{kind}">{_interval(value, low, high, _percent)}</span>'
 
 
 def _check(passed: bool | None, value: str = "") -> str:
