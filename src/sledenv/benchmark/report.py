@@ -63,8 +63,8 @@ _FIGURES: Final = {  # name: what draws it, heading, how to read it
     "robustness": (
         figures.plot_robustness,
         "Noise of the launch",
-        "Mean reward when the launch misses what the agent chose. The horizontal axis is the standard deviation of the "
-        "miss as a share of half the control range. A line that falls steeply belongs to an agent that aims at narrow "
+        "Mean reward when the launch misses what the agent chose. The horizontal axis is the size of the noise as "
+        "a share of half the control range. A line that falls steeply belongs to an agent that aims at narrow "
         "peaks.",
     ),
     "energy": (
@@ -218,7 +218,7 @@ def _scores(table: pd.DataFrame) -> str:
                 _number(row["score"]),
             ]
             cells += [_difference(row, name) for name in BASELINES if (table["agent"] == name).any()]
-            cells += [_percent(row["on_bound"]), _percent(row["finished"])]
+            cells += [f"{100.0 * row[name]:.1f} %" for name in ("on_bound", "finished")]
             rows.append((cells, _kind(row["agent"])))
         parts.append(f"<h3>{escape(title(*problem))}</h3>\n{_table(names, rows)}")
     alone = table.loc[table["seeds"] == 1, "agent"].unique()
