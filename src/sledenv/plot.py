@@ -31,27 +31,27 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, which stay apart for colour-blind readers.
-_BLUE, _SKY, _GREEN, _ORANGE, _RED, _PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
-_INK, _GROUND, _SHADE, _POTENTIAL = "#333333", "#E3E7EC", "#E9EDF2", "#BFC8D2"
-_STYLE: dict[str, Any] = {
+BLUE, SKY, GREEN, ORANGE, RED, PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
+INK, GROUND, SHADE, POTENTIAL = "#333333", "#E3E7EC", "#E9EDF2", "#BFC8D2"
+STYLE: dict[str, Any] = {
     "font.size": 11.0,
     "axes.titlesize": 11.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": _INK,
+    "axes.edgecolor": INK,
     "lines.linewidth": 1.6,
     "legend.frameon": False,
 }
-_DASHES = (0, (4, 3))
-_WIDTH = 9.0  # [in]
+DASHES = (0, (4, 3))
+WIDTH = 9.0  # [in]
 _MODE_COLOURS = {
-    "slide-roll": _SKY,
-    "stop-roll": _GREEN,
-    "slide": _ORANGE,
-    "stuck": _RED,
-    "spin-reversal": _PURPLE,
-    "slip-reversal": _BLUE,
-    "double-reversal": _INK,
+    "slide-roll": SKY,
+    "stop-roll": GREEN,
+    "slide": ORANGE,
+    "stuck": RED,
+    "spin-reversal": PURPLE,
+    "slip-reversal": BLUE,
+    "double-reversal": INK,
 }
 _TABLE_1 = ("slide-roll", "stop-roll", "slide", "stuck")  # in the order of its rows
 _MODE_WORDS = {
@@ -106,7 +106,7 @@ def plot_strobe(
         raise ValueError(f"{len(labels)} labels for {len(descents)} descents")
     if frames < 2:
         raise ValueError(f"frames = {frames!r}: must be >= 2")
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
         from matplotlib.figure import Figure
@@ -121,7 +121,7 @@ def plot_strobe(
         low = min(box[0, 0] for box in boxes)
         high = max(box[1, 0] for box in boxes)
         heights = [float(np.clip(8.0 * (box[1, 1] - box[0, 1]) / (high - low), 1.0, 4.5)) for box in boxes]
-        figure = Figure(figsize=(_WIDTH, sum(heights) + 0.35 * len(descents) + 1.0), layout="constrained")
+        figure = Figure(figsize=(WIDTH, sum(heights) + 0.35 * len(descents) + 1.0), layout="constrained")
         grid = figure.subplots(len(descents), 1, sharex=True, squeeze=False, height_ratios=heights)
         axes: list[Axes] = list(grid[:, 0])
         for i, (ax, descent, rows, box) in enumerate(zip(axes, descents, tracks, boxes, strict=True)):
@@ -136,13 +136,13 @@ def plot_strobe(
         axes[-1].set_xlabel("horizontal distance [m]")
         figure.colorbar(speed, ax=axes, label="speed [m/s]", shrink=0.9 if len(axes) == 1 else 0.6, aspect=24, pad=0.02)
         handles: list[Artist] = [
-            Line2D([], [], color=_INK, lw=1.0, label="path of the mass centre"),
-            Line2D([], [], color=_RED, marker="^", ls="", label="touchdown"),
-            Line2D([], [], color=_RED, lw=4.0, label="contact"),
-            Line2D([], [], marker="o", mfc="none", mec=_INK, ms=9, ls="", label=f"pose every {interval:g} s"),
+            Line2D([], [], color=INK, lw=1.0, label="path of the mass centre"),
+            Line2D([], [], color=RED, marker="^", ls="", label="touchdown"),
+            Line2D([], [], color=RED, lw=4.0, label="contact"),
+            Line2D([], [], marker="o", mfc="none", mec=INK, ms=9, ls="", label=f"pose every {interval:g} s"),
         ]
         if whole and any(math.isfinite(descent.slope.length) for descent in descents):
-            handles.append(Line2D([], [], color=_INK, lw=1.2, ls=_DASHES, label="finish"))
+            handles.append(Line2D([], [], color=INK, lw=1.2, ls=DASHES, label="finish"))
         figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.3, handletextpad=0.5)
     return figure
 
@@ -177,21 +177,21 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
     moment = -a * rows["normal"] + b * rows["tangential"] + rows["rolling"]
     translation, rotation = _kinetic(descent, rows)
     panels = (
-        ("N [N]\nnormal force", rows["normal"], _BLUE),
-        ("F [N]\ntangential force", rows["tangential"], _RED),
-        ("moment [N m]\nabout the mass centre", moment, _GREEN),
-        ("T [J]\nkinetic energy", translation + rotation, _INK),
+        ("N [N]\nnormal force", rows["normal"], BLUE),
+        ("F [N]\ntangential force", rows["tangential"], RED),
+        ("moment [N m]\nabout the mass centre", moment, GREEN),
+        ("T [J]\nkinetic energy", translation + rotation, INK),
     )
     brief = rows["t"][-1] - rows["t"][0] < 0.5
     scale, unit = (1e3, "ms") if brief else (1.0, "s")
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(_WIDTH, 5.6), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
         grid = figure.subplots(2, 2, sharex=True)
         for ax, (label, values, colour) in zip(grid.flat, panels, strict=True):
             _shade_contacts(ax, descent, scale)
-            ax.axhline(0.0, color=_INK, lw=0.6)
+            ax.axhline(0.0, color=INK, lw=0.6)
             ax.plot(scale * rows["t"], values, color=colour)
             ax.set_ylabel(label)
             ax.set_xlim(scale * rows["t"][0], scale * rows["t"][-1])
@@ -227,17 +227,17 @@ def plot_descent(descent: Descent) -> Figure:
     t = rows["t"]
     layers = energy_layers(descent, rows)
     curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(_WIDTH, 8.0), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 8.0), layout="constrained")
         axes: list[Axes] = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.9)))
         for ax, (field, label) in zip(axes[:3], curves, strict=True):
             _shade_contacts(ax, descent, 1.0)
-            ax.axhline(0.0, color=_INK, lw=0.6)
-            ax.plot(t, rows[field], color=_BLUE)
+            ax.axhline(0.0, color=INK, lw=0.6)
+            ax.plot(t, rows[field], color=BLUE)
             ax.set_ylabel(label)
-        colours = (_BLUE, _SKY, _POTENTIAL, _GREEN, _RED, _ORANGE, _PURPLE)
+        colours = (BLUE, SKY, POTENTIAL, GREEN, RED, ORANGE, PURPLE)
         axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
         axes[3].set_ylabel("energy [J]")
         axes[3].set_xlabel("time [s]")
@@ -281,25 +281,25 @@ def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float,
         ("Fig. 10: kinetic energy", "T [J]", "kinetic"),
     )
     styles: tuple[dict[str, Any], ...] = (
-        {"color": _SKY, "lw": 4.5},
-        {"color": _INK, "lw": 1.2, "ls": _DASHES},
-        {"color": _RED, "lw": 1.4},
-        {"color": _PURPLE, "lw": 1.4},
+        {"color": SKY, "lw": 4.5},
+        {"color": INK, "lw": 1.2, "ls": DASHES},
+        {"color": RED, "lw": 1.4},
+        {"color": PURPLE, "lw": 1.4},
     )
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(_WIDTH, 6.6), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 6.6), layout="constrained")
         grid = figure.subplots(2, 2, sharex=True)
         for ax, (title, label, field) in zip(grid.flat, panels, strict=True):
-            ax.axhline(0.0, color=_INK, lw=0.6)
+            ax.axhline(0.0, color=INK, lw=0.6)
             for i, (name, rows) in enumerate(series.items()):
                 ax.plot(1e3 * rows["t"], rows[field], label=name, **styles[min(i, len(styles) - 1)])
             ax.set_title(title, loc="left")
             ax.set_ylabel(label)
         if paper is not None:
             grid[1, 1].plot(
-                1e3 * paper[0], paper[1], color=_ORANGE, marker="X", ms=9.0, ls="", label=f"paper: {paper[1]:g} J"
+                1e3 * paper[0], paper[1], color=ORANGE, marker="X", ms=9.0, ls="", label=f"paper: {paper[1]:g} J"
             )
         last = max(float(rows["t"][-1]) for rows in series.values())
         for ax in grid[1]:
@@ -339,15 +339,15 @@ def plot_velocities(descent: Descent, *, note: str = "") -> Figure:
         ("Fig. 13: horizontal velocity, downhill", "horizontal [m/s]", world[:, 0]),
         ("Fig. 14: angular velocity, counter-clockwise", "ω [rad/s]", rows["omega"]),
     )
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(_WIDTH, 7.4), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 7.4), layout="constrained")
         axes: list[Axes] = list(figure.subplots(3, 1, sharex=True))
         for ax, (title, unit, values) in zip(axes, panels, strict=True):
             _shade_contacts(ax, descent, 1.0)
-            ax.axhline(0.0, color=_INK, lw=0.6)
-            ax.plot(rows["t"], values, color=_BLUE)
+            ax.axhline(0.0, color=INK, lw=0.6)
+            ax.plot(rows["t"], values, color=BLUE)
             ax.set_title(title, loc="left")
             ax.set_ylabel(unit)
         axes[-1].set_xlabel("time [s]")
@@ -380,17 +380,17 @@ def plot_convergence(stiffness: np.ndarray, errors: Mapping[str, np.ndarray], *,
     ImportError
         If matplotlib is missing.
     """
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(_WIDTH, 5.2), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
         ax = figure.subplots()
-        colours = (_BLUE, _RED, _GREEN, _PURPLE, _ORANGE)
+        colours = (BLUE, RED, GREEN, PURPLE, ORANGE)
         for (name, error), colour, marker in zip(errors.items(), colours, "osD^v", strict=False):
             slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
             ax.loglog(stiffness, error, marker=marker, color=colour, label=f"{name}: slope {slope:.3f}")
         most = max(float(error[0]) for error in errors.values())
-        ax.loglog(stiffness, 3.0 * most * np.sqrt(stiffness[0] / stiffness), ls=_DASHES, color=_INK, label="slope -1/2")
+        ax.loglog(stiffness, 3.0 * most * np.sqrt(stiffness[0] / stiffness), ls=DASHES, color=INK, label="slope -1/2")
         ax.set_xlabel("stiffness c [N/m]")
         ax.set_ylabel("distance from the rigid impact [m/s]")
         ax.set_title(note, loc="left")
@@ -433,11 +433,11 @@ def plot_table_1(
             raise ValueError(f"{name} has shape {cells.shape}: must be {(len(friction), len(speed_ratio))}")
     found = [name for name in _MODE_COLOURS if (scenario == name).any()]
     rows = {name: f"{_TABLE_1.index(name) + 1}  " if name in _TABLE_1 else "" for name in found}
-    with _matplotlib().rc_context(_STYLE | {"hatch.linewidth": 0.8, "hatch.color": _INK}):
+    with _matplotlib().rc_context(STYLE | {"hatch.linewidth": 0.8, "hatch.color": INK}):
         from matplotlib.figure import Figure
         from matplotlib.patches import Patch
 
-        figure = Figure(figsize=(_WIDTH, 5.4), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 5.4), layout="constrained")
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         left.set_title("corrected: one scenario everywhere", loc="left")
         right.set_title("as printed: the rules that hold", loc="left")
@@ -458,10 +458,10 @@ def plot_table_1(
             cell = _inner_cell(printed == rules)
             if cell is not None:
                 edge = (printed == rules).astype(float)
-                right.contour(speed_ratio, friction, edge, levels=[0.5], colors=_INK, linewidths=0.8)
+                right.contour(speed_ratio, friction, edge, levels=[0.5], colors=INK, linewidths=0.8)
                 right.text(speed_ratio[cell[1]], friction[cell[0]], rules, **label)
         handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=rows[name] + _MODE_WORDS[name]) for name in found]
-        handles.append(Patch(facecolor="none", hatch="///", edgecolor=_INK, label="several printed rules hold"))
+        handles.append(Patch(facecolor="none", hatch="///", edgecolor=INK, label="several printed rules hold"))
         figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
@@ -502,12 +502,12 @@ def plot_mode_map(
             raise ValueError(f"{title!r} has shape {modes.shape}: must be {(len(speed_ratio), len(phi))}")
     words = {mode: mode.name.lower().replace("_", "-") for mode in Mode}
     found = [words[mode] for mode in Mode if any((modes == mode).any() for modes in panels.values())]
-    with _matplotlib().rc_context(_STYLE):
+    with _matplotlib().rc_context(STYLE):
         from matplotlib.figure import Figure
         from matplotlib.patches import Patch
         from matplotlib.ticker import MultipleLocator
 
-        figure = Figure(figsize=(_WIDTH, 1.0 + 3.3 * len(panels)), layout="constrained")
+        figure = Figure(figsize=(WIDTH, 1.0 + 3.3 * len(panels)), layout="constrained")
         axes: list[Axes] = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
         for ax, (title, modes) in zip(axes, panels.items(), strict=True):
             names = np.array(["", *words.values()])[modes]
@@ -565,11 +565,11 @@ def _draw_slope(ax: Axes, descent: Descent) -> None:
     low, high = np.array(ax.get_xlim())
     steepness = math.tan(descent.slope.angle)
     surface = np.array([-low * steepness, -high * steepness])
-    ax.fill_between([low, high], surface, ax.get_ylim()[0] - abs(high - low), color=_GROUND, lw=0.0, zorder=0)
-    ax.plot([low, high], surface, color=_INK, lw=1.0, zorder=1)
+    ax.fill_between([low, high], surface, ax.get_ylim()[0] - abs(high - low), color=GROUND, lw=0.0, zorder=0)
+    ax.plot([low, high], surface, color=INK, lw=1.0, zorder=1)
     if math.isfinite(descent.slope.length):
         foot, top = to_world([(descent.slope.length, 0.0), (descent.slope.length, 1e3)], descent.slope.angle)
-        ax.plot(*np.stack([foot, top], axis=-1), color=_INK, lw=1.2, ls=_DASHES, zorder=1, scalex=False, scaley=False)
+        ax.plot(*np.stack([foot, top], axis=-1), color=INK, lw=1.2, ls=DASHES, zorder=1, scalex=False, scaley=False)
 
 
 def _draw_contacts(ax: Axes, descent: Descent) -> None:
@@ -577,8 +577,8 @@ def _draw_contacts(ax: Axes, descent: Descent) -> None:
     segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
     world = to_world(segments, descent.slope.angle)
     for begin_end in world:
-        ax.plot(*begin_end.T, color=_RED, lw=4.0, solid_capstyle="butt", zorder=10)
-    ax.plot(*world[:, 0].T, color=_RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
+        ax.plot(*begin_end.T, color=RED, lw=4.0, solid_capstyle="butt", zorder=10)
+    ax.plot(*world[:, 0].T, color=RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
 
 
 def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, speed: ScalarMappable) -> None:
@@ -594,23 +594,23 @@ def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, s
     ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.15, zorder=4))
     ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
     ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=1.3, zorder=6))
-    ax.add_collection(LineCollection(spokes, colors=_INK, linewidths=1.0, zorder=7))
+    ax.add_collection(LineCollection(spokes, colors=INK, linewidths=1.0, zorder=7))
     path = to_world(np.stack([rows["x"], rows["y"]], axis=-1), angle)
-    ax.plot(*path.T, color=_INK, lw=0.8, zorder=8)
-    ax.plot(*to_world(states[:, :2], angle).T, color=_INK, marker="o", ms=2.5, ls="", zorder=9)
+    ax.plot(*path.T, color=INK, lw=0.8, zorder=8)
+    ax.plot(*to_world(states[:, :2], angle).T, color=INK, marker="o", ms=2.5, ls="", zorder=9)
 
 
 def _shade_contacts(ax: Axes, descent: Descent, scale: float) -> None:
     """Shade the times of contact; ``scale`` is that of the time axis."""
     for rebound in descent.rebounds:
         end = scale * rebound["t"]
-        ax.axvspan(end - scale * rebound["duration"], end, facecolor=_SHADE, edgecolor=_SHADE, lw=0.8, zorder=0)
+        ax.axvspan(end - scale * rebound["duration"], end, facecolor=SHADE, edgecolor=SHADE, lw=0.8, zorder=0)
 
 
 def _contact_key() -> Artist:
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=_SHADE, label="in contact")
+    return Patch(facecolor=SHADE, label="in contact")
 
 
 def _arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,297 @@
+"""Figures of a benchmark: learning, regret, jam maps, robustness to noise and where the energy goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from typing import Any, Final
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import EngFormatter, PercentFormatter
+
+from sledenv.benchmark.scores import (
+    LEARNED,
+    PROBLEM,
+    SMALL_REGRET,
+    STATUSES,
+    Results,
+    decomposition,
+    ordered,
+    rank,
+    regrets,
+    robustness,
+)
+from sledenv.plot import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
+
+_LOOKS: Final = {  # colour and marker of each agent, the same in all figures
+    "zero": (POTENTIAL, "x"),
+    "random_launch": ("#8792A0", "."),
+    "best_fixed": (INK, "s"),
+    "land_flat": (PURPLE, "D"),
+    "ppo": (ORANGE, "^"),
+    "sac": (BLUE, "o"),
+    "td3": (GREEN, "v"),
+}
+_OTHERS: Final = ((RED, "P"), (SKY, "*"), ("#8C6D31", "h"))
+_SMALLEST: Final = 1e-5  # regret that is still told from none
+_MAPS: Final = 3  # contexts a scenario of which the jam map is drawn
+_ENERGY: Final = {
+    "kept": ("motion along the slope at the finish", BLUE),
+    "hysteresis": ("lost by hysteresis", GREEN),
+    "sliding": ("lost by sliding", RED),
+    "rolling": ("lost by rolling", ORANGE),
+    "other": ("spin, motion across, not finished", POTENTIAL),
+}
+_ENDINGS: Final = dict(zip((*STATUSES, "another way"), (BLUE, RED, ORANGE, POTENTIAL), strict=True))
+
+
+def label(agent: str) -> str:
+    """Return the name of an agent for a reader: "best fixed", "SAC"."""
+    return agent.upper() if agent in LEARNED else agent.replace("_", " ")
+
+
+def title(environment: str, scenario: str) -> str:
+    """Return the name of a problem for a reader."""
+    return scenario if environment == "launch" else f"{scenario}, every hop trimmed"
+
+
+def plot_learning(results: Results) -> Figure | None:
+    """Plot the mean validation reward against simulated descents: mean over seeds, and their range.
+
+    Returns
+    -------
+    Figure or None
+        None without learning curves.
+    """
+    if results.curves.empty:
+        return None
+    judged = regrets(results)
+
+    def draw(ax: Axes, group: pd.DataFrame) -> None:
+        same = judged.loc[(judged[PROBLEM] == group[PROBLEM].iloc[0]).all(axis=1)]
+        fixed = same.loc[same["agent"] == "best_fixed", "reward"]
+        if len(same):
+            ax.axhline(same.drop_duplicates("context")["best"].mean(), color=INK, lw=1.0, ls=DASHES)
+        if len(fixed):
+            ax.axhline(fixed.mean(), color=INK, lw=1.0, ls=":")
+        for agent, curves in group.groupby("agent", sort=False):
+            at = curves.groupby("descents")["mean_reward"].agg(["mean", "min", "max"])
+            colour, _ = _look(agent, group)
+            ax.fill_between(at.index, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
+            ax.plot(at.index, at["mean"], color=colour)
+        ax.xaxis.set_major_formatter(EngFormatter(sep=""))
+
+    levels = [
+        Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best launch of each context"),
+        Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"),
+    ]
+    return _panels(results.curves, draw, "simulated descents", "mean reward", _lines(results.curves) + levels)
+
+
+def plot_regret(results: Results) -> Figure:
+    """Plot which share of seeds and contexts has at most a given regret."""
+    table = regrets(results)
+
+    def draw(ax: Axes, group: pd.DataFrame) -> None:
+        ax.axvline(SMALL_REGRET, color=INK, lw=0.8, ls=DASHES)
+        for agent, rows in group.groupby("agent", sort=False):
+            values = np.sort(np.clip(rows["regret"].to_numpy(), _SMALLEST, 1.0))
+            colour, _ = _look(agent, table)
+            share = np.arange(1, len(values) + 1) / len(values)
+            ax.step([_SMALLEST, *values, 1.0], [0.0, *share, 1.0], where="post", color=colour)
+        ax.set_xscale("log")
+        ax.set_xlim(_SMALLEST, 1.0)
+        ax.set_ylim(0.0, 1.02)
+        ax.set_xticks([1e-4, 1e-2, 1.0], ["0.01%", "1%", "100%"])
+        ax.minorticks_off()
+        ax.yaxis.set_major_formatter(PercentFormatter(1.0))
+
+    lines = [*_lines(table), Line2D([], [], color=INK, lw=0.8, ls=DASHES, label=f"regret {SMALL_REGRET:.0%}")]
+    return _panels(table, draw, "regret", "share of contexts", lines)
+
+
+def plot_robustness(results: Results) -> Figure | None:
+    """Plot the mean reward against extra noise of the launch.
+
+    Returns
+    -------
+    Figure or None
+        None if nothing was judged with extra noise.
+    """
+    table = robustness(results)
+    if not (table["noise"] > 0.0).any():
+        return None
+
+    def draw(ax: Axes, group: pd.DataFrame) -> None:
+        for agent, rows in group.groupby("agent", sort=False):
+            colour, marker = _look(agent, table)
+            ax.plot(rows["noise"], rows["reward"], color=colour, marker=marker, ms=5.0)
+        levels = sorted(group["noise"].unique())
+        ax.set_xticks(levels, [f"{100.0 * level:g}%" for level in levels])
+
+    return _panels(table, draw, "noise of the launch", "mean reward", _lines(table, markers=True))
+
+
+def plot_maps(results: Results) -> Figure | None:
+    """Draw the reward over the launches of a few contexts, the best launch and what the agents chose.
+
+    Returns
+    -------
+    Figure or None
+        None without jam maps.
+    """
+    maps = results.maps
+    if maps.empty:
+        return None
+    judged = results.results
+    chosen = judged[
+        (judged["environment"] == "launch")
+        & (judged["stage"] == "trained")
+        & (judged["noise"] == 0.0)
+        & (judged["trial"] == judged["trial"].min())
+        & ~judged["agent"].isin(["zero", "random_launch"])
+    ]
+    scenarios = sorted(maps["scenario"].unique())
+    with _style({"axes.spines.top": True, "axes.spines.right": True}):
+        figure = Figure(figsize=(WIDTH, 1.0 + 2.7 * len(scenarios)), layout="constrained")
+        grid = figure.subplots(len(scenarios), _MAPS, squeeze=False, sharex=True)
+        image = None
+        for row, scenario in zip(grid, scenarios, strict=True):
+            here = maps[maps["scenario"] == scenario]
+            contexts = sorted(here["context"].unique())[:_MAPS]
+            for ax in row[len(contexts) :]:
+                ax.set_visible(False)
+            for ax, context in zip(row, contexts, strict=False):
+                places = chosen[(chosen["scenario"] == scenario) & (chosen["context"] == context)]
+                best = results.oracle[
+                    (results.oracle["scenario"] == scenario) & (results.oracle["context"] == context)
+                ].iloc[0]
+                image = _draw_map(ax, here[here["context"] == context], best, places, judged) or image
+                ax.set_title(f"{scenario}, context {context}: best {best['reward']:.2f}", loc="left", fontsize=9.5)
+        for ax in grid[-1]:
+            ax.set_xlabel("spin" if maps["orientation"].isna().all() else "orientation")
+        if image is not None:
+            figure.colorbar(image, ax=grid, label="reward", shrink=0.6, aspect=30, pad=0.02)
+        star = Line2D([], [], color="white", mec=INK, marker="*", ms=11.0, ls="", label="best launch")
+        figure.legend(handles=[star, *_marks(chosen, judged)], loc="outside lower center", ncols=6)
+    return figure
+
+
+def plot_energy(results: Results) -> Figure:
+    """Draw as bars where the energy supplied goes and how the descents end, before and after learning."""
+    table = decomposition(results)
+    problems = list(table.groupby(PROBLEM, sort=False))
+    heights = [len(group) for _, group in problems]
+    with _style({}):
+        size = (WIDTH, 1.6 + 0.24 * sum(heights) + 0.45 * len(problems))
+        figure = Figure(figsize=size, layout="constrained")
+        grid = figure.subplots(len(problems), 2, squeeze=False, sharex=True, height_ratios=heights)
+        energy = {name: colour for name, (_, colour) in _ENERGY.items()}
+        for axes, (problem, group) in zip(grid, problems, strict=True):
+            names = [
+                label(row.agent) + (", untrained" if row.stage == "untrained" else "") for row in group.itertuples()
+            ]
+            for ax, parts in zip(axes, (energy, _ENDINGS), strict=True):
+                left = np.zeros(len(group))
+                for name, colour in parts.items():
+                    share = group[name].to_numpy()
+                    ax.barh(range(len(group)), share, left=left, color=colour, height=0.75)
+                    left += share
+                ax.set_yticks(range(len(group)), names if ax is axes[0] else [], fontsize=9.5)
+                ax.set_ylim(len(group) - 0.5, -0.5)
+                ax.set_xlim(0.0, 1.0)
+                ax.tick_params(axis="y", length=0.0)
+                ax.spines["left"].set_visible(False)
+                ax.xaxis.set_major_formatter(PercentFormatter(1.0))
+            axes[0].set_title(title(*problem), loc="left")
+        grid[-1, 0].set_xlabel("share of the energy supplied")
+        grid[-1, 1].set_xlabel("share of the descents")
+        for column, parts in enumerate((dict(_ENERGY.values()), _ENDINGS)):
+            handles = [Patch(color=colour, label=name) for name, colour in parts.items()]
+            where: Any = "outside upper left" if column == 0 else "outside upper right"
+            figure.legend(handles=handles, loc=where, ncols=2 if column else 1, fontsize=9.5)
+    return figure
+
+
+def _style(more: dict[str, Any]) -> AbstractContextManager[None]:
+    settings: Any = STYLE | more
+    return matplotlib.rc_context(settings)
+
+
+def _panels(
+    table: pd.DataFrame, draw: Callable[[Axes, pd.DataFrame], None], x: str, y: str, handles: list[Any]
+) -> Figure:
+    """Draw one panel an environment and scenario, three a row."""
+    groups = list(ordered(table).groupby(PROBLEM, sort=False))
+    columns = min(3, len(groups))
+    rows = -(-len(groups) // columns)
+    with _style({}):
+        figure = Figure(figsize=(WIDTH, 1.1 + 2.6 * rows), layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for ax in grid.flat[len(groups) :]:
+            ax.set_visible(False)
+        for i, (ax, (problem, group)) in enumerate(zip(grid.flat, groups, strict=False)):
+            draw(ax, group)
+            ax.set_title(title(*problem), loc="left")
+            ax.set_xlabel(x if i + columns >= len(groups) else "")
+            ax.set_ylabel(y if i % columns == 0 else "")
+        figure.legend(handles=handles, loc="outside lower center", ncols=5 if len(handles) == 5 else 4)
+    return figure
+
+
+def _draw_map(ax: Axes, cells: pd.DataFrame, best: pd.Series, places: pd.DataFrame, every: pd.DataFrame) -> Any:
+    """Draw one jam map, a curve where only one thing is chosen; return what a colour bar needs, if anything."""
+    free = [name for name in ("orientation", "spin") if cells[name].notna().any()]
+    image = None
+    if len(free) == 2:
+        grid = cells.pivot(index="spin", columns="orientation", values="reward")
+        image = ax.pcolormesh(grid.columns, grid.index, grid, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
+        edge = 0.5 * (grid.columns[1] - grid.columns[0])  # a full turn leaves out its end, which is its beginning
+        ax.set_xlim(grid.columns[0] - edge, grid.columns[-1] + edge)
+        ax.set_ylabel("spin")
+    else:
+        curve = cells.sort_values(free[0])
+        ax.plot(curve[free[0]], curve["reward"], color=INK, lw=0.9)
+        ax.set_ylabel("reward")
+    heights = ("action_1", "reward")[len(free) == 1]
+    clip: dict[str, Any] = {"ls": "", "clip_on": False, "mec": "white", "mew": 0.6}
+    ax.plot(best["action_0"], best[heights], marker="*", ms=11.0, **clip | {"color": "white", "mec": INK}, zorder=5)
+    for agent, rows in places.groupby("agent", sort=False):
+        colour, marker = _look(agent, every)
+        ax.plot(rows["action_0"], rows[heights], marker=marker, ms=6.0, color=colour, zorder=4, **clip)
+    return image
+
+
+def _look(agent: str, table: pd.DataFrame) -> tuple[str, str]:
+    """Colour and marker of an agent; those of unknown ones follow from the agents in the table."""
+    if agent in _LOOKS:
+        return _LOOKS[agent]
+    unknown = sorted(set(table["agent"]) - set(_LOOKS))
+    return _OTHERS[unknown.index(agent) % len(_OTHERS)]
+
+
+def _agents(table: pd.DataFrame) -> Iterator[str]:
+    names = pd.Series(table["agent"].unique())
+    yield from names.loc[rank(names).sort_values().index]
+
+
+def _lines(table: pd.DataFrame, markers: bool = False) -> list[Any]:
+    handles = []
+    for agent in _agents(table):
+        colour, marker = _look(agent, table)
+        handles.append(Line2D([], [], color=colour, marker=marker if markers else "", ms=5.0, label=label(agent)))
+    return handles
+
+
+def _marks(table: pd.DataFrame, every: pd.DataFrame) -> list[Any]:
+    handles = []
+    for agent in _agents(table):
+        colour, marker = _look(agent, every)
+        handles.append(Line2D([], [], color=colour, mec="white", marker=marker, ms=7.0, ls="", label=label(agent)))
+    return handles
