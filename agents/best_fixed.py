@@ -42,7 +42,7 @@ class Agent:
         candidates = 2.0 * sequence.random_base2(max(1, (count - 1).bit_length()))[:count] - 1.0
         rewards = [
             float(problem.expect(contexts, np.tile(candidate, (len(contexts), 1, 1))).mean())
-            for candidate in tqdm(candidates, desc="best-fixed", unit="candidate")
+            for candidate in tqdm(candidates, desc="best-fixed", unit="candidate", disable=None)
         ]
         agent = cls(candidates[int(np.argmax(rewards))])
         (folder / _FILE).write_text(yaml.safe_dump({"action": agent.action.tolist()}))

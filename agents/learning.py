@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import sys
 import warnings
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -12,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecMonitor
 
 from sledenv.benchmark.problem import Problem
@@ -69,6 +71,13 @@ class _Validation(BaseCallback):
             self.model.save(self._folder / _MODEL)
 
 
+def _schedule(value: Any) -> Any:
+    """Return the schedule that "lin_0.001" stands for in rl-baselines3-zoo, from 0.001 to 0; or what else is given."""
+    if isinstance(value, str) and value.startswith("lin_"):
+        return LinearSchedule(float(value.removeprefix("lin_")), 0.0, 1.0)
+    return value
+
+
 class Learned:
     """A trained policy, acting without exploration noise."""
 
@@ -85,13 +94,15 @@ class Learned:
         ----------
         problem : Problem
         settings : dict
-            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated.
+            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated. A value such as
+            "lin_0.001" decays linearly to 0.
         seed : int
             Of the networks, the environments and the exploration.
         folder : Path
             Where the models, the learning curve and the tensorboard log are written.
         """
         settings = cls.prepared(problem, dict(settings))
+        settings = {name: _schedule(value) for name, value in settings.items()}
         steps = settings.pop("n_timesteps")
         checks = settings.pop("checks", 20)
         torch.set_num_threads(1)  # networks this small run slower on more
@@ -106,7 +117,9 @@ class Learned:
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.
             warnings.filterwarnings("ignore", message=".*rich is experimental.*")
-            model.learn(steps, callback=_Validation(cls, problem, folder, steps // checks), progress_bar=True)
+            model.learn(
+                steps, callback=_Validation(cls, problem, folder, steps // checks), progress_bar=sys.stderr.isatty()
+            )
         env.close()
         return cls.load(problem, folder)
 
