@@ -11,13 +11,18 @@ from sledenv.benchmark.problem import Problem
 
 
 class Agent(Linear):
-    """Draws weights from a normal distribution and keeps those that do best on the same training contexts."""
+    """Draws weights from normal distributions and keeps those that do best on the same training contexts."""
 
     @classmethod
     def search(cls, problem: Problem, judge: Judge, settings: dict[str, Any], seed: int) -> Floats:
-        """Try ``n_timesteps // contexts`` policies of weights with the standard deviation ``scale``."""
+        """Try ``n_timesteps // contexts`` policies, the weights of each with a standard deviation of its own.
+
+        That is drawn between the two of ``scales``, uniform in its logarithm: some policies hardly look at the context.
+        """
         contexts = problem.contexts("train", settings["contexts"], seed)
         count = settings["n_timesteps"] // len(contexts)
-        policies = np.random.default_rng(seed).normal(0.0, settings["scale"], (count, size(problem.task)))
+        rng = np.random.default_rng(seed)
+        scales = np.exp(rng.uniform(*np.log(settings["scales"]), (count, 1)))
+        policies = scales * rng.normal(size=(count, size(problem.task)))
         best: Floats = policies[judge(policies, contexts).argmax()]
         return best

@@ -32,9 +32,13 @@ def quick(monkeypatch):
         if algo == "td3":
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "ppo":
-            values |= {"n_timesteps": 1024, "n_steps": 64, "n_epochs": 1}
-        if algo == "best_fixed":
+            values |= {"n_timesteps": 1024, "n_envs": 8, "n_steps": 64, "n_epochs": 1}
+        if algo in ("best_fixed", "no_trim", "random_search", "random_trim"):
             values |= {"n_timesteps": 400, "contexts": 20}
+        if algo == "cma_es":
+            values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
+        if algo == "replan":
+            values |= {"orientations": 6, "spins": 3, "trims": 3}
         return values
 
     monkeypatch.setattr(agents.train, "default_settings", settings)
@@ -48,10 +52,17 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
     assert not np.array_equal(problem.contexts("train", 3, seed=1), problem.contexts("train", 3, seed=2))
 
 
-@pytest.mark.parametrize("algo", ["zero", "random_launch", "best_fixed", "ppo", "sac", "td3"])
-def test_a_trained_run_is_complete_and_loads_to_the_same_agent(algo, quick, tmp_path):
+@pytest.mark.parametrize(
+    ("environment", "algo"),
+    [
+        *(("launch", algo) for algo in ("best_fixed", "cma_es", "land_flat", "ppo", "random_launch")),
+        *(("launch", algo) for algo in ("random_search", "sac", "td3", "zero")),
+        *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
+    ],
+)
+def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
-    folder = train(algo, Problem("brake_mat"), seed=3, folder=tmp_path)
+    folder = train(algo, Problem("brake_mat", environment), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert config["agent"] == f"agents.{algo}"
     assert config["scenario_hash"] == Problem("brake_mat").task.scenario.hash

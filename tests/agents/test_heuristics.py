@@ -14,7 +14,7 @@ from sledenv.scenario import Scenario
 
 CONTROLS = ["both", "orientation", "spin"]
 SEARCHES = {
-    "random_search": (random_search.Agent, {"n_timesteps": 1000, "contexts": 10, "scale": 1.0}),
+    "random_search": (random_search.Agent, {"n_timesteps": 1000, "contexts": 10, "scales": [0.5, 2.0]}),
     "cma_es": (
         cma_es.Agent,
         {
