@@ -18,7 +18,7 @@ from sledenv.kernel.contact import MOST_STALLED, Pair, drop_pull, sign_of
 from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import corner_lengths
-from sledenv.kernel.jit import kernel
+from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import (
     ARC,
@@ -238,7 +238,7 @@ def _loss(c: np.ndarray, bound: int, row: int, factor: float, step: float) -> fl
     return max(integral(q, step), 0.0)
 
 
-@kernel
+@allocating
 def chord_contact(
     body: Body,
     pair: Pair,
