@@ -8,6 +8,7 @@ import numpy as np
 from numba import prange
 
 from sledenv.kernel.flight import (
+    F_DOWNHILL,
     F_GRAVITY,
     F_HORIZON,
     F_LANE,
@@ -92,8 +93,7 @@ def fly(
     samples: int,
 ) -> int:
     """Add the rows of one flight to the trajectory, its start included; return the number of rows needed."""
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
+    downhill, inward = pulls(slope)
     rows = max(1, math.ceil(duration / limits.sample_interval))
     for i in range(rows):
         t = duration * i / rows
@@ -121,8 +121,8 @@ def fly(
 def energy(body: Body, slope: Slope, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
     kinetic = 0.5 * body.mass * (u * u + v * v) + 0.5 * body.inertia * omega * omega
-    height = y * math.cos(slope.angle) - x * math.sin(slope.angle)
-    return kinetic, body.mass * slope.gravity * height
+    downhill, inward = pulls(slope)
+    return kinetic, body.mass * (y * inward - x * downhill)
 
 
 @kernel
@@ -185,8 +185,8 @@ def close_books(body: Body, slope: Slope, launch: State, flight: np.void) -> Non
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    raised = body.mass * slope.gravity * (drop * math.cos(slope.angle) + along * math.sin(slope.angle))
-    flight["supplied"] = kinetic + raised + flight["work"]
+    downhill, inward = pulls(slope)
+    flight["supplied"] = kinetic + body.mass * (drop * inward + along * downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
     if flight["status"] != RUNNING and not finite:
@@ -225,7 +225,7 @@ def write_rebound(
     rebound["loss_hysteresis"] = state[HYSTERESIS]
     rebound["loss_sliding"] = state[SLIDING]
     rebound["loss_rolling"] = state[ROLLING]
-    rebound["stuck"] = stuck_code(body, math.hypot(u, v), u_after, state[OMEGA])
+    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, state[OMEGA])
 
 
 @allocating
@@ -241,6 +241,8 @@ def land(
     slope: Slope,
     limits: Limits,
     flight: np.void,
+    downhill: float,
+    inward: float,
     touchdown: float,
     rebound: np.void,
     log_length: int,
@@ -249,10 +251,9 @@ def land(
 ) -> None:
     """Follow one hop whose touchdown is known, up to the rebound or to whatever ends the descent.
 
-    ``touchdown`` is the duration [s] of the flight, inf if it is longer than ``limits.max_time`` allows; the other
-    arguments are those of :func:`hop`.
+    ``downhill`` and ``inward`` are those of :func:`sledenv.kernel.geometry.pulls`, ``touchdown`` is the duration [s] of
+    the flight, inf if it is longer than ``limits.max_time`` allows; the other arguments are those of :func:`hop`.
     """
-    downhill, inward = pulls(slope)
     t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
     u, v, omega = flight["u"], flight["v"], flight["omega"]
     samples = flight["samples"]
@@ -299,7 +300,8 @@ def land(
         for i in range(STATE_SIZE):
             before[i] = state[i]
         status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
-        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
+        if state[PHI] != phi or state[FEATURE] != feature:
+            a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebound, before, state, feature, b, a, u, v)
         t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
         y = b + state[GAP]
@@ -350,10 +352,10 @@ def hop(
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
-    _, inward = pulls(slope)
+    downhill, inward = pulls(slope)
     y, phi, v, omega = flight["y"], flight["phi"], flight["v"], flight["omega"]
     touchdown = touchdown_time(body, inward, y, phi, v, omega, limits.max_time - flight["t"])
-    land(body, law, slope, limits, flight, touchdown, rebound, log_length, space, trajectory)
+    land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
 
 
 @kernel
@@ -442,11 +444,11 @@ def hop_lanes(
         while lane < last and count < LANES:
             flight = flights[lane]
             if flight["status"] == RUNNING:
-                _, inward = pulls(_slope(slopes, lane))
                 pack[F_LANE, count] = lane
+                pack[F_DOWNHILL, count], pack[F_GRAVITY, count] = pulls(_slope(slopes, lane))
                 pack[F_Y, count], pack[F_PHI, count] = flight["y"], flight["phi"]
                 pack[F_V, count], pack[F_OMEGA, count] = flight["v"], flight["omega"]
-                pack[F_GRAVITY, count], pack[F_HORIZON, count] = inward, limits.max_time - flight["t"]
+                pack[F_HORIZON, count] = limits.max_time - flight["t"]
                 count += 1
             lane += 1
         touchdown_times(body, count, pack)
@@ -455,7 +457,8 @@ def hop_lanes(
             flight, log = flights[i], rebounds[_row(rebounds, i)]
             rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
             law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
-            land(body, law, slope, limits, flight, pack[F_TIME, k], rebound, log_length, space, trajectory)
+            downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
+            land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
             if flight["status"] == RUNNING:
                 running += 1
     return running

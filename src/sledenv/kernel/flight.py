@@ -52,9 +52,10 @@ FEW = 3  # flights of a pack from which it is worth while
     F_ALONG,  # [m] of a corner, see geometry.corner_lengths
     F_ACROSS,
     F_FURTHEST,  # [m] h of the feature with the largest
-    F_LANE,  # whose flight it is
-) = range(20)
-F_ROWS = 20
+    F_LANE,  # for the caller: whose flight it is,
+    F_DOWNHILL,  # [m/s^2] and gravity along the slope
+) = range(21)
+F_ROWS = 21
 
 
 def _take_off(y: Any, v: Any, omega: Any, gravity: Any, top: Any, furthest: Any) -> tuple[Any, Any, Any]:

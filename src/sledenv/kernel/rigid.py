@@ -104,7 +104,9 @@ def impact(
     for turn in range(2 * MOST_PHASES):
         if count == MOST_PHASES or turn == 2 * MOST_PHASES - 1:
             return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
-        _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, _sign(v_t), _sign(omega))
+        slip, spin = _sign(v_t), _sign(omega)
+        if slip == 0 or spin == 0:
+            _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, slip, spin)
         mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
         rate_t, rate_w, rate_n = rates(w, 0.0, 0.0, mu, rho, 1.0)
         rate_t = 0.0 if slip == 0 else rate_t
