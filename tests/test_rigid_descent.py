@@ -337,7 +337,8 @@ def test_lanes_side_by_side_are_the_descents_of_their_states_bit_for_bit(body, c
     batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
     bare = simulate_batch(body, laws, slopes, states, **options)
     assert np.array_equal(batch.outcomes, bare.outcomes)
-    for lane, one in enumerate(simulate(body, *given, **options) for given in zip(laws, slopes, states, strict=True)):
+    for lane, problem in enumerate(zip(laws, slopes, states, strict=True)):
+        one = simulate(body, *problem, **options)
         assert batch.outcomes[lane] == one.outcome
         assert np.array_equal(batch.rebounds[lane, : len(one.rebounds)], one.rebounds)
     if count == 150:

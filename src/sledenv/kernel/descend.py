@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numba import prange
 
+from sledenv.kernel.chord import NOW_ROWS
+from sledenv.kernel.chord import ROWS as CHORD_ROWS
 from sledenv.kernel.flight import (
     F_DOWNHILL,
     F_GRAVITY,
@@ -231,7 +233,8 @@ def write_rebound(
 @allocating
 def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that :func:`hop` works in; it may get the same ones again and again."""
-    return np.zeros((ROWS, TERMS)), np.zeros(Z_ROWS), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+    tables, told = np.zeros((ROWS + CHORD_ROWS, TERMS)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
+    return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
 @inlined

@@ -178,7 +178,7 @@ def _lift(body: Body, furthest: float, gravity: float, noise: float, phi: float,
         # gap''' >= -h |omega|^3 keeps the gap open this long, if the feature does not end before.
         return min(1.5 * lift / (furthest * abs(omega) ** 3), _angle_left(body, local, omega) / abs(omega))
     if lift > -1e-9 * bound and jerk > 0.0:
-        return (600.0 * noise / jerk) ** (1.0 / 3.0)  # lifted off where the normal force vanished
+        return float((600.0 * noise / jerk) ** (1.0 / 3.0))  # lifted off where the normal force vanished
     a, _ = arms(body, feature_at(body, local), local)
     return 0.0 if v - a * omega > 0.0 else -1.0
 

@@ -253,7 +253,9 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
             found = function(*(_Value(builder, argument) for argument in arguments))
             return context.make_tuple(builder, signature.return_type, [value.value for value in found])
 
-        return types.UniTuple(types.float64, results)(*(types.float64 for _ in numbers)), write
+        return types.UniTuple(types.float64, results)(  # type: ignore[no-untyped-call]
+            *(types.float64 for _ in numbers)
+        ), write
 
     # numba looks for names of the arguments.
     context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
