@@ -250,12 +250,12 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
         results = len(function(*(np.full(len(numbers), math.nan))))
 
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            found = function(*(_Value(builder, argument) for argument in arguments))
-            return context.make_tuple(builder, signature.return_type, [value.value for value in found])
+            values = [_Value(builder, argument) for argument in arguments]
+            found = [values[0].lift(value) for value in function(*values)]
+            return context.make_tuple(builder, signature.return_type, found)
 
-        return types.UniTuple(types.float64, results)(  # type: ignore[no-untyped-call]
-            *(types.float64 for _ in numbers)
-        ), write
+        returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
+        return returned(*(types.float64 for _ in numbers)), write
 
     # numba looks for names of the arguments.
     context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
