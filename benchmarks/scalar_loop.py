@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
 from sledenv.descent import _touching
-from sledenv.kernel.descend import descend
+from sledenv.kernel.descend import descend, work_space
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
@@ -29,13 +29,14 @@ def _loop(
     launches: np.ndarray,
     limits: Limits,
     log: np.ndarray,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     trajectory: np.ndarray,
     outcomes: np.ndarray,
 ) -> None:
     for i in range(launches.shape[0]):
         z = launches[i]
         launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-        descend(body, law, slope, launch, limits, log, trajectory, outcomes[i])
+        descend(body, law, slope, launch, limits, log, space, trajectory, outcomes[i])
 
 
 def scalar_loop(
@@ -56,7 +57,7 @@ def scalar_loop(
     outcomes = np.zeros(len(launches), OUTCOME)
 
     def run() -> np.ndarray:
-        _loop(body, touching, slope, launches, limits, log, trajectory, outcomes)
+        _loop(body, touching, slope, launches, limits, log, work_space(), trajectory, outcomes)
         return outcomes
 
     return run

@@ -320,3 +320,26 @@ def test_the_compliant_impact_converges_to_the_rigid_one_as_the_root_of_the_comp
         )
     slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
     assert slope == pytest.approx(-0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("body", [DISC, circular_segment(2.0, 0.5, math.radians(110.0))])
+@pytest.mark.parametrize("count", [1, 2, 3, 15, 17, 40, 150])
+def test_lanes_side_by_side_are_the_descents_of_their_states_bit_for_bit(body, count):
+    """Oracle: simulate, one after the other; lanes bounce, spin, settle, roll, tumble and finish at different times."""
+    rng = np.random.default_rng(count)
+    laws = [ContactLaw(1e6, *rng.uniform([0.05, 0.0, 0.0], [0.9, 0.8, 0.02]), 0.0) for _ in range(count)]
+    slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([1.0, 30.0]), rng.choice([1.6, 9.81])) for _ in range(count)]
+    states = []
+    for phi in rng.uniform(-4.0, 4.0, count):
+        drop, spin = rng.choice([0.0, 0.01, 0.7]), rng.choice([0.0, -6.0, 40.0, -2000.0])
+        states.append(State(0.0, support_height(body, phi) + drop, phi, rng.uniform(-2.0, 4.0), -0.5, spin))
+    options = {"solver": "rigid", "max_time": 3.0, "max_rebounds": 60}
+    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+    bare = simulate_batch(body, laws, slopes, states, **options)
+    assert np.array_equal(batch.outcomes, bare.outcomes)
+    for lane, problem in enumerate(zip(laws, slopes, states, strict=True)):
+        one = simulate(body, *problem, **options)
+        assert batch.outcomes[lane] == one.outcome
+        assert np.array_equal(batch.rebounds[lane, : len(one.rebounds)], one.rebounds)
+    if count == 150:
+        assert {"finish", "timeout", "log_full"} <= set(batch.status.tolist())

@@ -290,7 +290,7 @@ def simulate(
         if euler:
             descend_euler(body, law, slope, launch, limits, rebounds, trajectory, outcome)
         else:
-            descend(body, touching, slope, launch, limits, rebounds, trajectory, outcome)
+            descend(body, touching, slope, launch, limits, rebounds, work_space(), trajectory, outcome)
 
     run()
     if record == "trajectory" and outcome["samples"] > len(trajectory):

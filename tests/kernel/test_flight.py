@@ -9,10 +9,23 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel.flight import finish_time, touchdown_time
+from sledenv.kernel.flight import (
+    F_GRAVITY,
+    F_HORIZON,
+    F_OMEGA,
+    F_PHI,
+    F_TIME,
+    F_V,
+    F_Y,
+    finish_time,
+    pack_of,
+    touchdown_time,
+    touchdown_times,
+)
 from sledenv.kernel.geometry import arms, feature_at, support_height, whole_turns
 from sledenv.kernel.params import Body, circular_segment
 from sledenv.kernel.records import ARC, TAIL
+from sledenv.kernel.trace import LANES
 from tests.oracles import scanned_touchdown, support
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
@@ -198,6 +211,64 @@ def test_the_mirrored_flight_lands_at_the_same_time(
     assume(abs(phi - whole_turns(phi)) < math.pi)
     y = support_height(body, phi) + clearance
     assert touchdown_time(body, 9.81, y, phi, v, omega, 5.0) == touchdown_time(body, 9.81, y, -phi, v, -omega, 5.0)
+
+
+def side_by_side(body: Body, flights: np.ndarray) -> np.ndarray:
+    """Touchdowns of flights, rows gravity, y, phi, v, omega, horizon, searched for in one pack."""
+    pack = pack_of(body)
+    pack[[F_GRAVITY, F_Y, F_PHI, F_V, F_OMEGA, F_HORIZON], : len(flights)] = flights.T
+    touchdown_times(body, len(flights), pack)
+    return pack[F_TIME, : len(flights)].copy()
+
+
+def alone(body: Body, flights: np.ndarray) -> np.ndarray:
+    """Touchdown of each flight, searched for by itself."""
+    return np.array([touchdown_time(body, g, y, phi, v, w, end) for g, y, phi, v, w, end in flights])
+
+
+def assorted_flights(body: Body, seed: int) -> np.ndarray:
+    """Flights from above, from the surface, of fast spins, along grazes, at rest, and of states that are no numbers."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for kind in range(12 * LANES):
+        phi, v = rng.uniform(-10.0, 10.0), rng.uniform(-5.0, 5.0)
+        omega = rng.choice([0.0, rng.uniform(-10.0, 10.0), rng.uniform(-3000.0, 3000.0)])
+        gravity, horizon = rng.choice([0.0, 9.81]), rng.choice([2.0, 0.1])
+        local = phi - whole_turns(phi)
+        a, b = arms(body, feature_at(body, local), local)
+        y = b + rng.uniform(0.0, 1.0)
+        match kind % 8:
+            case 1:
+                y = b  # just thrown off
+            case 2:
+                y, v = b, a * omega  # no gap rate
+            case 3:
+                y, v = b, a * omega + rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-17.0, -8.0)
+            case 4:
+                y, v, gravity = body.radius + body.eccentricity + rng.choice([0.0, 1e-15, -1e-15]), 0.0, 0.0
+            case 5:
+                y, v = y + 1e3, 40.0
+            case 6:
+                y, v, omega = rng.choice([[math.nan, v, omega], [y, math.inf, omega], [y, v, math.nan]])
+        rows.append((gravity, y, phi, v, omega, horizon))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("body", [*BODIES, Body(1.0, 0.5, 0.3, 0.1, 0.9)])
+def test_flights_side_by_side_land_as_each_does_alone(body: Body) -> None:
+    """Oracle: the search of each by itself, bit for bit; of full packs and of all others."""
+    flights = assorted_flights(body, 3)
+    expected = alone(body, flights)
+    assert np.isfinite(expected).mean() > 0.2
+    assert np.isinf(expected).mean() > 0.1
+    start, sizes = 0, [*range(1, LANES), *(5 * [LANES])]
+    for size in sizes:
+        part = slice(start % (len(flights) - LANES), start % (len(flights) - LANES) + size)
+        assert np.array_equal(side_by_side(body, flights[part]), expected[part])
+        start += size
+    order = np.random.default_rng(4).permutation(len(flights))  # a flight knows nothing of its neighbours
+    for part in order.reshape(-1, LANES):
+        assert np.array_equal(side_by_side(body, flights[part]), expected[part])
 
 
 @property_of_all

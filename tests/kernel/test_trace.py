@@ -14,7 +14,24 @@ from sledenv.kernel.friction import mobility, rates
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.series import TERMS, Z_ROWS, complete, expand
 from sledenv.kernel.state import GAP, OMEGA, V_N, V_T
-from sledenv.kernel.trace import absolute, compiled, fma, sine_cosine, smaller, total, where_less
+from sledenv.kernel.trace import (
+    LANES,
+    absolute,
+    compiled,
+    fma,
+    larger,
+    less,
+    nearest,
+    not_more,
+    packed,
+    root,
+    scalar,
+    sine_cosine,
+    smaller,
+    total,
+    where,
+    where_less,
+)
 
 
 def _samples(z: Any, c: Any) -> None:
@@ -40,6 +57,42 @@ def answers(x: float, y: float) -> np.ndarray:
     c = np.full(8, math.nan)
     _run(np.array([x, y]), c)
     return c
+
+
+def _mixture(x: Any, y: Any) -> tuple[Any, ...]:
+    sine, cosine = sine_cosine(x)
+    chosen = where(less(x, y) & ~not_more(y, 0.5), larger(x, y), smaller(x, y))
+    return sine, cosine, root(x * x + y), nearest(x / y), fma(x, y, -absolute(y)), chosen, 3.0
+
+
+_one, _many = scalar(_mixture), packed(_mixture, (1, 2), (0, 1, 2, 3, 4, 5, 6))
+
+
+@kernel
+def _alone(x: float, y: float, z: np.ndarray) -> None:
+    z[0], z[1], z[2], z[3], z[4], z[5], z[6] = _one(x, y)
+
+
+@kernel
+def _side_by_side(z: np.ndarray) -> None:
+    _many(z)
+
+
+def test_lanes_side_by_side_compute_what_each_does_alone() -> None:
+    """Oracle: the same program on single numbers, bit for bit; of a NaN its being one."""
+    odd = [0.0, -0.0, math.inf, -math.inf, math.nan, 5e-324, 1e300, -1e-300, math.pi, -math.pi / 4.0, 0.5, 1e6]
+    pairs = np.array(list(itertools.product(odd, odd)))
+    pairs = np.concatenate([pairs, np.random.default_rng(1).normal(0.0, 5.0, (16 * LANES - len(pairs), 2))])
+    for part in pairs.reshape(-1, LANES, 2):
+        together, alone = np.zeros((7, LANES)), np.zeros((7, LANES))
+        together[1:3] = part.T
+        _side_by_side(together)
+        for lane, (x, y) in enumerate(part):
+            column = np.zeros(7)
+            _alone(x, y, column)
+            alone[:, lane] = column
+        assert np.array_equal(together, alone, equal_nan=True)
+        assert np.array_equal(np.signbit(together)[~np.isnan(alone)], np.signbit(alone)[~np.isnan(alone)])
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.3, 2.0), (-1.7, 0.25), (0.0, -3.0), (0.5, 0.5)])

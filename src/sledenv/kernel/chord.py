@@ -42,7 +42,6 @@ from sledenv.kernel.series import (
     R_NORMAL,
     R_SCRATCH,
     R_SINE,
-    TERMS,
 )
 from sledenv.kernel.state import (
     FEATURE,
@@ -72,6 +71,7 @@ ONE_CORNER = -3  # status: one side has left, the other still touches
 Y = 0
 GAP_2, ARM, SPIN_RATE, SQUARE, DRIVE, NORMAL_1, NORMAL_2, DIVISOR, LOAD, TURNING = range(13, 23)
 ROWS = 23
+NOW_ROWS = GAP_2 + 1
 STATE_ROWS = (Y, X, PHI, GAP, V_N, V_T, OMEGA, GAP_2)
 
 
@@ -245,6 +245,8 @@ def chord_contact(
     slope: Slope,
     limits: Limits,
     state: np.ndarray,
+    c: np.ndarray,
+    now: np.ndarray,
     steps: int,
     trajectory: np.ndarray,
     samples: int,
@@ -259,6 +261,8 @@ def chord_contact(
         Compliant.
     state
         That of the feature that came down first; overwritten by that of the one that touches last.
+    c, now : ndarray, shapes (ROWS, TERMS) and (NOW_ROWS,)
+        Work space.
     steps, trajectory, samples
         As for :func:`sledenv.kernel.contact.contact`.
 
@@ -286,8 +290,8 @@ def chord_contact(
     if abs(other) > TOUCHING * size:
         return BURIED, steps, samples
     omega = state[OMEGA]
-    c = np.zeros((ROWS, TERMS))
-    now = np.zeros(GAP_2 + 1)
+    c[:] = 0.0
+    now[:] = 0.0
     now[PHI] = theta
     now[X] = state[X]
     now[Y] = state[GAP] + b

@@ -7,9 +7,25 @@ import math
 import numpy as np
 from numba import prange
 
-from sledenv.kernel.flight import finish_time, touchdown_time
-from sledenv.kernel.geometry import arms, feature_at, lowest_support, whole_turns
-from sledenv.kernel.jit import inlined, kernel, parallel_kernel
+from sledenv.kernel.chord import NOW_ROWS
+from sledenv.kernel.chord import ROWS as CHORD_ROWS
+from sledenv.kernel.flight import (
+    F_DOWNHILL,
+    F_GRAVITY,
+    F_HORIZON,
+    F_LANE,
+    F_OMEGA,
+    F_PHI,
+    F_TIME,
+    F_V,
+    F_Y,
+    finish_time,
+    pack_of,
+    touchdown_time,
+    touchdown_times,
+)
+from sledenv.kernel.geometry import arms, feature_at, lowest_support, pulls, whole_turns
+from sledenv.kernel.jit import allocating, inlined, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
@@ -33,6 +49,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
+from sledenv.kernel.trace import LANES
 from sledenv.kernel.trajectory import add_sample
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
@@ -78,8 +95,7 @@ def fly(
     samples: int,
 ) -> int:
     """Add the rows of one flight to the trajectory, its start included; return the number of rows needed."""
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
+    downhill, inward = pulls(slope)
     rows = max(1, math.ceil(duration / limits.sample_interval))
     for i in range(rows):
         t = duration * i / rows
@@ -107,8 +123,8 @@ def fly(
 def energy(body: Body, slope: Slope, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
     kinetic = 0.5 * body.mass * (u * u + v * v) + 0.5 * body.inertia * omega * omega
-    height = y * math.cos(slope.angle) - x * math.sin(slope.angle)
-    return kinetic, body.mass * slope.gravity * height
+    downhill, inward = pulls(slope)
+    return kinetic, body.mass * (y * inward - x * downhill)
 
 
 @kernel
@@ -171,8 +187,8 @@ def close_books(body: Body, slope: Slope, launch: State, flight: np.void) -> Non
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    raised = body.mass * slope.gravity * (drop * math.cos(slope.angle) + along * math.sin(slope.angle))
-    flight["supplied"] = kinetic + raised + flight["work"]
+    downhill, inward = pulls(slope)
+    flight["supplied"] = kinetic + body.mass * (drop * inward + along * downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
     if flight["status"] != RUNNING and not finite:
@@ -211,47 +227,36 @@ def write_rebound(
     rebound["loss_hysteresis"] = state[HYSTERESIS]
     rebound["loss_sliding"] = state[SLIDING]
     rebound["loss_rolling"] = state[ROLLING]
-    rebound["stuck"] = stuck_code(body, math.hypot(u, v), u_after, state[OMEGA])
+    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, state[OMEGA])
 
 
-@kernel
+@allocating
 def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that :func:`hop` works in; it may get the same ones again and again."""
-    return np.zeros((ROWS, TERMS)), np.zeros(Z_ROWS), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+    tables, told = np.zeros((ROWS + CHORD_ROWS, TERMS)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
+    return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
 @inlined
-def hop(
+def land(
     body: Body,
     law: Law,
     slope: Slope,
     limits: Limits,
     flight: np.void,
+    downhill: float,
+    inward: float,
+    touchdown: float,
     rebound: np.void,
     log_length: int,
     space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     trajectory: np.ndarray,
 ) -> None:
-    """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
+    """Follow one hop whose touchdown is known, up to the rebound or to whatever ends the descent.
 
-    Parameters
-    ----------
-    body, law, slope, limits
-        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
-    flight : record of OUTCOME
-        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
-        :func:`close_books`.
-    rebound : record of REBOUND
-        Overwritten if there was a contact, that is if ``flight["rebounds"]`` has grown.
-    log_length : int
-        Number of rebounds at which the descent ends with status LOG_FULL.
-    space : tuple of ndarray
-        See :func:`work_space`.
-    trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
+    ``downhill`` and ``inward`` are those of :func:`sledenv.kernel.geometry.pulls`, ``touchdown`` is the duration [s] of
+    the flight, inf if it is longer than ``limits.max_time`` allows; the other arguments are those of :func:`hop`.
     """
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
     t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
     u, v, omega = flight["u"], flight["v"], flight["omega"]
     samples = flight["samples"]
@@ -260,7 +265,7 @@ def hop(
 
     # Flight, to whatever comes first.
     left = limits.max_time - t
-    duration = touchdown_time(body, inward, y, phi, v, omega, left)
+    duration = touchdown
     finish = finish_time(x, u, downhill, slope.length)
     if finish <= min(duration, left):
         duration = finish
@@ -295,9 +300,11 @@ def hop(
         state[V_T] = u + b * omega
         state[OMEGA] = omega
         state[FEATURE] = feature
-        before[:] = state
+        for i in range(STATE_SIZE):
+            before[i] = state[i]
         status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
-        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
+        if state[PHI] != phi or state[FEATURE] != feature:
+            a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebound, before, state, feature, b, a, u, v)
         t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
         y = b + state[GAP]
@@ -318,6 +325,42 @@ def hop(
     flight["u"], flight["v"], flight["omega"] = u, v, omega
 
 
+@inlined
+def hop(
+    body: Body,
+    law: Law,
+    slope: Slope,
+    limits: Limits,
+    flight: np.void,
+    rebound: np.void,
+    log_length: int,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    trajectory: np.ndarray,
+) -> None:
+    """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
+
+    Parameters
+    ----------
+    body, law, slope, limits
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
+    flight : record of OUTCOME
+        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
+        :func:`close_books`.
+    rebound : record of REBOUND
+        Overwritten if there was a contact, that is if ``flight["rebounds"]`` has grown.
+    log_length : int
+        Number of rebounds at which the descent ends with status LOG_FULL.
+    space : tuple of ndarray
+        See :func:`work_space`.
+    trajectory : ndarray of TRAJECTORY
+        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
+    """
+    downhill, inward = pulls(slope)
+    y, phi, v, omega = flight["y"], flight["phi"], flight["v"], flight["omega"]
+    touchdown = touchdown_time(body, inward, y, phi, v, omega, limits.max_time - flight["t"])
+    land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
+
+
 @kernel
 def descend(
     body: Body,
@@ -326,6 +369,7 @@ def descend(
     launch: State,
     limits: Limits,
     rebounds: np.ndarray,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     trajectory: np.ndarray,
     outcome: np.void,
 ) -> None:
@@ -337,17 +381,90 @@ def descend(
         See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
     rebounds : ndarray of REBOUND, shape (max_rebounds,)
         The log; a descent that fills it ends with status LOG_FULL.
+    space : tuple of ndarray
+        See :func:`work_space`.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``outcome["samples"]`` tells how many were needed.
     outcome : record of OUTCOME
         Overwritten.
     """
-    space = work_space()
     begin(launch, outcome)
     while outcome["status"] == RUNNING:
         rebound = rebounds[outcome["rebounds"]]
         hop(body, law, slope, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
     close_books(body, slope, launch, outcome)
+
+
+@kernel
+def _row(table: np.ndarray, lane: int) -> int:
+    """Row of a lane in a table with one row a lane or one for all."""
+    return lane if table.shape[0] > 1 else 0
+
+
+@kernel
+def _slope(slopes: np.ndarray, lane: int) -> Slope:
+    q = slopes[_row(slopes, lane)]
+    return Slope(q[0], q[1], q[2])
+
+
+@kernel
+def _launch(launches: np.ndarray, lane: int) -> State:
+    z = launches[lane]
+    return State(z[0], z[1], z[2], z[3], z[4], z[5])
+
+
+@kernel
+def block_size(lanes: int) -> int:
+    """Lanes that a thread follows at a time: enough to fill packs of flights, few enough to keep all threads busy."""
+    return min(max(lanes // 64, LANES), 4 * LANES)
+
+
+@kernel
+def hop_lanes(
+    body: Body,
+    like: Law,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    limits: Limits,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    log_length: int,
+    first: int,
+    last: int,
+    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    pack: np.ndarray,
+    trajectory: np.ndarray,
+) -> int:
+    """Follow one hop in the lanes ``first`` to ``last - 1`` that have not ended, each as :func:`hop` does.
+
+    The touchdowns are searched for side by side. Return how many lanes have not ended then. Arguments are those of
+    :func:`descend_batch`; ``rebounds`` may have one row for all lanes, and of its columns the last takes what finds no
+    other. ``pack`` is from :func:`sledenv.kernel.flight.pack_of`.
+    """
+    running, lane = 0, first
+    while lane < last:
+        count = 0
+        while lane < last and count < LANES:
+            flight = flights[lane]
+            if flight["status"] == RUNNING:
+                pack[F_LANE, count] = lane
+                pack[F_DOWNHILL, count], pack[F_GRAVITY, count] = pulls(_slope(slopes, lane))
+                pack[F_Y, count], pack[F_PHI, count] = flight["y"], flight["phi"]
+                pack[F_V, count], pack[F_OMEGA, count] = flight["v"], flight["omega"]
+                pack[F_HORIZON, count] = limits.max_time - flight["t"]
+                count += 1
+            lane += 1
+        touchdown_times(body, count, pack)
+        for k in range(count):
+            i = int(pack[F_LANE, k])
+            flight, log = flights[i], rebounds[_row(rebounds, i)]
+            rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
+            law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+            downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
+            land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
+            if flight["status"] == RUNNING:
+                running += 1
+    return running
 
 
 @parallel_kernel
@@ -381,15 +498,35 @@ def descend_batch(
     outcomes : ndarray of OUTCOME, shape (N,)
         Overwritten.
     """
-    for i in prange(launches.shape[0]):
-        log = rebounds[i] if rebounds.shape[0] > 0 else np.empty(log_length, REBOUND)
-        p = laws[i] if laws.shape[0] > 1 else laws[0]
-        q = slopes[i] if slopes.shape[0] > 1 else slopes[0]
-        z = launches[i]
-        law = law_of_row(like, p)
-        slope = Slope(q[0], q[1], q[2])
-        launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-        descend(body, law, slope, launch, limits, log, np.empty(0, TRAJECTORY), outcomes[i])
+    lanes = launches.shape[0]
+    size = block_size(lanes)
+    for block in prange((lanes + size - 1) // size):
+        first, last = block * size, min((block + 1) * size, lanes)
+        logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
+        space, pack, trajectory = work_space(), pack_of(body), np.empty(0, TRAJECTORY)
+        for i in range(first, last):
+            begin(_launch(launches, i), outcomes[i])
+        while (
+            hop_lanes(
+                body,
+                like,
+                laws,
+                slopes,
+                limits,
+                outcomes,
+                logs,
+                log_length,
+                first,
+                last,
+                space,
+                pack,
+                trajectory,
+            )
+            > 0
+        ):
+            pass
+        for i in range(first, last):
+            close_books(body, _slope(slopes, i), _launch(launches, i), outcomes[i])
 
 
 @parallel_kernel
@@ -422,14 +559,17 @@ def hop_batch(
     rebounds : ndarray of REBOUND, shape (N,)
         The contact of each lane, as for :func:`hop`.
     """
-    for i in prange(flights.shape[0]):
-        if flights[i]["status"] == RUNNING:
-            p = laws[i] if laws.shape[0] > 1 else laws[0]
-            q = slopes[i] if slopes.shape[0] > 1 else slopes[0]
-            z = launches[i]
-            law = law_of_row(like, p)
-            slope = Slope(q[0], q[1], q[2])
-            launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-            trim(body, rotor_inertia, flights[i], trims[i])
-            hop(body, law, slope, limits, flights[i], rebounds[i], log_length, work_space(), np.empty(0, TRAJECTORY))
-            close_books(body, slope, launch, flights[i])
+    lanes = flights.shape[0]
+    size = block_size(lanes)
+    logs = rebounds.reshape((lanes, 1))
+    for block in prange((lanes + size - 1) // size):
+        first, last = block * size, min((block + 1) * size, lanes)
+        space, pack, trajectory = work_space(), pack_of(body), np.empty(0, TRAJECTORY)
+        moved = flights["status"][first:last] == RUNNING
+        for i in range(first, last):
+            if flights[i]["status"] == RUNNING:
+                trim(body, rotor_inertia, flights[i], trims[i])
+        hop_lanes(body, like, laws, slopes, limits, flights, logs, log_length, first, last, space, pack, trajectory)
+        for i in range(first, last):
+            if moved[i - first]:
+                close_books(body, _slope(slopes, i), _launch(launches, i), flights[i])

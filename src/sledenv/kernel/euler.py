@@ -8,7 +8,7 @@ import numpy as np
 
 from sledenv.kernel.descend import begin, close_books, write_rebound
 from sledenv.kernel.geometry import arms, feature_at, has_corners, whole_turns
-from sledenv.kernel.jit import kernel
+from sledenv.kernel.jit import allocating
 from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import ARC, FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, TUMBLED
 from sledenv.kernel.state import (
@@ -30,7 +30,7 @@ from sledenv.kernel.state import (
 from sledenv.kernel.trajectory import add_sample
 
 
-@kernel
+@allocating
 def descend_euler(
     body: Body,
     law: ContactLaw,

@@ -7,14 +7,25 @@ its lowest point lies at ``-a, -b`` from the mass centre, ``a = h sin(theta)``, 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body
+from sledenv.kernel.jit import allocating, kernel
+from sledenv.kernel.params import Body, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.kernel.trace import scalar, sine_cosine
 
 TURN = 2.0 * math.pi
+
+straight_sine_cosine = scalar(lambda angle: sine_cosine(angle))
+
+
+@kernel
+def pulls(slope: Slope) -> tuple[float, float]:
+    """Components of gravity [m/s^2] along the slope, downhill, and along the inward normal."""
+    sine, cosine = straight_sine_cosine(slope.angle)
+    return slope.gravity * sine, slope.gravity * cosine
 
 
 @kernel
@@ -40,10 +51,8 @@ def feature_at(body: Body, phi: float) -> int:
 @kernel
 def corner_lengths(body: Body) -> tuple[float, float]:
     """Distance H [m] of the mass centre from the chord, and half of the length L [m] of the chord: (8.2)."""
-    return (
-        body.eccentricity - body.radius * math.cos(body.half_angle),
-        body.radius * math.sin(body.half_angle),
-    )
+    sine, cosine = straight_sine_cosine(body.half_angle)
+    return body.eccentricity - body.radius * cosine, body.radius * sine
 
 
 @kernel
@@ -56,16 +65,22 @@ def feature_geometry(body: Body, feature: int) -> tuple[float, float, float]:
     return math.hypot(along, across), 0.0, math.atan2(side * across, along)
 
 
+def arms_of(along: Any, across: Any, radius: Any, phi: Any) -> tuple[Any, Any]:
+    """Program of :func:`arms`, for a point that lies ``along`` and ``across`` from where the radius begins."""
+    sine, cosine = sine_cosine(phi)
+    return along * sine + across * cosine, radius - along * cosine + across * sine
+
+
+_arms = scalar(arms_of)
+
+
 @kernel
 def arms(body: Body, feature: int, phi: float) -> tuple[float, float]:
     """Arms ``a``, ``b`` [m] of a feature: the contact point lies at (-a, -b) from the mass centre."""
-    sine, cosine = math.sin(phi), math.cos(phi)
     if feature == ARC:
-        return body.eccentricity * sine, body.radius - body.eccentricity * cosine
+        return _arms(body.eccentricity, 0.0, body.radius, phi)  # type: ignore[return-value]
     along, across = corner_lengths(body)
-    if feature == NOSE:
-        across = -across
-    return along * sine + across * cosine, across * sine - along * cosine
+    return _arms(along, -across if feature == NOSE else across, 0.0, phi)  # type: ignore[return-value]
 
 
 @kernel
@@ -75,7 +90,7 @@ def support_height(body: Body, phi: float) -> float:
     return arms(body, feature_at(body, local), local)[1]
 
 
-@kernel
+@allocating
 def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
     """Support height [m] at each of many orientations [rad], shape (N,)."""
     heights = np.empty(phi.shape[0])
@@ -84,7 +99,7 @@ def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
     return heights
 
 
-@kernel
+@allocating
 def directions(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cosine and sine of many angles [rad], shapes (N,): the same whatever N is, NaN where an angle is infinite."""
     cosine, sine = np.empty(phi.shape[0]), np.empty(phi.shape[0])

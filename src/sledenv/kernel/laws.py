@@ -14,6 +14,7 @@ from sledenv.kernel.jit import inlined
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
 from sledenv.kernel.records import TUMBLED
 from sledenv.kernel.rigid import strike
+from sledenv.kernel.series import ROWS, Z_ROWS
 from sledenv.kernel.state import ON_CHORD, TIME
 
 Law = ContactLaw | RigidLaw
@@ -50,7 +51,9 @@ def _compliant_touch(
         if status != BOTH_CORNERS:
             break
         state[ON_CHORD] = 1.0
-        status, steps, samples = chord_contact(body, pair, slope, limits, state, steps, trajectory, samples)
+        status, steps, samples = chord_contact(
+            body, pair, slope, limits, state, c[ROWS:], z[Z_ROWS:], steps, trajectory, samples
+        )
         if status != ONE_CORNER:
             break
         idle = 0 if state[TIME] > start else idle + 1

@@ -12,10 +12,10 @@ import numpy as np
 
 from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
 from sledenv.kernel.friction import branch_forces, mobility, rates, resolve
-from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
+from sledenv.kernel.geometry import arms, pulls, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
-from sledenv.kernel.records import ARC, NOSE, PHASE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
+from sledenv.kernel.records import ARC, NOSE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
 from sledenv.kernel.state import (
     FEATURE,
     HYSTERESIS,
@@ -60,7 +60,7 @@ def impact(
     v_t: float,
     omega: float,
     v_n: float,
-    phases: np.ndarray,
+    phases: np.ndarray | None,
 ) -> tuple[float, float, float, float, float, float, float, float, float, int]:
     """Follow one impact from touch to separation.
 
@@ -81,7 +81,7 @@ def impact(
         e times that of compression. NEWTON: the gap opens e times as fast as it closed.
     v_t, omega, v_n : float
         Slip [m/s], spin [rad/s] and gap rate [m/s] at touch; v_n > 0 is no impact.
-    phases : ndarray of PHASE
+    phases : ndarray of PHASE, optional
         Filled from the front.
 
     Returns
@@ -104,7 +104,9 @@ def impact(
     for turn in range(2 * MOST_PHASES):
         if count == MOST_PHASES or turn == 2 * MOST_PHASES - 1:
             return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
-        _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, _sign(v_t), _sign(omega))
+        slip, spin = _sign(v_t), _sign(omega)
+        if slip == 0 or spin == 0:
+            _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, slip, spin)
         mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
         rate_t, rate_w, rate_n = rates(w, 0.0, 0.0, mu, rho, 1.0)
         rate_t = 0.0 if slip == 0 else rate_t
@@ -144,13 +146,14 @@ def impact(
                 span, event = end, 4
         if event == 0:
             return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
-        if count < phases.shape[0]:
-            phase = phases[count]
-            phase["start"] = impulse
-            phase["impulse"] = span
-            phase["slip"] = slip
-            phase["spin"] = spin
-            phase["restitution"] = 1 if opening else 0
+        if phases is not None:  # noqa: SIM102 - numba drops a branch on this alone when it compiles
+            if count < phases.shape[0]:
+                phase = phases[count]
+                phase["start"] = impulse
+                phase["impulse"] = span
+                phase["slip"] = slip
+                phase["spin"] = spin
+                phase["restitution"] = 1 if opening else 0
         if span > 0.0:
             count += 1
         t1 = 0.0 if event == 1 else v_t + rate_t * span
@@ -185,12 +188,12 @@ def _hit(
     body: Body,
     law: RigidLaw,
     feature: int,
+    a: float,
+    b: float,
     restitution: float,
     state: np.ndarray,
 ) -> int:
-    """Follow one impact of a feature; ``state`` is that of the feature. Return the number of phases."""
-    local = state[PHI] - whole_turns(state[PHI])
-    a, b = arms(body, feature, local)
+    """Follow one impact of a feature, whose arms and state are given. Return the number of phases."""
     v_t, omega, v_n, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
         body.mass,
         body.inertia,
@@ -204,7 +207,7 @@ def _hit(
         state[V_T],
         state[OMEGA],
         state[V_N],
-        np.empty(0, PHASE),
+        None,
     )
     state[V_T], state[OMEGA], state[V_N] = v_t, omega, v_n
     state[IMPULSE_N] += p_n
@@ -264,7 +267,8 @@ def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: 
         if state[V_N] >= 0.0:
             break
         plastic = pressed and -state[V_N] < law.settle_speed
-        if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+        a, b = arms(body, feature, state[PHI] - whole_turns(state[PHI]))
+        if _hit(body, law, feature, a, b, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
             return STEP_BUDGET, feature
     if state[V_N] > 0.0:
         return RUNNING, feature
@@ -291,7 +295,7 @@ def strike(
     :func:`sledenv.kernel.contact.contact`.
     """
     size = body.radius + body.eccentricity
-    gravity = slope.gravity * math.cos(slope.angle)
+    _, gravity = pulls(slope)
     pair = Pair(
         math.inf,
         0.0,
@@ -303,8 +307,9 @@ def strike(
     for _ in range(MOST_STRIKES):
         local = state[PHI] - whole_turns(state[PHI])
         feature = int(state[FEATURE])
-        h, _, shift = feature_geometry(body, feature)
-        pressed = gravity + h * math.cos(local + shift) * state[OMEGA] * state[OMEGA] > 0.0
+        a, b = arms(body, feature, local)
+        radius = body.radius if feature == ARC else 0.0
+        pressed = gravity + (radius - b) * state[OMEGA] * state[OMEGA] > 0.0
         if feature != ARC and 2.0 * body.radius * math.sin(body.half_angle) * abs(math.sin(local)) <= FLAT * size:
             state[ON_CHORD] = 1.0
             state[PHI] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
@@ -314,7 +319,7 @@ def strike(
                 return status, steps, samples
         else:
             plastic = pressed and -state[V_N] < law.settle_speed
-            if _hit(body, law, feature, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+            if _hit(body, law, feature, a, b, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
                 return STEP_BUDGET, steps, samples
             if state[V_N] > 0.0:
                 return RUNNING, steps, samples

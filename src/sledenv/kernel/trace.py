@@ -1,15 +1,19 @@
 """Straight-line programs written once in Python and compiled without a loop or a call in them.
 
-A program reads numbers from one array, reads and writes those of another, and may use arithmetic, the functions below
-and loops whose bounds are known beforehand. :func:`compiled` runs it once with values that write LLVM instructions
-instead of computing: an unrolled recurrence of thousands of instructions then costs no type inference, which is what
-takes numba long, and no loop stands between the processor and its order of execution.
+A program may use arithmetic, the functions below and loops whose bounds are known beforehand. It is run once with
+values that write LLVM instructions instead of computing: an unrolled recurrence of thousands of instructions then costs
+no type inference, which is what takes numba long, and no loop stands between the processor and its order of execution.
+
+:func:`compiled` makes a function of two arrays of numbers; :func:`scalar` and :func:`packed` make a function of numbers
+and one that handles LANES of them side by side with vector instructions. Each lane then goes through the same sequence
+of correctly rounded operations as a single number does, so the results agree bit for bit.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Sequence
 from itertools import zip_longest
@@ -23,9 +27,11 @@ from numba.extending import intrinsic
 
 Program = Callable[[Any, Any], None]
 
+LANES = 16  # two AVX-512 registers: while one of them waits for a result the other goes on
+
 
 class _Value:
-    """A double in the function that is being written."""
+    """A double, a vector of them or a mask in the function that is being written."""
 
     __slots__ = ("builder", "value")
 
@@ -37,7 +43,10 @@ class _Value:
         """Return the LLVM value of a number or a value."""
         if isinstance(other, _Value):
             return other.value
-        return ir.Constant(ir.DoubleType(), float(other))
+        kind = self.value.type
+        if isinstance(kind, ir.VectorType):
+            return ir.Constant(kind, [ir.Constant(ir.DoubleType(), float(other))] * kind.count)
+        return ir.Constant(kind, float(other))
 
     def _make(self, value: ir.Value) -> _Value:
         return _Value(self.builder, value)
@@ -69,12 +78,22 @@ class _Value:
     def __neg__(self) -> _Value:
         return self._make(self.builder.fneg(self.value))
 
+    def __and__(self, other: _Value) -> _Value:
+        return self._make(self.builder.and_(self.value, other.value))
+
+    def __or__(self, other: _Value) -> _Value:
+        return self._make(self.builder.or_(self.value, other.value))
+
+    def __invert__(self) -> _Value:
+        return self._make(self.builder.not_(self.value))
+
     def call(self, name: str, *others: Any) -> _Value:
         """Call an LLVM intrinsic function of doubles."""
-        kind = ir.DoubleType()
+        kind = self.value.type
+        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         signature = ir.FunctionType(kind, [kind] * (1 + len(others)))
         write: Any = cgutils.get_or_insert_function
-        function = write(self.builder.module, signature, f"{name}.f64")
+        function = write(self.builder.module, signature, f"{name}.{suffix}")
         return self._make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
 
 
@@ -96,18 +115,50 @@ def nearest(a: Any) -> Any:
     return a.call("llvm.rint") if isinstance(a, _Value) else np.rint(a)
 
 
+def root(a: Any) -> Any:
+    """Square root; NaN for a negative number."""
+    return a.call("llvm.sqrt") if isinstance(a, _Value) else np.sqrt(a)
+
+
+def _compare(relation: str, a: Any, b: Any) -> Any:
+    value = a if isinstance(a, _Value) else b
+    return _Value(value.builder, value.builder.fcmp_ordered(relation, value.lift(a), value.lift(b)))
+
+
+def less(a: Any, b: Any) -> Any:
+    """Mask of ``a < b``; false where one of them is not a number."""
+    return _compare("<", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less(a, b)
+
+
+def not_more(a: Any, b: Any) -> Any:
+    """Mask of ``a <= b``; false where one of them is not a number."""
+    return _compare("<=", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less_equal(a, b)
+
+
+def where(mask: Any, then: Any, otherwise: Any) -> Any:
+    """``then`` where a mask is true, else ``otherwise``."""
+    if not isinstance(mask, _Value):
+        return np.where(mask, then, otherwise)[()]
+    kind: Any = ir.DoubleType()
+    if isinstance(mask.value.type, ir.VectorType):
+        kind = ir.VectorType(kind, mask.value.type.count)
+    zero = _Value(mask.builder, ir.Constant(kind, None))
+    return _Value(mask.builder, mask.builder.select(mask.value, zero.lift(then), zero.lift(otherwise)))
+
+
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     """``then`` where ``a < b``, else ``otherwise``; also where one of them is not a number."""
-    for value in (a, b, then, otherwise):
-        if isinstance(value, _Value):
-            less = value.builder.fcmp_ordered("<", value.lift(a), value.lift(b))
-            return _Value(value.builder, value.builder.select(less, value.lift(then), value.lift(otherwise)))
-    return np.where(a < b, then, otherwise)[()]
+    return where(less(a, b), then, otherwise)
 
 
 def smaller(a: Any, b: Any) -> Any:
     """Return the smaller of two; ``b`` if one of them is not a number."""
     return where_less(a, b, a, b)
+
+
+def larger(a: Any, b: Any) -> Any:
+    """Return the larger of two; ``b`` if one of them is not a number."""
+    return where_less(b, a, a, b)
 
 
 def total(terms: Sequence[Any]) -> Any:
@@ -124,23 +175,24 @@ def total(terms: Sequence[Any]) -> Any:
 
 
 class _Numbers:
-    """An array in the function that is being written; each number is loaded once."""
+    """An array in the function that is being written, of doubles or of vectors of them; each is loaded once."""
 
-    def __init__(self, builder: ir.IRBuilder, data: ir.Value) -> None:
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, kind: ir.Type) -> None:
         self.builder = builder
-        self.data = data
+        self.data = data if isinstance(kind, ir.DoubleType) else builder.bitcast(data, ir.PointerType(kind))
+        self.kind = kind
         self.known: dict[int, _Value] = {}
 
     def _place(self, i: int) -> ir.Value:
-        return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=ir.DoubleType())
+        return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=self.kind)
 
     def __getitem__(self, i: int) -> _Value:
         if i not in self.known:
-            self.known[i] = _Value(self.builder, self.builder.load(self._place(i), align=8, typ=ir.DoubleType()))
+            self.known[i] = _Value(self.builder, self.builder.load(self._place(i), align=8, typ=self.kind))
         return self.known[i]
 
     def __setitem__(self, i: int, value: Any) -> None:
-        zero = _Value(self.builder, ir.Constant(ir.DoubleType(), 0.0))
+        zero = _Value(self.builder, ir.Constant(self.kind, None))
         self.known[i] = _Value(self.builder, zero.lift(value))
         self.builder.store(self.known[i].value, self._place(i), align=8)
 
@@ -173,7 +225,7 @@ def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             program(
                 *(
-                    _Numbers(builder, context.make_array(of)(context, builder, argument).data)
+                    _Numbers(builder, context.make_array(of)(context, builder, argument).data, ir.DoubleType())
                     for of, argument in zip(signature.args, arguments, strict=True)
                 )
             )
@@ -182,6 +234,74 @@ def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
         return types.void(z, c), write
 
     return cast(Callable[[np.ndarray, np.ndarray], None], straight)
+
+
+def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
+    """Return a function of floats that runs a program, for use in kernels, which compile it."""
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(*numbers: float) -> tuple[float, ...]:
+            with np.errstate(all="ignore"):
+                return function(*map(np.float64, numbers))
+
+        return interpreted
+
+    def straight(typing_context: Any, *numbers: Any) -> Any:
+        results = len(function(*(np.full(len(numbers), math.nan))))
+
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            values = [_Value(builder, argument) for argument in arguments]
+            found = [values[0].lift(value) for value in function(*values)]
+            return context.make_tuple(builder, signature.return_type, found)
+
+        returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
+        return returned(*(types.float64 for _ in numbers)), write
+
+    # numba looks for names of the arguments.
+    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = (context, *inspect.signature(function).parameters.values())
+    straight.__signature__ = inspect.Signature(names)  # type: ignore[attr-defined]
+    return cast(Callable[..., tuple[float, ...]], intrinsic(straight))
+
+
+def packed(
+    function: Callable[..., tuple[Any, ...]], reads: Sequence[int], writes: Sequence[int]
+) -> Callable[[np.ndarray], None]:
+    """Return a function that runs a program on many lanes at once, for use in kernels, which compile it.
+
+    Parameters
+    ----------
+    function : callable
+        The program, as for :func:`scalar`.
+    reads, writes : sequence of int
+        Rows of its arguments and of its results.
+
+    Returns
+    -------
+    callable
+        Of a contiguous array, shape (rows, LANES).
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(z: np.ndarray) -> None:
+            with np.errstate(all="ignore"):
+                for row, result in zip(writes, function(*(z[row].copy() for row in reads)), strict=True):
+                    z[row] = result
+
+        return interpreted
+
+    @intrinsic
+    def straight(typing_context: Any, z: Any) -> Any:
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+            rows = _Numbers(builder, data, ir.VectorType(ir.DoubleType(), LANES))
+            for row, result in zip(writes, function(*(rows[row] for row in reads)), strict=True):
+                rows[row] = result
+            return context.get_dummy_value()
+
+        return types.void(z), write
+
+    return cast(Callable[[np.ndarray], None], straight)
 
 
 def sine_cosine(angle: Any) -> tuple[Any, Any]:
