@@ -9,7 +9,7 @@ from numba import prange
 
 from sledenv.kernel.flight import finish_time, touchdown_time
 from sledenv.kernel.geometry import arms, feature_at, lowest_support, whole_turns
-from sledenv.kernel.jit import inlined, kernel, parallel_kernel
+from sledenv.kernel.jit import kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
@@ -220,7 +220,7 @@ def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros((ROWS, TERMS)), np.zeros(Z_ROWS), np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
-@inlined
+@kernel
 def hop(
     body: Body,
     law: Law,
@@ -287,7 +287,8 @@ def hop(
         local = phi - whole_turns(phi)
         feature = feature_at(body, local)
         a, b = arms(body, feature, local)
-        state[:] = 0.0
+        for i in range(STATE_SIZE):
+            state[i] = 0.0
         state[TIME] = t
         state[X] = x
         state[PHI] = phi
@@ -295,7 +296,8 @@ def hop(
         state[V_T] = u + b * omega
         state[OMEGA] = omega
         state[FEATURE] = feature
-        before[:] = state
+        for i in range(STATE_SIZE):
+            before[i] = state[i]
         status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
         a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
         write_rebound(body, rebound, before, state, feature, b, a, u, v)

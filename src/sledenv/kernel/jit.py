@@ -14,9 +14,16 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
+from llvmlite.binding import Linkage
+from numba import types
 from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.event import Event, Listener, register
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult, Flags, compile_extra
+from numba.core.dispatcher import _FunctionCompiler
+from numba.core.event import Event, Listener, register, trigger_event
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.typing.templates import make_concrete_template
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -30,7 +37,9 @@ _log = logging.getLogger("sledenv")
 
 def kernel(function: _F) -> _F:
     """Compile a scalar kernel on first call."""
-    return cast(_F, _cached(numba.njit(**_OPTIONS)(function)))
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    return cast(_F, _cached(_Kernel(function)))
 
 
 def inlined(function: _F) -> _F:
@@ -40,7 +49,9 @@ def inlined(function: _F) -> _F:
 
 def parallel_kernel(function: _F) -> _F:
     """Compile a kernel whose outer ``prange`` loop is shared between threads."""
-    return cast(_F, _cached(numba.njit(parallel=True, **_OPTIONS)(function)))
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    return cast(_F, _cached(_Kernel(function, parallel=True)))
 
 
 def _fingerprint() -> str:
@@ -138,6 +149,97 @@ def _cached(dispatcher: Any) -> Any:
     if not config.DISABLE_JIT and cache_folder() is not None:  # type: ignore[attr-defined]
         dispatcher._cache = _Cache(dispatcher.py_func)  # what cache=True does, with numba's own cache
     return dispatcher
+
+
+class _Part(JITCodeLibrary):  # type: ignore[misc]
+    """Code of a kernel as its callers contain it: optimised and made executable with them, and not by itself.
+
+    numba's own libraries are optimised and turned into machine code at every level of a tree of calls, together with all
+    that they call.
+    """
+
+    def _ensure_finalized(self) -> None:
+        """Leave it to the callers."""
+
+    def add_linking_library(self, library: Any) -> None:
+        super().add_linking_library(library)
+        self._reload_init.update(library._reload_init)
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            module = self._final_module
+            for library in dict.fromkeys(self._linking_libraries):
+                module.link_in(library._get_module_for_linking(), preserve=True)
+            for function in module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = "linkonce_odr"
+            self._shared_module = module
+        return self._shared_module
+
+
+class _Flags(Flags):  # type: ignore[misc]
+    """Options of a compilation, which numba hashes and compares tens of thousands of times: what is not set is left out."""
+
+    def __hash__(self) -> int:
+        return len(self._values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags) and self._values == other._values
+
+
+class _Compiler(_FunctionCompiler):  # type: ignore[misc]
+    """Compiles a kernel for other kernels to contain, and makes that executable for Python."""
+
+    @functools.cached_property
+    def _flags(self) -> _Flags:
+        return _flags(**self.targetoptions)
+
+    def part(self, args: tuple[Any, ...]) -> CompileResult:
+        """Compile for callers that are compiled."""
+        typing, target = self.targetdescr.typing_context, self.targetdescr.target_context
+        library = _Part(target.codegen(), self.py_func.__qualname__)
+        part = compile_extra(typing, target, self.py_func, args, None, self._flags, self.locals, library=library)
+        target.insert_user_function(library, part.fndesc, [library])
+        return part
+
+    def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> CompileResult:
+        part = self.part(args)
+        target = part.target_context
+        library = target.codegen().create_library(self.py_func.__qualname__)
+        library.enable_object_caching()
+        library.add_linking_library(part.library)
+        target.create_cpython_wrapper(library, part.fndesc, part.environment, part.call_helper)
+        return part._replace(library=library, entry_point=target.get_executable(library, part.fndesc, part.environment))
+
+
+@functools.cache
+def _flags(**options: Any) -> _Flags:
+    flags = _Flags()
+    cpu_target.options.parse_as_flags(flags, options)
+    flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+    return flags
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A dispatcher that compiles differently for its callers in compiled code, as a :class:`_Part`, and for Python."""
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        super().__init__(function, targetoptions={"nopython": True, **_OPTIONS, **options})
+        self._compiler = _Compiler(function, self.targetdescr, self.targetoptions, self.locals, Compiler)
+        self._parts: dict[tuple[Any, ...], CompileResult] = {}
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        pysig, args = self._compiler.fold_argument_types(args, kws)
+        args = tuple(types.unliteral(kind) for kind in args)  # one version serves all constants
+        if args not in self._parts:
+            with trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": None}):
+                self._parts[args] = self._compiler.part(args)
+        signature = self._parts[args].signature
+        template = make_concrete_template(f"CallTemplate({self.__name__})", self.__name__, [signature])
+        return template, pysig, args, {}
+
+    def get_overload(self, sig: Any) -> Any:
+        return self._parts[tuple(sig)].library
 
 
 class _Announcer(Listener):  # type: ignore[misc]
