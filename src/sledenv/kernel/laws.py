@@ -83,7 +83,7 @@ def _contact_of(law: Any) -> Any:
     return types.Dispatcher(strike if law.instance_class is RigidLaw else _compliant_touch)
 
 
-@type_callable(touch)  # type: ignore[untyped-decorator]
+@type_callable(touch)
 def _type_touch(context: Any) -> Callable[..., Any]:
     # numba hands these names to the implementation, which must repeat them.
     def result(  # type: ignore[no-untyped-def]
@@ -95,7 +95,7 @@ def _type_touch(context: Any) -> Callable[..., Any]:
     return result
 
 
-@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
+@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[no-untyped-call]
 def _lower_touch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     follow = context.get_function(_contact_of(signature.args[1]), signature)
     context.add_linking_libs(follow.libs)
