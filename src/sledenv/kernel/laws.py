@@ -95,7 +95,7 @@ def _type_touch(context: Any) -> Callable[..., Any]:
     return result
 
 
-@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[no-untyped-call]
+@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[no-untyped-call, untyped-decorator]
 def _lower_touch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     follow = context.get_function(_contact_of(signature.args[1]), signature)
     context.add_linking_libs(follow.libs)
