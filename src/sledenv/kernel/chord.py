@@ -450,7 +450,7 @@ def chord_contact(
         if slip != 0:
             state[SLIDING] += _loss(c, R_NORMAL, V_T, slip * pair.friction, step)
         if spin != 0:
-            state[ROLLING] += _loss(c, LOAD, OMEGA, spin, step)
+            state[ROLLING] += _loss(c, LOAD, OMEGA, float(spin), step)
         for row in STATE_ROWS:
             now[row] = horner(c[row], step)
         if event == 3:

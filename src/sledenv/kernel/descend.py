@@ -25,7 +25,7 @@ from sledenv.kernel.flight import (
     touchdown_times,
 )
 from sledenv.kernel.geometry import arms, feature_at, lowest_support, pulls, whole_turns
-from sledenv.kernel.jit import allocating, inlined, kernel, parallel_kernel
+from sledenv.kernel.jit import allocating, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
@@ -237,7 +237,7 @@ def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
-@inlined
+@kernel
 def land(
     body: Body,
     law: Law,
@@ -292,7 +292,8 @@ def land(
         local = phi - whole_turns(phi)
         feature = feature_at(body, local)
         a, b = arms(body, feature, local)
-        state[:] = 0.0
+        for i in range(STATE_SIZE):
+            state[i] = 0.0
         state[TIME] = t
         state[X] = x
         state[PHI] = phi
@@ -325,7 +326,7 @@ def land(
     flight["u"], flight["v"], flight["omega"] = u, v, omega
 
 
-@inlined
+@kernel
 def hop(
     body: Body,
     law: Law,

@@ -1,5 +1,8 @@
 """The compilation decorators, defined once so that every kernel is compiled alike, and the cache of their results."""
 
+# numba has hardly any annotations.
+# mypy: allow-untyped-calls
+
 from __future__ import annotations
 
 import contextlib
@@ -14,9 +17,16 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
+from llvmlite.binding import Linkage, parse_bitcode
+from numba import types
 from numba.core import config
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.event import Event, Listener, register
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, Flags, compile_extra, compile_result
+from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+from numba.core.event import Event, Listener, register, trigger_event
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.typing.templates import make_concrete_template
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -32,22 +42,21 @@ _log = logging.getLogger("sledenv")
 
 def kernel(function: _F) -> _F:
     """Compile a scalar kernel on first call; it works in the arrays that it is given and makes none."""
-    return cast(_F, _cached(numba.njit(**_BORROWING)(function)))
+    return _compiled(function, **_BORROWING)
 
 
 def allocating(function: _F) -> _F:
     """Compile a scalar kernel that makes arrays."""
-    return cast(_F, _cached(numba.njit(**_OPTIONS)(function)))
-
-
-def inlined(function: _F) -> _F:
-    """Write a kernel into its callers: compiled by itself, it would have all that it calls compiled once more."""
-    return cast(_F, _cached(numba.njit(inline="always", **_BORROWING)(function)))
+    return _compiled(function)
 
 
 def parallel_kernel(function: _F) -> _F:
     """Compile a kernel whose outer ``prange`` loop is shared between threads."""
-    return cast(_F, _cached(numba.njit(parallel=True, **_OPTIONS)(function)))
+    return _compiled(function, parallel=True)
+
+
+def _compiled(function: _F, **options: Any) -> _F:
+    return function if config.DISABLE_JIT else cast(_F, _Kernel(function, **options))  # type: ignore[attr-defined]
 
 
 def _fingerprint() -> str:
@@ -140,11 +149,141 @@ def _not_kept(reason: str) -> None:
     _log.warning("sledenv: compiled kernels cannot be kept, the next process will compile again: %s", reason)
 
 
-def _cached(dispatcher: Any) -> Any:
-    """Let a dispatcher keep what it compiles."""
-    if not config.DISABLE_JIT and cache_folder() is not None:  # type: ignore[attr-defined]
-        dispatcher._cache = _Cache(dispatcher.py_func)  # what cache=True does, with numba's own cache
-    return dispatcher
+class _Part(JITCodeLibrary):
+    """Code of a kernel as its callers contain it: optimised and made executable with them, and not by itself.
+
+    numba's own libraries are optimised and turned into machine code at every level of a tree of calls, each with all
+    that it calls.
+    """
+
+    def _ensure_finalized(self) -> None:
+        """Leave it to the callers."""
+
+    def add_linking_library(self, library: Any) -> None:
+        super().add_linking_library(library)
+        self._reload_init.update(library._reload_init)
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = self._final_module
+            for library in dict.fromkeys(self._linking_libraries):
+                self._shared_module.link_in(library._get_module_for_linking(), preserve=True)
+            for function in self._shared_module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = "linkonce_odr"
+        return self._shared_module
+
+
+class _PartCacheImpl(_CacheImpl):
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        return str(super().get_filename_base(f"{fullname}-part", abiflags))
+
+    def reduce(self, part: Any) -> tuple[Any, ...]:
+        code = part.library._get_module_for_linking().as_bitcode()
+        part.fndesc.typemap = part.fndesc.calltypes = None  # need not be kept, and may not be possible to
+        environments = part._find_referenced_environments()
+        return part.library.name, code, part.fndesc, part.environment, part.signature, environments
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
+        name, code, descriptor, environment, signature, environments = payload
+        library = _Part(target_context.codegen(), name)
+        library._final_module = library._shared_module = parse_bitcode(code)
+        return compile_result(
+            library=library,
+            fndesc=descriptor,
+            environment=environment,
+            signature=signature,
+            objectmode=False,
+            lifted=(),
+            referenced_envs=environments,
+        )
+
+
+class _PartCache(_Cache):
+    _impl_class = _PartCacheImpl
+
+
+class _Flags(Flags):
+    """Options of a compilation without their defaults: numba hashes and compares them tens of thousands of times."""
+
+    def __hash__(self) -> int:
+        return len(self._values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags) and self._values == other._values
+
+
+@functools.cache
+def _flags(**options: Any) -> Any:
+    flags: Any = _Flags()
+    cpu_target.options.parse_as_flags(flags, options)
+    flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+    return flags
+
+
+class _Compiler(_FunctionCompiler):  # type: ignore[misc]
+    """Compiles a kernel for other kernels to contain, and makes that executable for Python."""
+
+    def __init__(self, dispatcher: _Kernel) -> None:
+        options = dispatcher.targetoptions
+        super().__init__(dispatcher.py_func, dispatcher.targetdescr, options, dispatcher.locals, Compiler)
+        self._dispatcher = dispatcher
+        self._parts: dict[tuple[Any, ...], Any] = {}
+        self.cache: Any = NullCache()
+
+    def part(self, args: tuple[Any, ...]) -> Any:
+        """Return what callers in compiled code contain."""
+        args = tuple(types.unliteral(kind) for kind in args)  # one version serves all constants
+        if args not in self._parts:
+            target = self.targetdescr.target_context
+            part = self.cache.load_overload(args, target)
+            if part is None:
+                with trigger_event("numba:compile", data={"dispatcher": self._dispatcher, "args": args}):
+                    part = self._compile_part(args)
+                self.cache.save_overload(args, part)
+            target.insert_user_function(part.library, part.fndesc, [part.library])
+            self._parts[args] = part
+        return self._parts[args]
+
+    def _compile_part(self, args: tuple[Any, ...]) -> Any:
+        typing, target = self.targetdescr.typing_context, self.targetdescr.target_context
+        library = _Part(target.codegen(), self.py_func.__qualname__)
+        flags = _flags(**self.targetoptions)
+        return compile_extra(typing, target, self.py_func, args, None, flags, self.locals, library=library)
+
+    def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
+        part = self.part(args)
+        counted = self.targetoptions.get("_nrt", True)
+        target = self.targetdescr.target_context.subtarget(**({"enable_nrt": True} if counted else {}))
+        library = target.codegen().create_library(self.py_func.__qualname__)
+        library.enable_object_caching()
+        library.add_linking_library(part.library)
+        target.create_cpython_wrapper(library, part.fndesc, part.environment, part.call_helper)
+        entry = target.get_executable(library, part.fndesc, part.environment)
+        whole = part._replace(library=library, entry_point=entry, reload_init=list(library._reload_init))
+        for environment in whole._find_referenced_environments():
+            library.codegen.set_env(environment.env_name, environment)
+        return whole
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A dispatcher whose code is compiled once for its callers in compiled code and for Python."""
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        super().__init__(function, targetoptions={"nopython": True, **_OPTIONS, **options})
+        self._compiler = _Compiler(self)
+        if cache_folder() is not None:
+            self._cache = _Cache(function)
+            self._compiler.cache = _PartCache(function)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        pysig, args = self._compiler.fold_argument_types(args, kws)
+        signature = self._compiler.part(args).signature
+        template: Any = make_concrete_template(f"CallTemplate({self.__name__})", self.__name__, [signature])
+        return template, pysig, args, {}
+
+    def get_overload(self, sig: Any) -> Any:
+        return self._compiler.part(tuple(sig)).library
 
 
 class _Announcer(Listener):  # type: ignore[misc]

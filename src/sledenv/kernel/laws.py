@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
+from numba import types
+from numba.extending import lower_builtin, overload, type_callable
 
 from sledenv.kernel.chord import ONE_CORNER, chord_contact
 from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
-from sledenv.kernel.jit import inlined
+from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
 from sledenv.kernel.records import TUMBLED
 from sledenv.kernel.rigid import strike
@@ -23,7 +24,7 @@ Law = ContactLaw | RigidLaw
 MOST_IDLE = 30
 
 
-@inlined
+@kernel
 def _compliant_touch(
     body: Body,
     law: ContactLaw,
@@ -80,18 +81,28 @@ def touch(
     return follow(body, law, slope, limits, state, c, z, steps, trajectory, samples)  # type: ignore[arg-type]
 
 
-@overload(touch, inline="always")
-def _touch(  # type: ignore[no-untyped-def]
-    body, law, slope, limits, state, c, z, steps, trajectory, samples
-) -> Callable[..., Any]:
+def _contact_of(law: Any) -> Any:
+    """Type of the kernel that follows a contact by a law of the given type."""
+    return types.Dispatcher(strike if law.instance_class is RigidLaw else _compliant_touch)
+
+
+@type_callable(touch)
+def _type_touch(context: Any) -> Callable[..., Any]:
     # numba hands these names to the implementation, which must repeat them.
-    if law.instance_class is RigidLaw:
-        return lambda body, law, slope, limits, state, c, z, steps, trajectory, samples: strike(
-            body, law, slope, limits, state, c, z, steps, trajectory, samples
-        )
-    return lambda body, law, slope, limits, state, c, z, steps, trajectory, samples: _compliant_touch(
+    def result(  # type: ignore[no-untyped-def]
         body, law, slope, limits, state, c, z, steps, trajectory, samples
-    )
+    ) -> Any:
+        given = body, law, slope, limits, state, c, z, steps, trajectory, samples
+        return _contact_of(law).get_call_type(context, given, {}).return_type
+
+    return result
+
+
+@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[no-untyped-call, untyped-decorator]
+def _lower_touch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    follow = context.get_function(_contact_of(signature.args[1]), signature)
+    context.add_linking_libs(follow.libs)
+    return follow(builder, arguments)
 
 
 def law_of_row(like: Law, row: np.ndarray) -> Law:
