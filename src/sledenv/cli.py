@@ -123,6 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(landscape)
     landscape.add_argument(
         "--run",
+        dest="runs",
         type=Path,
         action="append",
         default=[],
@@ -198,6 +199,7 @@ def _benchmark(options: argparse.Namespace) -> int:
     # pandas, joblib and matplotlib are no dependencies of a simulation.
     from sledenv.benchmark.report import write_report
     from sledenv.benchmark.runner import run_suite
+    from sledenv.benchmark.scores import read_results
     from sledenv.benchmark.suite import Suite, find_suite
 
     file = find_suite(options.suite)
@@ -209,17 +211,18 @@ def _benchmark(options: argparse.Namespace) -> int:
         workers=options.workers,
         ray=options.ray,
     )
-    page = write_report(folder)
+    page = write_report(read_results(folder), folder / "report")
     _progress("benchmark")(f"wrote {page}")
     return 0
 
 
 def _map(options: argparse.Namespace) -> int:
-    from sledenv.benchmark.figures import draw_map
+    from sledenv.benchmark.landscape import landscape
 
     with replacing(options.out, ".png") as picture:
-        words = draw_map(options.scenario, options.seed, options.run, picture)
-    print(words)
+        drawn = landscape(options.scenario, options.seed, options.runs)
+        drawn.figure.savefig(picture, dpi=_DPI, format="png")
+    print(drawn.words)
     _progress("map")(f"wrote {options.out}")
     return 0
 
