@@ -22,7 +22,8 @@ class Agent(Linear):
         contexts = problem.contexts("train", settings["contexts"], seed)
         count = settings["n_timesteps"] // len(contexts)
         rng = np.random.default_rng(seed)
-        scales = np.exp(rng.uniform(*np.log(settings["scales"]), (count, 1)))
+        low, high = np.log(settings["scales"])
+        scales = np.exp(rng.uniform(low, high, (count, 1)))
         policies = scales * rng.normal(size=(count, size(problem.task)))
         best: Floats = policies[judge(policies, contexts).argmax()]
         return best
