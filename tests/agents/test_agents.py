@@ -32,7 +32,7 @@ def quick(monkeypatch):
         if algo == "td3":
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "ppo":
-            values |= {"n_timesteps": 1024, "n_steps": 64, "n_epochs": 1}
+            values |= {"n_timesteps": 1024, "n_epochs": 1}
         if algo == "best_fixed":
             values |= {"n_timesteps": 400, "contexts": 20}
         return values
