@@ -82,7 +82,7 @@ def plot_learning(results: Results) -> Figure | None:
             ax.axhline(fixed.mean(), color=INK, lw=1.0, ls=":")
         for agent, curves in group.groupby("agent", sort=False):
             at = curves.groupby("descents")["mean_reward"].agg(["mean", "min", "max"])
-            colour, _ = _look(agent, group)
+            colour, _ = look(agent, group)
             ax.fill_between(at.index, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
             ax.plot(at.index, at["mean"], color=colour)
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))
@@ -102,7 +102,7 @@ def plot_regret(results: Results) -> Figure:
         ax.axvline(SMALL_REGRET, color=INK, lw=0.8, ls=DASHES)
         for agent, rows in group.groupby("agent", sort=False):
             values = np.sort(np.clip(rows["regret"].to_numpy(), _SMALLEST, 1.0))
-            colour, _ = _look(agent, table)
+            colour, _ = look(agent, table)
             share = np.arange(1, len(values) + 1) / len(values)
             ax.step([_SMALLEST, *values, 1.0], [0.0, *share, 1.0], where="post", color=colour)
         ax.set_xscale("log")
@@ -130,7 +130,7 @@ def plot_robustness(results: Results) -> Figure | None:
 
     def draw(ax: Axes, group: pd.DataFrame) -> None:
         for agent, rows in group.groupby("agent", sort=False):
-            colour, marker = _look(agent, table)
+            colour, marker = look(agent, table)
             ax.plot(rows["noise"], rows["reward"], color=colour, marker=marker, ms=5.0)
         levels = sorted(group["noise"].unique())
         ax.set_xticks(levels, [f"{100.0 * level:g}%" for level in levels])
@@ -158,7 +158,7 @@ def plot_maps(results: Results) -> Figure | None:
         & ~judged["agent"].isin(["zero", "random_launch"])
     ]
     scenarios = sorted(maps["scenario"].unique())
-    with _style({"axes.spines.top": True, "axes.spines.right": True}):
+    with style({"axes.spines.top": True, "axes.spines.right": True}):
         figure = Figure(figsize=(WIDTH, 1.0 + 2.7 * len(scenarios)), layout="constrained")
         grid = figure.subplots(len(scenarios), _MAPS, squeeze=False, sharex=True)
         image = None
@@ -188,7 +188,7 @@ def plot_energy(results: Results) -> Figure:
     table = decomposition(results)
     problems = list(table.groupby(PROBLEM, sort=False))
     heights = [len(group) for _, group in problems]
-    with _style({}):
+    with style({}):
         size = (WIDTH, 1.6 + 0.24 * sum(heights) + 0.45 * len(problems))
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(len(problems), 2, squeeze=False, sharex=True, height_ratios=heights)
@@ -219,7 +219,8 @@ def plot_energy(results: Results) -> Figure:
     return figure
 
 
-def _style(more: dict[str, Any]) -> AbstractContextManager[None]:
+def style(more: dict[str, Any]) -> AbstractContextManager[None]:
+    """Draw in the style of all figures, with more of one's own."""
     settings: Any = STYLE | more
     return matplotlib.rc_context(settings)
 
@@ -231,7 +232,7 @@ def _panels(
     groups = list(ordered(table).groupby(PROBLEM, sort=False))
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
-    with _style({}):
+    with style({}):
         figure = Figure(figsize=(WIDTH, 1.1 + 2.6 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False)
         for ax in grid.flat[len(groups) :]:
@@ -263,12 +264,12 @@ def _draw_map(ax: Axes, cells: pd.DataFrame, best: pd.Series, places: pd.DataFra
     clip: dict[str, Any] = {"ls": "", "clip_on": False, "mec": "white", "mew": 0.6}
     ax.plot(best["action_0"], best[heights], marker="*", ms=11.0, **clip | {"color": "white", "mec": INK}, zorder=5)
     for agent, rows in places.groupby("agent", sort=False):
-        colour, marker = _look(agent, every)
+        colour, marker = look(agent, every)
         ax.plot(rows["action_0"], rows[heights], marker=marker, ms=6.0, color=colour, zorder=4, **clip)
     return image
 
 
-def _look(agent: str, table: pd.DataFrame) -> tuple[str, str]:
+def look(agent: str, table: pd.DataFrame) -> tuple[str, str]:
     """Colour and marker of an agent; those of unknown ones follow from the agents in the table."""
     if agent in _LOOKS:
         return _LOOKS[agent]
@@ -284,7 +285,7 @@ def _agents(table: pd.DataFrame) -> Iterator[str]:
 def _lines(table: pd.DataFrame, markers: bool = False) -> list[Any]:
     handles = []
     for agent in _agents(table):
-        colour, marker = _look(agent, table)
+        colour, marker = look(agent, table)
         handles.append(Line2D([], [], color=colour, marker=marker if markers else "", ms=5.0, label=label(agent)))
     return handles
 
@@ -292,6 +293,6 @@ def _lines(table: pd.DataFrame, markers: bool = False) -> list[Any]:
 def _marks(table: pd.DataFrame, every: pd.DataFrame) -> list[Any]:
     handles = []
     for agent in _agents(table):
-        colour, marker = _look(agent, every)
+        colour, marker = look(agent, every)
         handles.append(Line2D([], [], color=colour, mec="white", marker=marker, ms=7.0, ls="", label=label(agent)))
     return handles

@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sledenv.benchmark.figures import plot_maps
-from sledenv.benchmark.oracle import best_launches, map_table
+from sledenv.benchmark.figures import label, look, style
+from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_name, load_run
-from sledenv.benchmark.scores import Results
 from sledenv.envs.task import Contexts
+from sledenv.plot import INK
 from sledenv.scenario import Scenario, ScenarioError
+
+_GRID: Final = (180, 81)  # orientations and spins that are drawn
+_LABELS: Final = {"orientation": "orientation at launch [deg]", "spin": "spin at launch [rad/s]"}
 
 
 class Landscape(NamedTuple):
@@ -50,17 +53,47 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
     best = best_launches(problem, context)
     chosen = [_choice(problem, context, folder) for folder in runs]
-    named = {"environment": "launch", "scenario": problem.scenario.id}
-    results = pd.DataFrame(chosen, columns=_COLUMNS).assign(context=0, trial=0, noise=0.0, stage="trained", **named)
-    oracle = best.assign(scenario=problem.scenario.id, context=0)
-    maps = map_table(problem, context).assign(scenario=problem.scenario.id)
-    nothing = pd.DataFrame()
-    figure = plot_maps(Results(results, nothing, nothing, oracle, maps))
-    assert figure is not None  # there is one map
+    results = pd.DataFrame(chosen, columns=["agent", "seed", "action_0", "action_1", "reward"])
+    (one,) = jam_map(problem, context, _GRID)
+    figure = _drawn(problem, one, best.iloc[0], results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, _words(problem, best.iloc[0], results))
 
 
-_COLUMNS = ["agent", "seed", "action_0", "action_1", "reward"]
+def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
+    """Draw a map over what is chosen, in degrees and rad/s."""
+    control = problem.scenario.control
+    bounds = {"orientation": control.orientation_deg, "spin": control.spin_rad_s}
+    names = problem.task.controlled
+
+    def physical(values: Any, name: str) -> Any:
+        low, high = bounds[name]
+        return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
+
+    axes = [physical(values, name) for values, name in zip(one.launches, names, strict=True)]
+    with style({"figure.constrained_layout.use": True}):
+        figure = Figure(figsize=(6.4, 4.6))
+        ax = figure.subplots()
+        if len(names) == 2:
+            image = ax.pcolormesh(*axes, one.rewards.T, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
+            figure.colorbar(image, ax=ax, label="reward")
+        else:
+            ax.plot(axes[0], one.rewards, color=INK, lw=0.9)
+        ax.set(xlabel=_LABELS[names[0]], ylabel=_LABELS[names[1]] if len(names) == 2 else "reward", title=title)
+        height = "action_1" if len(names) == 2 else "reward"
+
+        def place(rows: Any) -> tuple[Any, Any]:
+            upright = physical(rows[height], names[1]) if len(names) == 2 else rows[height]
+            return physical(rows["action_0"], names[0]), upright
+
+        marks: dict[str, Any] = {"ls": "", "clip_on": False}
+        for agent, rows in results.groupby("agent", sort=False):
+            colour, marker = look(str(agent), results)
+            name = label(str(agent))
+            ax.plot(*place(rows), marker=marker, ms=8.0, color=colour, mec="white", mew=0.8, label=name, **marks)
+        x, y = place(best)
+        ax.plot([x], [y], marker="*", ms=14.0, color="white", mec=INK, mew=0.8, label="best launch", **marks)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
 
 
 def _choice(problem: Problem, context: Contexts, folder: Path) -> tuple[str, int, float, float, float]:

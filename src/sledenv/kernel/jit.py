@@ -260,7 +260,8 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         library.add_linking_library(part.library)
         target.create_cpython_wrapper(library, part.fndesc, part.environment, part.call_helper)
         entry = target.get_executable(library, part.fndesc, part.environment)
-        whole = part._replace(library=library, entry_point=entry, reload_init=list(library._reload_init))
+        code = {"library": library, "entry_point": entry, "reload_init": list(library._reload_init)}
+        whole = part._replace(target_context=target, **code)
         for environment in whole._find_referenced_environments():
             library.codegen.set_env(environment.env_name, environment)
         return whole
