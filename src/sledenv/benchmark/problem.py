@@ -19,7 +19,7 @@ from sledenv.scenario import Control, Scenario, Split
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
-TRIALS: Final = 16  # launches with which a context is judged where the launch is noisy
+TRIALS: Final = 8  # launches with which a context is judged where the launch is noisy
 
 
 class Agent(Protocol):
