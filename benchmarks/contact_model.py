@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.reference import BODY, LAUNCH, LAW, SLOPE, Floats
-from sledenv.kernel.jit import kernel as compiled
+from sledenv.kernel.jit import allocating as compiled
 
 Mode = tuple[int, int, int]
 

@@ -46,7 +46,7 @@ from benchmarks.contact_model import (
     touch_down,
 )
 from benchmarks.reference import BODY, LAUNCH, LAW, SLOPE, Floats
-from sledenv.kernel.jit import kernel as compiled
+from sledenv.kernel.jit import allocating as compiled
 
 _LONGEST = 10.0  # [s] of one flight or one mode; none comes near
 _UNDECIDED: Mode = (0, 0, 0)

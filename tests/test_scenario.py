@@ -441,6 +441,7 @@ def test_a_wheel_carries_every_module_and_scenario(tmp_path: Path) -> None:
         archive.extractall(unpacked)
     package = ROOT / "src" / "sledenv"
     expected = {path.relative_to(package) for path in package.rglob("*.py")} | {Path("py.typed"), Path("replay.html")}
+    expected.add(Path("benchmark", "report.html"))
     expected |= {Path("scenarios", f"{name}.yaml") for name in SHIPPED}
     folder = unpacked / "sledenv"
     assert {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()} == expected

@@ -81,7 +81,8 @@ def test_flights_come_back_from_what_is_seen_of_them():
 def test_land_flat_touches_upright(control):
     """Oracle: the first rebound of the simulator, whose flight is exact; spins that the bounds do not cut short."""
     launch = {"orientation_deg": [-40, 40], "drop_m": [0.6, 1.5]}
-    problem = Problem(altered("ice_drop", launch=launch), control=control)
+    scenario = altered("ice_drop", launch=launch, control={"spin_rad_s": [-8, 8]})
+    problem = Problem(scenario, control=control)
     contexts = problem.contexts("test", 60)
     actions = land_flat.Agent(problem).act(problem.task.observe(contexts)).astype(float)
     launches = problem.task.launches(contexts, actions)
