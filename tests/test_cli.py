@@ -172,3 +172,55 @@ def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert len(lines) == len(steps)
     assert all(line.startswith(f"reproduce: {step}") for line, step in zip(lines, steps, strict=True))
     assert lines[-1] == f"reproduce: wrote {tmp_path / 'out' / 'index.md'}"
+
+
+# --- map and benchmark ------------------------------------------------------------------------------------------------
+
+
+def test_map_draws_a_context_and_tells_its_best_launch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that is told earns its reward when it is simulated."""
+    picture = tmp_path / "map.png"
+    assert main(["map", "track_grade_20", "--seed", "4", "--out", str(picture)]) == 0
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    words = capsys.readouterr().out.splitlines()[0].split()
+    assert words[:2] == ["best", "launch"]
+    spin, reward = float(words[2]), float(words[5])
+    assert main(["simulate", "track_grade_20", "--seed", "4", f"--spin={spin}"]) == 0
+    told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
+    assert float(told) == pytest.approx(reward, abs=0.02)  # the spin is told to a thousandth
+
+
+def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no finished run" in refused(capsys, "map", "ice_drop", "--run", str(tmp_path), "--out", "map.png")
+    assert "must end in .png" in refused(capsys, "map", "ice_drop", "--out", str(tmp_path / "map.pdf"))
+
+
+def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the page names the agents; a second call finds everything done."""
+    agents = "{launch: {agents.zero: 1, agents.random_launch: 1, agents.best_fixed: 1}}"
+    suite = tmp_path / "two.yaml"
+    suite.write_text(
+        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [ice_fast], maps: 0, agents: {agents}}}"
+    )
+    (tmp_path / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
+    call = ["benchmark", "--suite", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(call) == 0
+    page = tmp_path / "out" / "report" / "index.html"
+    assert "best fixed" in page.read_text()
+    assert str(page) in capsys.readouterr().out
+    first = page.read_bytes()
+    assert main(call) == 0
+    assert page.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--suite", "smoek"], "no suite 'smoek'"),
+        (["--workers", "0"], "must be an integer >= 1: '0'"),
+    ],
+)
+def test_a_benchmark_that_cannot_be_run_is_explained(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert message in refused(capsys, "benchmark", *arguments)

@@ -121,13 +121,13 @@ def map_table(problem: Problem, contexts: Contexts) -> pd.DataFrame:
         One row a launch: ``context``, the number of its row; ``orientation`` and ``spin`` in [-1, 1], NaN for what is
         not chosen; ``reward``.
     """
-    parts = []
-    for i, one in enumerate(jam_map(problem, contexts)):
+    parts = [pd.DataFrame({name: np.empty(0) for name in ("context", "orientation", "spin", "reward")})]
+    for i, one in enumerate(jam_map(problem, contexts) if len(contexts) else []):
         grid = dict(zip(problem.task.controlled, np.meshgrid(*one.launches, indexing="ij"), strict=True))
         none = np.full(one.rewards.shape, np.nan)
         columns = {name: grid.get(name, none).ravel() for name in ("orientation", "spin")}
         parts.append(pd.DataFrame({"context": i, **columns, "reward": one.rewards.ravel()}))
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    return pd.concat(parts[1:] or parts, ignore_index=True)
 
 
 def actions_of(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
