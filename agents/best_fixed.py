@@ -37,7 +37,12 @@ class Agent:
             Where the action is kept.
         """
         contexts = problem.contexts("train", settings["contexts"], seed)
-        count = settings["n_timesteps"] // problem.trials(contexts)[..., 0].size
+        each = problem.trials(contexts)[..., 0].size
+        count = settings["n_timesteps"] // each
+        if count < 1:
+            raise ValueError(
+                f"n_timesteps = {settings['n_timesteps']}: must be >= {each}, the descents of one candidate"
+            )
         sequence = qmc.Sobol(problem.actions, rng=np.random.default_rng(seed))
         candidates = 2.0 * sequence.random_base2(max(1, (count - 1).bit_length()))[:count] - 1.0
         rewards = [

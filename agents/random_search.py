@@ -21,6 +21,9 @@ class Agent(Linear):
         """
         contexts = problem.contexts("train", settings["contexts"], seed)
         count = settings["n_timesteps"] // len(contexts)
+        if count < 1:
+            least = len(contexts)
+            raise ValueError(f"n_timesteps = {settings['n_timesteps']}: must be >= {least}, the descents of one policy")
         rng = np.random.default_rng(seed)
         low, high = np.log(settings["scales"])
         scales = np.exp(rng.uniform(low, high, (count, 1)))

@@ -7,7 +7,8 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -20,7 +21,7 @@ from sledenv.doctor import examine
 from sledenv.files import publish, replacing
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
-from sledenv.scenario import ScenarioError, load_scenario, scenario_names
+from sledenv.scenario import load_scenario, scenario_names
 from sledenv.text import story
 
 PICTURES = ("strobe.png", "series.png")
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, head for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _BROKEN_PIPE
-    except (ScenarioError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
         print(f"sledenv {options.command}: error: {error}", file=sys.stderr)
         return _USAGE
     except KeyboardInterrupt:
@@ -106,7 +107,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     judged.set_defaults(run=_benchmark)
     judged.add_argument(
-        "--suite", default="smoke", metavar="SUITE", help="smoke, full, or a file that ends in .yaml (default smoke)"
+        "--suite",
+        default="smoke",
+        metavar="SUITE",
+        help="smoke, full, trims, or a file that ends in .yaml (default smoke)",
     )
     judged.add_argument("--out", type=Path, metavar="FOLDER", help="default: runs/benchmark/SUITE")
     judged.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
@@ -196,11 +200,11 @@ def _reproduce(options: argparse.Namespace) -> int:
 
 
 def _benchmark(options: argparse.Namespace) -> int:
-    # pandas, joblib and matplotlib are no dependencies of a simulation.
-    from sledenv.benchmark.report import write_report
-    from sledenv.benchmark.runner import run_suite
-    from sledenv.benchmark.scores import read_results
-    from sledenv.benchmark.suite import Suite, find_suite
+    with _extra():
+        from sledenv.benchmark.report import write_report
+        from sledenv.benchmark.runner import run_suite
+        from sledenv.benchmark.scores import read_results
+        from sledenv.benchmark.suite import Suite, find_suite
 
     file = find_suite(options.suite)
     suite = Suite.read(file)
@@ -217,7 +221,8 @@ def _benchmark(options: argparse.Namespace) -> int:
 
 
 def _map(options: argparse.Namespace) -> int:
-    from sledenv.benchmark.landscape import landscape
+    with _extra():
+        from sledenv.benchmark.landscape import landscape
 
     with replacing(options.out, ".png") as picture:
         drawn = landscape(options.scenario, options.seed, options.runs)
@@ -225,6 +230,16 @@ def _map(options: argparse.Namespace) -> int:
     print(drawn.words)
     _progress("map")(f"wrote {options.out}")
     return 0
+
+
+@contextmanager
+def _extra() -> Iterator[None]:
+    """Say what to install where a package is missing that a simulation does not need."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        extras = 'pip install "sledenv[benchmark]", for the shipped agents "sledenv[agents]"'
+        raise ImportError(f"{error}: this command needs {extras}") from error
 
 
 def _doctor(options: argparse.Namespace) -> int:

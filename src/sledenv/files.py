@@ -37,7 +37,7 @@ def replacing(file: str | os.PathLike[str], *suffixes: str) -> Iterator[Path]:
         raise OSError(f"{place} cannot be written: there is no folder {place.parent}")
     scratch = place.with_name(f".{place.name}.{os.getpid()}")
     try:
-        scratch.touch(exist_ok=False)
+        scratch.touch()  # one of a killed process that had this number may have stayed
     except OSError as error:
         raise OSError(f"{place} cannot be written: {error.strerror}") from error
     try:

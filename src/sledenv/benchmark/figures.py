@@ -82,7 +82,7 @@ def plot_learning(results: Results) -> Figure | None:
             ax.axhline(fixed.mean(), color=INK, lw=1.0, ls=":")
         for agent, curves in group.groupby("agent", sort=False):
             at = curves.groupby("descents")["mean_reward"].agg(["mean", "min", "max"])
-            colour, _ = look(agent, group)
+            colour, _ = look(agent, results.curves)
             ax.fill_between(at.index, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
             ax.plot(at.index, at["mean"], color=colour)
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))

@@ -17,11 +17,12 @@ from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
 from sledenv.benchmark.oracle import map_table, oracle
-from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.problem import TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
 from sledenv.files import replacing
+from sledenv.kernel.jit import FINGERPRINT
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
@@ -62,6 +63,7 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
     ImportError
         If Ray is asked for and missing.
     """
+    folder = folder.resolve()  # a worker of a cluster may work elsewhere
     jobs = list(suite.jobs(file.parent))
     run = _through_ray(ray) if ray is not None else _through_joblib(workers or os.cpu_count() or 1)
     for part in ("trained", "judged", "searched"):
@@ -123,7 +125,7 @@ def _warm_up(job: Job) -> None:
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:
     """Digest of all that the numbers of a job depend on."""
-    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise]
+    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise, TRIALS, FINGERPRINT]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -20,7 +20,7 @@ from sledenv.scenario import Scenario
 
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
-_PACKAGES: Final = ("sledenv", "gymnasium", "numba", "numpy", "stable-baselines3", "torch")
+_PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
 
 
 def agent_class(module: str) -> type[Agent]:

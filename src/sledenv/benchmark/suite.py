@@ -59,7 +59,8 @@ class Suite(Section):
     title: str
     contexts: Annotated[int, Field(ge=2)]  # held-out contexts of each scenario
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
-    agents: dict[Environment, dict[str, Count]]  # module of the agent -> number of seeds
+    # module of the agent -> number of seeds
+    agents: Annotated[dict[Environment, Annotated[dict[str, Count], Field(min_length=1)]], Field(min_length=1)]
     settings: str  # folder of the hyperparameters, as seen from the file
     steps: Count | None = None  # budget in environment steps in place of the configured one
     noise: tuple[Annotated[float, Field(gt=0.0)], ...] = ()  # extra launch noise, see Problem.disturbed
@@ -68,11 +69,28 @@ class Suite(Section):
     @field_validator("scenarios")
     @classmethod
     def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        for name in names:
-            load_scenario(name)
-        if len(set(names)) < len(names):
-            raise ValueError("must not repeat a scenario")
-        return names
+        ids = {load_scenario(name).id for name in names}
+        if len(ids) < len(names) or len({Path(name).stem for name in names}) < len(names):
+            raise ValueError("must not repeat a scenario, its id or the name of its file")
+        # A worker may have another working folder.
+        return tuple(os.path.abspath(name) if name.endswith(".yaml") else name for name in names)
+
+    @field_validator("agents")
+    @classmethod
+    def _told_apart(cls, agents: dict[Environment, dict[str, int]]) -> dict[Environment, dict[str, int]]:
+        for modules in agents.values():
+            names = [agent_name(module) for module in modules]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"must not have two agents called {name!r}")
+        return agents
+
+    @field_validator("noise")
+    @classmethod
+    def _once(cls, levels: tuple[float, ...]) -> tuple[float, ...]:
+        if len(set(levels)) < len(levels):
+            raise ValueError("must not repeat a level")
+        return levels
 
     def jobs(self, folder: Path) -> Iterator[Job]:
         """Yield everything to train and to judge; ``folder`` is that of the suite's file.
@@ -83,8 +101,10 @@ class Suite(Section):
         Raises
         ------
         SuiteError
-            If an agent cannot be imported or has no settings for its environment.
+            If there is no folder of settings, an agent cannot be imported or has none for its environment.
         """
+        if not (folder / self.settings).is_dir():
+            raise SuiteError(f"suite {self.id}: settings = {self.settings!r}: no folder {folder / self.settings}")
         named = [(kind, module, seeds) for kind, agents in self.agents.items() for module, seeds in agents.items()]
         for seed in range(max((seeds for _, _, seeds in named), default=0)):
             for scenario in self.scenarios:
