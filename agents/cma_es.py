@@ -24,13 +24,17 @@ class Agent(Linear):
         restarts, each = settings["restarts"], settings["contexts"]
         checked = problem.contexts("validation", settings["validation"])
         budget = settings["n_timesteps"] // restarts - len(checked)
+        generations = budget // (each * settings["popsize"])
+        if generations < 1:
+            least = restarts * (len(checked) + each * settings["popsize"])
+            raise ValueError(f"n_timesteps = {settings['n_timesteps']}: must be >= {least}, a generation a restart")
         rng = np.random.default_rng(seed)
         found: list[Floats] = []
         for _ in range(restarts):
             start = rng.normal(0.0, settings["scale"], size(problem.task))
             options = {"seed": int(rng.integers(1, 1 << 31)), "verbose": -9, "popsize": settings["popsize"]}
             search = cma.CMAEvolutionStrategy(start, settings["sigma0"], options)
-            for _ in range(budget // (each * settings["popsize"])):
+            for _ in range(generations):
                 policies = np.array(search.ask())
                 contexts = problem.contexts("train", each, int(rng.integers(1 << 31)))
                 search.tell(policies, -judge(policies, contexts))

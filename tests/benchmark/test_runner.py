@@ -141,6 +141,9 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"scenarios": ["ice_drop", "ice_drop"]}, "must not repeat a scenario"),
         ({"agents": {"flight": {"agents.zero": 1}}}, "'launch' or 'descent'"),
         ({"agents": {"launch": {"agents.zero": 0}}}, "agents.launch.agents.zero = 0"),
+        ({"agents": {}}, "agents = {}"),
+        ({"agents": {"launch": {"agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
+        ({"noise": [0.1, 0.1]}, "must not repeat a level"),
         ({"seeds": 3}, "seeds: unknown key; known: id, title, contexts"),
     ],
 )
@@ -160,6 +163,13 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
 def test_an_agent_that_is_none_is_refused_before_anything_is_written(agent, message, tmp_path):
     file = written(tmp_path, agents={"launch": {agent: 1}})
     with pytest.raises(SuiteError, match=message):
+        run_suite(Suite.read(file), file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_path):
+    file = written(tmp_path, settings="../agents")
+    with pytest.raises(SuiteError, match=r"settings = '\.\./agents': no folder"):
         run_suite(Suite.read(file), file, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
