@@ -102,6 +102,21 @@ def test_a_caller_is_compiled_again_when_what_it_calls_has_changed(package: Path
     assert run() == (7.0, 0, 1, before[3])
 
 
+def test_a_kernel_that_python_calls_may_have_been_loaded_as_a_part_of_another_before(package: Path, run: Run) -> None:
+    """Oracle: numpy; the entry for Python comes out of the cache after the part, and needs constants of its own."""
+    (package / "maker.py").write_text(
+        "import numpy as np\n"
+        "from sledenv.kernel.jit import allocating\n\n\n"
+        "@allocating\ndef made():\n    return np.ones(3), np.ones((2, 2))\n\n\n"
+        "@allocating\ndef total():\n    a, b = made()\n    return a.sum() + b.sum()\n"
+    )
+    head = "from sledenv.kernel.maker import made, total\n"
+    call = "a, b = made()\nprint(a.sum() + b.sum(), sum(made.stats.cache_misses.values()), "
+    tail = "sum(made.stats.cache_hits.values()), 'x')"
+    assert run(head + call + tail)[:3] == (7.0, 1, 0)
+    assert run(head + "assert total() == 7.0\n" + call + tail)[:3] == (7.0, 0, 1)
+
+
 def test_only_a_few_states_of_the_sources_are_kept(package: Path, run: Run) -> None:
     parent = Path(run()[3]).parent
     for i in range(jit._KEPT):

@@ -129,6 +129,16 @@ def _forget(parent: Path) -> None:
 class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     _locator_classes = (_Locator,)
 
+    def reduce(self, data: Any) -> tuple[Any, ...]:
+        return super().reduce(data), list(data.environment.consts)
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
+        reduced, constants = payload
+        result = super().rebuild(target_context, reduced)
+        # The part may have been loaded before, and brought the same environment without what Python's entry added.
+        result.environment.consts[:] = constants
+        return result
+
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     _impl_class = _CacheImpl
