@@ -42,7 +42,7 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
 
 def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
     """Simulate the agent's launches on ``count`` held-out contexts, the same for every agent."""
-    trials = problem.trials(problem.contexts("test", count))
+    trials = problem.trials(problem.contexts("test", count), "test")
     batch, _ = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
     return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status)
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
@@ -33,7 +34,7 @@ class _Validation(BaseCallback):
         self._agent = agent
         self._problem = problem
         self._folder = folder
-        trials = problem.trials(problem.contexts("validation", _CHECK_CONTEXTS))
+        trials = problem.trials(problem.contexts("validation", _CHECK_CONTEXTS), "validation")
         lanes = np.arange(_CHECK_CONTEXTS)
         self._contexts = trials[lanes, lanes % trials.shape[1]]  # each context with one draw of the noise
         self._every = every
@@ -71,6 +72,42 @@ class _Validation(BaseCallback):
             self.model.save(self._folder / _MODEL)
 
 
+class Standardised(VecEnvWrapper):
+    """Environments of one step whose rewards are those of random launches less their mean, over their deviation.
+
+    Where no launch jams, all rewards lie within a few hundredths: too little beside an entropy bonus and for a critic
+    that starts at 0. ``VecNormalize`` scales, but does not centre.
+
+    Parameters
+    ----------
+    venv : VecEnv
+    rewards : ndarray, shape (n,)
+        Of random launches.
+    """
+
+    def __init__(self, venv: VecEnv, rewards: NDArray[np.float64]) -> None:
+        super().__init__(venv)
+        self._mean = float(rewards.mean())
+        self._deviation = float(rewards.std()) or 1.0
+
+    def reset(self) -> VecEnvObs:
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        observations, rewards, dones, infos = self.venv.step_wait()
+        return observations, (rewards - self._mean) / self._deviation, dones, infos
+
+
+def _random_rewards(problem: Problem, count: int, seed: int) -> NDArray[np.float64]:
+    """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
+    contexts = problem.contexts("train", count, seed)
+    trials = problem.trials(contexts, "train")
+    lanes = np.arange(count)
+    launches = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, problem.actions))
+    rewards: NDArray[np.float64] = problem.descend(trials[lanes, lanes % trials.shape[1]], launches).jam.reward
+    return rewards
+
+
 def _schedule(value: Any) -> Any:
     """Return the schedule that "lin_0.001" stands for in rl-baselines3-zoo, from 0.001 to 0; or what else is given."""
     if isinstance(value, str) and value.startswith("lin_"):
@@ -94,10 +131,11 @@ class Learned:
         ----------
         problem : Problem
         settings : dict
-            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated. A value such as
-            "lin_0.001" decays linearly to 0.
+            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated, ``scale_on`` the
+            number of random launches by whose rewards those of the training are scaled (SledLaunch-v0 alone; not at
+            all by default). A value such as "lin_0.001" decays linearly to 0.
         seed : int
-            Of the networks, the environments and the exploration.
+            Of the networks, the environments and the exploration; no two seeds share a lane's stream of contexts.
         folder : Path
             Where the models, the learning curve and the tensorboard log are written.
         """
@@ -105,14 +143,19 @@ class Learned:
         settings = {name: _schedule(value) for name, value in settings.items()}
         steps = settings.pop("n_timesteps")
         checks = settings.pop("checks", 20)
+        scale_on = settings.pop("scale_on", 0)
         torch.set_num_threads(1)  # networks this small run slower on more
-        lanes = make_vec_env(
-            problem.id,
-            settings.pop("n_envs"),
-            seed,
-            env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
+        lanes = settings.pop("n_envs")
+        env: VecEnv = VecMonitor(
+            make_vec_env(
+                problem.id,
+                lanes,
+                seed * lanes,
+                env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
+            )
         )
-        env = VecMonitor(lanes)
+        if scale_on:
+            env = Standardised(env, _random_rewards(problem, scale_on, seed))
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.

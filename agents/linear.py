@@ -70,7 +70,7 @@ class Judge:
         -------
         ndarray, shape (m,)
         """
-        trials = self._problem.trials(contexts)
+        trials = self._problem.trials(contexts, "validation")
         lanes = np.arange(len(contexts))
         disturbed = trials[lanes, lanes % trials.shape[1]]
         chosen = actions(self._problem.task, weights, self._problem.task.observe(contexts))

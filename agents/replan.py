@@ -64,7 +64,7 @@ class Agent:
     def _best_launches(self, contexts: Contexts) -> Floats:
         """Return the launches of the grid that the model rewards most, shape (n, k)."""
         best = []
-        for one in jam_map(self._model, contexts, self._grid):
+        for one in jam_map(self._model, contexts, self._grid, "validation"):
             cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
             best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
             self.descents += one.rewards.size * self._trials

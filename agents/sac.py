@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from stable_baselines3 import SAC
 
 from agents.learning import Learned
+from agents.searching import SearchingSAC
+from sledenv.benchmark.problem import Problem
 
 
 class Agent(Learned):
     """Learns off-policy, with an entropy bonus that it tunes itself."""
 
     algorithm = SAC
+
+    @classmethod
+    def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
+        """Take the policy that searches where an episode has one step."""
+        return settings | {"policy": SearchingSAC} if problem.environment == "launch" else settings

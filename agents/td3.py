@@ -9,6 +9,7 @@ from stable_baselines3 import TD3
 from stable_baselines3.common.noise import NormalActionNoise
 
 from agents.learning import Learned
+from agents.searching import SearchingTD3
 from sledenv.benchmark.problem import Problem
 
 
@@ -19,8 +20,9 @@ class Agent(Learned):
 
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
-        """Make the noise of a standard deviation ``noise_std``, as rl-baselines3-zoo does."""
+        """Take the policy that searches, and make the noise of deviation ``noise_std`` as rl-baselines3-zoo does."""
         sigma = settings.pop("noise_std")
         return settings | {
-            "action_noise": NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma))
+            "policy": SearchingTD3,
+            "action_noise": NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma)),
         }

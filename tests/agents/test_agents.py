@@ -48,6 +48,9 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
     problem = Problem("brake_mat")
     contexts = np.concatenate([problem.contexts(split, 200) for split in ("train", "validation", "test")])
     assert len(np.unique(contexts, axis=0)) == 600
+    speeds = contexts[:, 3].reshape(3, 200) / np.ptp(contexts[:, 3])
+    for one, other in [(0, 1), (0, 2), (1, 2)]:  # nor does one follow from another by a turn through the range
+        assert abs(np.exp(2j * np.pi * (speeds[one] - speeds[other])).mean()) < 0.25
     assert np.array_equal(problem.contexts("test", 3), problem.contexts("test", 50)[:3])
     assert not np.array_equal(problem.contexts("train", 3, seed=1), problem.contexts("train", 3, seed=2))
 

@@ -25,7 +25,7 @@ def evolve(problem: Problem, context: np.ndarray, start: np.ndarray, spread: flo
     best = 0.0
     while strategy.countevals < budget and not strategy.stop():
         asked = np.clip(strategy.ask(), -1.0, 1.0)
-        rewards = problem.expect(context[np.newaxis], asked[np.newaxis])[0]
+        rewards = problem.expect(context[np.newaxis], asked[np.newaxis], "test")[0]
         strategy.tell(list(asked), (-rewards).tolist())
         best = max(best, float(rewards.max()))
     return best
@@ -37,7 +37,7 @@ def test_the_reward_of_a_best_launch_is_what_it_earns(found):
     assert np.array_equal(rewards_again(problem, table), table["reward"])
     contexts = table[list(Context._fields)].to_numpy()
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 1000, 2))
-    assert (problem.expect(contexts, tried).max(axis=1) <= 1.001 * table["reward"]).all()
+    assert (problem.expect(contexts, tried, "test").max(axis=1) <= 1.001 * table["reward"]).all()
     assert (table["uniform"] < table["reward"]).all()
 
 

@@ -66,16 +66,17 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     problem = Problem(noisy)
     contexts = problem.contexts("train", 3)
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
-    trials = problem.trials(contexts)
+    trials = problem.trials(contexts, "train")
     assert trials.shape == (3, TRIALS, 10)
     assert np.array_equal(trials[0, :, 8:], trials[2, :, 8:])
+    assert not np.isclose(trials[0, :, 8:], problem.trials(contexts, "test")[0, :, 8:]).any()  # nobody knows the test
     assert trials[0, :, 8:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
     slow = [
         [np.mean([problem.descend(trial[np.newaxis], [action]).jam.reward[0] for trial in trials[i]]) for action in row]
         for i, row in enumerate(actions)
     ]
-    assert problem.expect(contexts, actions) == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem("ice_drop").trials(contexts).shape == (3, 1, 8)
+    assert problem.expect(contexts, actions, "train") == pytest.approx(np.array(slow), abs=1e-14)
+    assert Problem("ice_drop").trials(contexts, "test").shape == (3, 1, 8)
 
 
 def test_extra_noise_disturbs_what_is_chosen_alone(noisy):

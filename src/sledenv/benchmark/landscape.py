@@ -100,7 +100,7 @@ def _choice(problem: Problem, context: Contexts, folder: Path) -> tuple[str, int
     theirs, agent, config = load_run(folder)
     if (theirs.scenario.hash, theirs.control) != (problem.scenario.hash, problem.control):
         raise ScenarioError(f"{folder} was trained on another scenario ({theirs.scenario.id}, {theirs.control})")
-    trials = theirs.trials(context)[0]
+    trials = theirs.trials(context, "test")[0]
     batch, actions = theirs.judge(agent, trials)
     launch = [*actions[0].tolist(), np.nan][:2]
     return agent_name(config["agent"]), int(config["seed"]), launch[0], launch[1], float(batch.jam.reward.mean())

@@ -15,7 +15,7 @@ from scipy.stats import qmc
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts
 from sledenv.files import replacing
-from sledenv.scenario import Context
+from sledenv.scenario import Context, Split
 
 GRID: Final = (72, 33)  # orientations and spins of the dense search; the former alone if it is all that is chosen
 STARTS: Final = 6  # local maxima of the grid that are refined
@@ -33,14 +33,14 @@ class JamMap(NamedTuple):
     rewards: NDArray[np.float64]  # of shape (orientations, spins), or one of the two
 
 
-def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID) -> list[JamMap]:
+def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID, split: Split = "test") -> list[JamMap]:
     """Try a grid of launches in each context of an array of shape (n, 8).
 
-    Orientations that are a full turn apart are tried once; spins include both bounds.
+    Orientations that are a full turn apart are tried once; spins include both bounds. Launch noise is that of a split.
     """
     axes = _axes(problem, grid)
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    rewards = _expect(problem, contexts, np.broadcast_to(points, (len(contexts), *points.shape)))
+    rewards = _expect(problem, contexts, np.broadcast_to(points, (len(contexts), *points.shape)), split)
     return [JamMap(axes, row.reshape([len(axis) for axis in axes])) for row in rewards]
 
 
@@ -138,7 +138,9 @@ def actions_of(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
 
 def rewards_again(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
     """Simulate the best launches of a table once more and return their expected rewards, shape (n,)."""
-    return problem.expect(table[list(Context._fields)].to_numpy(), actions_of(problem, table)[:, np.newaxis])[:, 0]
+    return problem.expect(table[list(Context._fields)].to_numpy(), actions_of(problem, table)[:, np.newaxis], "test")[
+        :, 0
+    ]
 
 
 def _key(problem: Problem, contexts: Contexts) -> str:
@@ -149,11 +151,13 @@ def _key(problem: Problem, contexts: Contexts) -> str:
     return digest.hexdigest()[:16]
 
 
-def _expect(problem: Problem, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _expect(
+    problem: Problem, contexts: Contexts, actions: NDArray[np.float64], split: Split = "test"
+) -> NDArray[np.float64]:
     """Evaluate :meth:`Problem.expect` block by block, so that memory stays bounded."""
     rows = max(1, _BLOCK // actions.shape[1])
     parts = [
-        problem.expect(contexts[start : start + rows], actions[start : start + rows])
+        problem.expect(contexts[start : start + rows], actions[start : start + rows], split)
         for start in range(0, len(contexts), rows)
     ]
     return np.concatenate(parts)

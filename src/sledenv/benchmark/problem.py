@@ -15,7 +15,7 @@ from sledenv.descent import DescentBatch
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
 from sledenv.kernel.records import RUNNING
-from sledenv.scenario import Control, Scenario, Split
+from sledenv.scenario import Control, Scenario, Split, check_split
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
@@ -97,18 +97,22 @@ class Problem:
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
-        draws = np.array([np.random.default_rng([seed, i]).random(FIELDS) for i in range(count)])
+        part = _number(split)
+        draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
 
-    def trials(self, contexts: Contexts) -> Contexts:
+    def trials(self, contexts: Contexts, split: Split) -> Contexts:
         """Repeat contexts of shape (n, 8) as often as they are judged, shape (n, t, 8) or (n, t, 10).
 
         Where the launch is noisy, t is ``TRIALS`` and every context gets the same quasi-random normal noise, so that a
-        mean over the trials is the expected value, of agents and of the oracle alike. Otherwise t is 1.
+        mean over the trials is the expected value, of agents and of the oracle alike. Each split has noise of its own:
+        an agent that searches with that of "train" or "validation" knows nothing of that with which it is judged.
+        Otherwise t is 1.
         """
         if not self.noisy:
             return contexts[:, np.newaxis]
-        noise = self.task.noise * qmc.MultivariateNormalQMC([0.0, 0.0], rng=np.random.default_rng(0)).random(TRIALS)
+        rng = np.random.default_rng(_number(split))
+        noise = self.task.noise * qmc.MultivariateNormalQMC([0.0, 0.0], rng=rng).random(TRIALS)
         shape = len(contexts), TRIALS
         repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
         return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
@@ -141,7 +145,7 @@ class Problem:
         chosen = checked_actions(self.task.action_space, actions, len(contexts))
         return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 
-    def expect(self, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def expect(self, contexts: Contexts, actions: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
         """Return the expected reward of launches.
 
         Parameters
@@ -149,13 +153,15 @@ class Problem:
         contexts : ndarray, shape (n, 8)
         actions : ndarray, shape (n, m, k)
             Launches to try in each context.
+        split : {"train", "validation", "test"}
+            Whose noise is meant, see :meth:`trials`.
 
         Returns
         -------
         ndarray, shape (n, m)
         """
         tried = actions.shape[1]
-        trials = self.trials(contexts)
+        trials = self.trials(contexts, split)
         rewards: NDArray[np.float64] = np.zeros(actions.shape[:2])
         for i in range(trials.shape[1]):
             repeated = np.repeat(trials[:, i], tried, axis=0)
@@ -197,3 +203,9 @@ class Problem:
             chosen = checked_actions(self.action_space, agent.act(observed), len(moving))
             trims = np.zeros(len(seen))
             trims[moving] = task.trims(chosen[:, -1])
+
+
+def _number(split: Split) -> int:
+    """Return which of the splits it is, for the streams of random numbers."""
+    check_split(split)
+    return get_args(Split).index(split)

@@ -149,13 +149,13 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
         train(job.module, problem, job.settings, job.seed, place)
     contexts = problem.contexts("test", suite.contexts)
     _, agent, _ = load_run(place)
-    parts = [_rows(problem, agent, problem.trials(contexts)).assign(stage="trained", noise=0.0)]
+    parts = [_rows(problem, agent, problem.trials(contexts, "test")).assign(stage="trained", noise=0.0)]
     for level in suite.noise:
         noisy = problem.disturbed(contexts, level)[:, np.newaxis]
         parts.append(_rows(problem, agent, noisy).assign(stage="trained", noise=level))
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        untrained = _rows(problem, before(place), problem.trials(contexts)[:, :1])
+        untrained = _rows(problem, before(place), problem.trials(contexts, "test")[:, :1])
         parts.append(untrained.assign(stage="untrained", noise=0.0))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}

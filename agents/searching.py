@@ -1,0 +1,79 @@
+"""Policies of SAC and TD3 that take the launch which their critic rates best of many."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import torch
+from scipy.stats import qmc
+from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
+
+COARSE: Final = 96  # launches tried anywhere in the box
+FINE: Final = 16  # launches tried around the best so far, once for each of the widths
+WIDTHS: Final = (0.1, 0.03)  # standard deviations, where the box is 2 wide
+
+
+class _Searching(BasePolicy):
+    """What both policies share: the search.
+
+    An actor climbs its critic from where it stands, but the reward of a launch has many maxima with cliffs between
+    them. Where an episode has one step the critic is a regression of the reward over the whole box, so that its best
+    launch can be looked up. The candidates are quasi-random and always the same: a policy that acts deterministically
+    stays a function of what it sees.
+    """
+
+    critic: ContinuousCritic
+    _box: torch.Tensor
+    _cloud: torch.Tensor
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        width = int(np.prod(self.action_space.shape or ()))
+        box = qmc.Sobol(width, rng=np.random.default_rng(0)).random_base2((COARSE - 1).bit_length())[:COARSE]
+        cloud = qmc.MultivariateNormalQMC(np.zeros(width), rng=np.random.default_rng(0)).random(FINE)
+        self.register_buffer("_box", torch.as_tensor(2.0 * box - 1.0, dtype=torch.float32), persistent=False)
+        self.register_buffer("_cloud", torch.as_tensor(cloud, dtype=torch.float32), persistent=False)
+
+    @torch.no_grad()
+    def searched(self, observation: torch.Tensor, proposed: torch.Tensor) -> torch.Tensor:
+        """Return the best of what the actor proposes, of launches anywhere and of launches around the best of these.
+
+        Parameters
+        ----------
+        observation : Tensor, shape (n, 8)
+        proposed : Tensor, shape (n, k)
+
+        Returns
+        -------
+        Tensor, shape (n, k)
+        """
+        anywhere = self._box.expand(len(observation), -1, -1)
+        best = self._best(observation, torch.cat([proposed[:, None], anywhere], dim=1))
+        for width in WIDTHS:
+            around = (best[:, None] + width * self._cloud).clamp(-1.0, 1.0)
+            best = self._best(observation, torch.cat([best[:, None], around], dim=1))
+        return best
+
+    def _best(self, observation: torch.Tensor, launches: torch.Tensor) -> torch.Tensor:
+        lanes, tried, _ = launches.shape
+        ratings = torch.stack(self.critic(observation.repeat_interleave(tried, dim=0), launches.flatten(0, 1)))
+        best = ratings.amin(dim=0).view(lanes, tried).argmax(dim=1)
+        return launches[torch.arange(lanes), best]
+
+
+class SearchingSAC(_Searching, SACPolicy):
+    """Explores with its actor, whose entropy keeps it wide; acts with what the critic rates best."""
+
+    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
+        proposed = super()._predict(observation, deterministic)
+        return self.searched(observation, proposed) if deterministic else proposed
+
+
+class SearchingTD3(_Searching, TD3Policy):
+    """Acts with what the critic rates best; exploration adds its noise to that."""
+
+    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
+        return self.searched(observation, super()._predict(observation, deterministic))
