@@ -354,12 +354,13 @@ def _take_step(
 
 
 @kernel
-def drop_pull(velocity: np.ndarray, sign: int) -> int:
-    """Clear the second coefficient if it opposes ``sign``; return the number of leading coefficients that vanish."""
-    if sign * velocity[1] > 0.0:
-        return 1
-    velocity[1] = 0.0
-    return 2
+def leading_zeros(velocity: np.ndarray, sign: int) -> int:
+    """Number of leading coefficients to be passed over in a search for where a released velocity returns to zero.
+
+    An acceleration that vanishes by construction does so up to the error of the time of release. If it opposes ``sign``
+    it is passed over, but kept: the release came early by that much, and the motion is right once it has caught up.
+    """
+    return 1 if sign * velocity[1] > 0.0 else 2
 
 
 @kernel
@@ -526,13 +527,12 @@ def contact(
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break
-        # An acceleration that vanishes by construction must not pull back by rounding.
         if gap_zeros == 2:
-            gap_zeros = drop_pull(c[V_N], gap_rate)
+            gap_zeros = leading_zeros(c[V_N], gap_rate)
         if slip_zeros == 2:
-            slip_zeros = drop_pull(c[V_T], slip)
+            slip_zeros = leading_zeros(c[V_T], slip)
         if spin_zeros == 2:
-            spin_zeros = drop_pull(c[OMEGA], spin)
+            spin_zeros = leading_zeros(c[OMEGA], spin)
         step = _longest_step(size, scale, limits.tolerance, c)
         left = max(limits.max_time - state[TIME], 0.0) / z[Z_UNIT]
         last = step >= left
