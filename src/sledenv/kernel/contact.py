@@ -119,6 +119,7 @@ NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
+EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
 
 
 class Pair(NamedTuple):
@@ -275,12 +276,20 @@ def _expect(gap_rate: int, slip: int, spin: int, z: np.ndarray) -> int:
 
 @kernel
 def _longest_step(size: float, scale: float, tolerance: float, c: np.ndarray) -> float:
-    """Step, in units, of which the last terms of the velocities stay below the tolerance."""
+    """Step, in units, of which the last terms of the velocities stay below the tolerance.
+
+    Terms come and go as those of a cosine, and a motion from rest has odd ones only: both of the last may happen to be
+    small, so an earlier one is heeded too.
+    """
     step = MOST_UNITS
-    for k, most in ((ORDER - 1, MOST_UNITS ** (ORDER - 1)), (ORDER, MOST_UNITS**ORDER)):
+    for k, most, share in (
+        (ORDER - 3, MOST_UNITS ** (ORDER - 3), EARLIER),
+        (ORDER - 1, MOST_UNITS ** (ORDER - 1), 1.0),
+        (ORDER, MOST_UNITS**ORDER, 1.0),
+    ):
         last = max(abs(c[V_N, k]), abs(c[V_T, k]), size * abs(c[OMEGA, k]))
-        if not last * most <= tolerance * scale:
-            step = min(step, math.exp(math.log(tolerance * scale / last) / k))
+        if not last * most <= share * tolerance * scale:
+            step = min(step, math.exp(math.log(share * tolerance * scale / last) / k))
     return step
 
 
