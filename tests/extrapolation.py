@@ -3,8 +3,9 @@
 Newton's laws as in tests/oracles.py, of which nothing is used, nor of sledenv. Within a mode the motion is integrated
 by the method of Gragg, Bulirsch and Stoer: the modified midpoint rule with 2, 4, ..., 14 substeps, extrapolated to
 order 14. A mode rests on guards: a free velocity keeps its sign, a locked force stays within its bounds, the surfaces
-stay in touch. The first time at which one fails is found by bisection. Which mode comes next is tried: every
-combination of signs and locks takes a short step, and the one whose guards hold is the answer.
+stay in touch. The first time at which one fails is found by bisection; a guard that falls at the start of a step and
+rises at its end is looked at where it is least. Which mode comes next is tried: every combination of signs and locks
+takes a short step, and the one whose guards hold from the start on is the answer.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ GUARDS = 9
 COLUMNS = 7
 FIRST_TRIAL = 1e-2  # of the unit of time
 MOST_TRIALS = 7  # each a tenth of the one before
+LEAVING = 1e-7  # of the unit of time before the end of a contact: from there on velocities change by 1e-14
+MOST_BISECTED = 60
+SLIGHT = 1e-12  # relative rounding error of a force at its bound, and of an acceleration from there
 
 compiled = numba.njit(cache=True, error_model="numpy")
 
@@ -113,7 +117,10 @@ def advanced(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray, time:
 
 @compiled
 def guards(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What is positive while the mode lasts: slip (2), spin (2), gap rate (2), touch, feature, other corner."""
+    """What is positive while the mode lasts: slip (2), spin (2), gap rate (2), touch, feature, other corner.
+
+    The slack of a locked force is relative to it.
+    """
     found = np.full(GUARDS, math.inf)
     a, b = point(p, feature, y[PHI])
     force, moment, normal = forces(p, feature, mode, y)
@@ -124,11 +131,12 @@ def guards(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray) -> np.n
         (moment + arm_of(p, feature) * normal, arm_of(p, feature) * normal - moment),
         (normal - least, most - normal),
     )
+    sizes = (p[FRICTION] * abs(normal) + abs(force), arm_of(p, feature) * abs(normal) + abs(moment), abs(normal) + most)
     jumps = (p[FRICTION], arm_of(p, feature), p[ASYMMETRY])
     for i in range(3):
         if jumps[i] > 0.0:
             if mode[i] == 0:
-                found[2 * i], found[2 * i + 1] = bounds[i]
+                found[2 * i], found[2 * i + 1] = bounds[i][0] / sizes[i], bounds[i][1] / sizes[i]
             else:
                 found[2 * i] = mode[i] * velocities[i]
     found[6] = -y[GAP]
@@ -143,6 +151,38 @@ def guards(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray) -> np.n
 
 
 @compiled
+def slopes(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray, time: float) -> np.ndarray:
+    """How the guards change over a millionth of a time."""
+    ahead = y + 1e-6 * time * rates(p, feature, mode, y)
+    return guards(p, feature, mode, ahead) - guards(p, feature, mode, y)
+
+
+@compiled
+def failing(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray, time: float) -> float:
+    """A time of a step at which a guard is not positive, inf if they hold: halfway, at the end or in a dip between."""
+    halfway = advanced(p, feature, mode, y, 0.5 * time)
+    if not guards(p, feature, mode, halfway).min() > 0.0:
+        return 0.5 * time
+    after = advanced(p, feature, mode, y, time)
+    if not guards(p, feature, mode, after).min() > 0.0:
+        return time
+    start = guards(p, feature, mode, y)
+    dips = (start > 0.0) & (slopes(p, feature, mode, y, time) < 0.0) & (slopes(p, feature, mode, after, time) > 0.0)
+    for i in np.flatnonzero(dips):
+        low, high = 0.0, time
+        for _ in range(MOST_BISECTED):
+            middle = 0.5 * (low + high)
+            there = advanced(p, feature, mode, y, middle)
+            if not guards(p, feature, mode, there)[i] > 0.0:
+                return middle
+            if slopes(p, feature, mode, there, time)[i] < 0.0:
+                low = middle
+            else:
+                high = middle
+    return math.inf
+
+
+@compiled
 def without(p: np.ndarray, feature: int, y: np.ndarray, zeros: np.ndarray) -> np.ndarray:
     """The state with some contact velocities exactly zero."""
     y = y.copy()
@@ -153,6 +193,27 @@ def without(p: np.ndarray, feature: int, y: np.ndarray, zeros: np.ndarray) -> np
     y[U] = (0.0 if zeros[0] else slip) - b * y[OMEGA]
     y[V] = (0.0 if zeros[2] else rate) + a * y[OMEGA]
     return y
+
+
+@compiled
+def begins(p: np.ndarray, feature: int, mode: np.ndarray, zeros: np.ndarray, y: np.ndarray) -> bool:
+    """Whether no locked force is beyond its bound, and no velocity of zero pulled to the wrong side.
+
+    Else the mode might last from a little later on: a touchdown without slip is dragged along before it can stick.
+    """
+    if (guards(p, feature, mode, y)[:6] < -SLIGHT).any():
+        return False
+    a, b = point(p, feature, y[PHI])
+    square = y[OMEGA] * y[OMEGA]
+    turning = ((p[RADIUS] if feature == ARC else 0.0) - b) * square  # da/dphi omega^2
+    force, moment, normal = forces(p, feature, mode, y)
+    spin_terms = np.array([b * force, moment, -a * normal]) / p[INERTIA]
+    slip_terms = np.array([force / p[MASS], p[GRAVITY] * math.sin(p[SLOPE]), b * spin_terms.sum(), a * square])
+    gap_terms = np.array([normal / p[MASS], -p[GRAVITY] * math.cos(p[SLOPE]), -a * spin_terms.sum(), -turning])
+    for i, terms in enumerate((slip_terms, spin_terms, gap_terms)):
+        if zeros[i] and mode[i] * terms.sum() < -SLIGHT * np.abs(terms).sum():
+            return False
+    return True
 
 
 @compiled
@@ -173,9 +234,7 @@ def begun(
                 fits = fits and (zeros[i] or digits[i] == 1)
             if not fits:
                 continue
-            halfway = advanced(p, feature, mode, y, 0.5 * time)
-            after = advanced(p, feature, mode, y, time)
-            if guards(p, feature, mode, halfway).min() > 0.0 and guards(p, feature, mode, after).min() > 0.0:
+            if begins(p, feature, mode, zeros, y) and failing(p, feature, mode, y, time) == math.inf:
                 lasting += 1
                 answer = mode.copy()
         if lasting == 1:
@@ -224,25 +283,25 @@ def contact(p: np.ndarray, entry: np.ndarray, max_time: float, fineness: float) 
             mode, time = begun(p, feature, signs, zeros, y, unit)
             if time == 0.0:
                 # Where a contact ends all bounds vanish with the normal force: rounding decides which fails first.
-                leaves = velocities[2] > 0.0 and -y[GAP] < 1e-9 * unit * velocities[2]
-                return SEPARATED if leaves else UNDECIDED, t, y
+                if velocities[2] > 0.0 and -y[GAP] < LEAVING * unit * velocities[2]:
+                    left = -y[GAP] / velocities[2]
+                    return SEPARATED, t + left, advanced(p, feature, signs, y, left)
+                return UNDECIDED, t, y
             if not mode.any() and jumps.min() > 0.0:
                 return JAMMED, t, y
         else:
             time = min(0.5 * unit, 0.2 / max(abs(y[OMEGA]), 1e-300)) / fineness
         time = min(time, max_time - t)
-        after = advanced(p, feature, mode, y, time)
-        halfway = advanced(p, feature, mode, y, 0.5 * time)
-        held = guards(p, feature, mode, after).min() > 0.0 and guards(p, feature, mode, halfway).min() > 0.0
-        if held or fresh:
-            y = after
+        high = math.inf if fresh else failing(p, feature, mode, y, time)
+        if high == math.inf:
+            y = advanced(p, feature, mode, y, time)
             t += time
             fresh = False
             if t >= max_time:
                 return TIMEOUT, t, y
             continue
-        low, high = 0.0, 0.5 * time if not guards(p, feature, mode, halfway).min() > 0.0 else time
-        for _ in range(60):
+        low = 0.0
+        for _ in range(MOST_BISECTED):
             middle = 0.5 * (low + high)
             if guards(p, feature, mode, advanced(p, feature, mode, y, middle)).min() > 0.0:
                 low = middle
@@ -259,4 +318,6 @@ def contact(p: np.ndarray, entry: np.ndarray, max_time: float, fineness: float) 
         if failed[7]:
             side = TAIL if y[PHI] > 0.0 else NOSE
             feature = side if feature == ARC else ARC
+            if guards(p, feature, mode, y)[8] < 0.0:
+                return BOTH_CORNERS, t, y
             y[PHI] = side * p[HALF_ANGLE] * (1.0 - 1e-15 * (1 if feature == ARC else -1))

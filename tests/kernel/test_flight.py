@@ -213,6 +213,18 @@ def test_the_mirrored_flight_lands_at_the_same_time(
     assert touchdown_time(body, 9.81, y, phi, v, omega, 5.0) == touchdown_time(body, 9.81, y, -phi, v, -omega, 5.0)
 
 
+@property_of_all
+@given(st.floats(0.0, 0.7), st.floats(0.3, 3.1), st.floats(1e-6, 2.0), st.floats(-5.0, 5.0))
+def test_a_mirrored_flight_without_spin_onto_the_end_of_the_arc_lands_at_the_same_time(
+    eccentricity: float, half_angle: float, clearance: float, v: float
+) -> None:
+    """Oracle: mirror symmetry, bit for bit, where arc and corner are equally low but for rounding."""
+    body = Body(1.0, 0.5, eccentricity, 0.1, half_angle)
+    y = support_height(body, half_angle) + clearance
+    found = touchdown_time(body, 9.81, y, half_angle, v, 0.0, 5.0)
+    assert found == touchdown_time(body, 9.81, y, -half_angle, v, -0.0, 5.0)
+
+
 def side_by_side(body: Body, flights: np.ndarray) -> np.ndarray:
     """Touchdowns of flights, rows gravity, y, phi, v, omega, horizon, searched for in one pack."""
     pack = pack_of(body)

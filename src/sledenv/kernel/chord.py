@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.contact import MOST_STALLED, NO_DEPTH, Pair, drop_pull, sign_of
+from sledenv.kernel.contact import MOST_STALLED, NO_DEPTH, Pair, leading_zeros, sign_of
 from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import corner_lengths
@@ -355,9 +355,9 @@ def chord_contact(
         steps += 1
         _expand(body, pair.friction, slope, one, two, k_1, k_2, slip, spin, now, c)
         if zero_slip == 2:
-            zero_slip = drop_pull(c[V_T], slip)
+            zero_slip = leading_zeros(c[V_T], slip)
         if zero_spin == 2:
-            zero_spin = drop_pull(c[OMEGA], spin)
+            zero_spin = leading_zeros(c[OMEGA], spin)
         step = step_size(c, size, scale, limits.tolerance)
         softness = 2.0 / body.mass + 2.0 * size**2 * (1.0 + pair.friction) / body.inertia
         step = min(step, 1.4 / math.sqrt(pair.k_closing * softness))

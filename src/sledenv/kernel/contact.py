@@ -119,6 +119,7 @@ NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
+EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
 
 
 class Pair(NamedTuple):
@@ -275,12 +276,20 @@ def _expect(gap_rate: int, slip: int, spin: int, z: np.ndarray) -> int:
 
 @kernel
 def _longest_step(size: float, scale: float, tolerance: float, c: np.ndarray) -> float:
-    """Step, in units, of which the last terms of the velocities stay below the tolerance."""
+    """Step, in units, of which the last terms of the velocities stay below the tolerance.
+
+    Terms come and go as those of a cosine, and a motion from rest has odd ones only: both of the last may happen to be
+    small, so an earlier one is heeded too.
+    """
     step = MOST_UNITS
-    for k, most in ((ORDER - 1, MOST_UNITS ** (ORDER - 1)), (ORDER, MOST_UNITS**ORDER)):
+    for k, most, share in (
+        (ORDER - 3, MOST_UNITS ** (ORDER - 3), EARLIER),
+        (ORDER - 1, MOST_UNITS ** (ORDER - 1), 1.0),
+        (ORDER, MOST_UNITS**ORDER, 1.0),
+    ):
         last = max(abs(c[V_N, k]), abs(c[V_T, k]), size * abs(c[OMEGA, k]))
-        if not last * most <= tolerance * scale:
-            step = min(step, math.exp(math.log(tolerance * scale / last) / k))
+        if not last * most <= share * tolerance * scale:
+            step = min(step, math.exp(math.log(share * tolerance * scale / last) / k))
     return step
 
 
@@ -354,12 +363,13 @@ def _take_step(
 
 
 @kernel
-def drop_pull(velocity: np.ndarray, sign: int) -> int:
-    """Clear the second coefficient if it opposes ``sign``; return the number of leading coefficients that vanish."""
-    if sign * velocity[1] > 0.0:
-        return 1
-    velocity[1] = 0.0
-    return 2
+def leading_zeros(velocity: np.ndarray, sign: int) -> int:
+    """Number of leading coefficients to be passed over in a search for where a released velocity returns to zero.
+
+    An acceleration that vanishes by construction does so up to the error of the time of release. If it opposes ``sign``
+    it is passed over, but kept: the release came early by that much, and the motion is right once it has caught up.
+    """
+    return 1 if sign * velocity[1] > 0.0 else 2
 
 
 @kernel
@@ -526,13 +536,12 @@ def contact(
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break
-        # An acceleration that vanishes by construction must not pull back by rounding.
         if gap_zeros == 2:
-            gap_zeros = drop_pull(c[V_N], gap_rate)
+            gap_zeros = leading_zeros(c[V_N], gap_rate)
         if slip_zeros == 2:
-            slip_zeros = drop_pull(c[V_T], slip)
+            slip_zeros = leading_zeros(c[V_T], slip)
         if spin_zeros == 2:
-            spin_zeros = drop_pull(c[OMEGA], spin)
+            spin_zeros = leading_zeros(c[OMEGA], spin)
         step = _longest_step(size, scale, limits.tolerance, c)
         left = max(limits.max_time - state[TIME], 0.0) / z[Z_UNIT]
         last = step >= left

@@ -125,8 +125,10 @@ def _marching(corners: bool) -> Any:
         step = where(landed | less(0.0, bound) | less(rate, 0.0), step, where(less(0.0, rate), step, math.inf))
         if corners:
             # The support height has a kink at +-pi, where the other corner takes over: heed that corner as well, and
-            # do not turn so far that the arc beyond it comes down.
-            a, b = arms_of(along, where(less(0.0, omega), -across, across), 0.0, local)
+            # do not turn so far that the arc beyond it comes down. Without spin neither takes over: the middle of the
+            # chord stands for both, so that the search does not tell a body from its mirror image.
+            coming = where(less(0.0, omega), -across, where(less(omega, 0.0), across, 0.0))
+            a, b = arms_of(along, coming, 0.0, local)
             dividend, divisor = _safe_step(height - b, speed - a * omega, bound)
             heeded = smaller(dividend / divisor, smaller(step, 0.5 * half_angle / absolute(omega)))
             step = where(landed, step, heeded)
