@@ -24,6 +24,7 @@ CURVE = "learning_curve.csv"
 _MODEL = "model.zip"
 _BEFORE = "model_before.zip"
 _CHECK_CONTEXTS = 128
+_SCALE_CONTEXTS = 1000
 
 
 class _Validation(BaseCallback):
@@ -98,8 +99,9 @@ class Standardised(VecEnvWrapper):
         return observations, (rewards - self._mean) / self._deviation, dones, infos
 
 
-def _random_rewards(problem: Problem, count: int, seed: int) -> NDArray[np.float64]:
+def _random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
     """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
+    count = _SCALE_CONTEXTS
     contexts = problem.contexts("train", count, seed)
     trials = problem.trials(contexts, "train")
     lanes = np.arange(count)
@@ -131,9 +133,8 @@ class Learned:
         ----------
         problem : Problem
         settings : dict
-            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated, ``scale_on`` the
-            number of random launches by whose rewards those of the training are scaled (SledLaunch-v0 alone; not at
-            all by default). A value such as "lin_0.001" decays linearly to 0.
+            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated. A value such as
+            "lin_0.001" decays linearly to 0.
         seed : int
             Of the networks, the environments and the exploration; no two seeds share a lane's stream of contexts.
         folder : Path
@@ -143,7 +144,6 @@ class Learned:
         settings = {name: _schedule(value) for name, value in settings.items()}
         steps = settings.pop("n_timesteps")
         checks = settings.pop("checks", 20)
-        scale_on = settings.pop("scale_on", 0)
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
         env: VecEnv = VecMonitor(
@@ -154,8 +154,8 @@ class Learned:
                 env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
             )
         )
-        if scale_on:
-            env = Standardised(env, _random_rewards(problem, scale_on, seed))
+        if problem.environment == "launch":
+            env = Standardised(env, _random_rewards(problem, seed))
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.
