@@ -38,7 +38,7 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "sac": (BLUE, "o"),
     "td3": (GREEN, "v"),
 }
-_OTHERS: Final = ((RED, "P"), (SKY, "*"), ("#8C6D31", "h"))
+_OTHERS: Final = ((RED, "P"), (SKY, "X"), ("#8C6D31", "h"))
 _SMALLEST: Final = 1e-5  # regret that is still told from none
 _MAPS: Final = 3  # contexts a scenario of which the jam map is drawn
 _ENERGY: Final = {

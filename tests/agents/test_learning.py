@@ -1,0 +1,110 @@
+"""What the agents of stable-baselines3 share: rewards on one scale, streams of their own, search by the critic."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import SAC, TD3
+
+from agents.learning import Standardised, _random_rewards
+from agents.searching import COARSE, SearchingSAC, SearchingTD3
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.sb3 import make_vec_env
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, which this project does not own
+
+
+def policy_of(algorithm, policy, scenario="brake_mat"):
+    problem = Problem(scenario)
+    env = make_vec_env(problem.id, 4, env_kwargs={"scenario": scenario})
+    model = algorithm(policy, env, seed=0, gamma=0.0, learning_starts=16, batch_size=16)
+    model.learn(64)
+    return problem, model
+
+
+@pytest.mark.parametrize("scenario", ["brake_mat", "track_grade_20", "bedrock"])
+def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
+    """Oracle: the environment itself, with launches of another stream."""
+    problem = Problem(scenario)
+    lanes = make_vec_env(problem.id, 1000, 7000, env_kwargs={"scenario": scenario, "split": "train"})
+    env = Standardised(lanes, _random_rewards(problem, seed=1))
+    env.reset()
+    launches = np.random.default_rng(5).uniform(-1.0, 1.0, (1000, problem.actions)).astype(np.float32)
+    rewards = env.step(launches)[1]
+    assert abs(rewards.mean()) < 0.15
+    assert rewards.std() == pytest.approx(1.0, abs=0.15)
+
+
+def test_rewards_that_are_all_alike_are_not_divided_by_zero():
+    lanes = make_vec_env("sledenv/SledLaunch-v0", 2, env_kwargs={"scenario": "ice_fast"})
+    env = Standardised(lanes, np.full(3, 0.5))
+    env.reset()
+    assert np.isfinite(env.step(np.zeros((2, 2), np.float32))[1]).all()
+
+
+@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3)])
+def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_others(algorithm, policy):
+    """Oracle: the critic itself, on many uniform launches."""
+    problem, model = policy_of(algorithm, policy)
+    seen = problem.task.observe(problem.contexts("test", 20))
+    found, _ = model.predict(seen, deterministic=True)
+    observed = torch.as_tensor(seen)
+
+    def rated(launches: np.ndarray) -> np.ndarray:
+        with torch.no_grad():
+            return torch.stack(model.critic(observed, torch.as_tensor(launches))).amin(0)[:, 0].numpy()
+
+    with torch.no_grad():
+        proposed = model.actor(observed).numpy()
+    best = rated(found)
+    assert (best >= rated(proposed)).all()
+    rng = np.random.default_rng(0)
+    others = np.array([rated(rng.uniform(-1.0, 1.0, found.shape).astype(np.float32)) for _ in range(4 * COARSE)])
+    assert (others > best).mean(axis=0).max() < 0.01
+    assert (abs(found) <= 1.0).all()
+
+
+@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3)])
+def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(algorithm, policy, tmp_path):
+    """Oracle: the same observations twice, alone or among others, before and after a file."""
+    problem, model = policy_of(algorithm, policy, "track_grade_20")
+    seen = problem.task.observe(problem.contexts("test", 30))
+    first, _ = model.predict(seen, deterministic=True)
+    model.predict(seen, deterministic=False)
+    assert np.array_equal(model.predict(seen, deterministic=True)[0], first)
+    assert model.predict(seen[3:4], deterministic=True)[0] == pytest.approx(first[3:4], abs=1e-5)
+    model.save(tmp_path / "model.zip")
+    assert np.array_equal(algorithm.load(tmp_path / "model.zip").predict(seen, deterministic=True)[0], first)
+
+
+def test_sac_explores_with_its_actor_and_td3_around_what_its_critic_rates_best():
+    """Oracle: a wide actor moves from draw to draw, a search does not."""
+    for algorithm, policy, moves in [(SAC, SearchingSAC, True), (TD3, SearchingTD3, False)]:
+        problem, model = policy_of(algorithm, policy)
+        seen = problem.task.observe(problem.contexts("train", 5))
+        one, other = (model.predict(seen, deterministic=False)[0] for _ in range(2))
+        assert np.array_equal(one, other) != moves
+
+
+def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
+    """Oracle: the seeds that the environments are asked for."""
+    from agents import learning
+    from agents.td3 import Agent
+    from agents.train import default_settings
+
+    asked = []
+
+    def made(id, lanes, seed, **rest):
+        asked.append(range(seed, seed + lanes))
+        return make_vec_env(id, lanes, seed, **rest)
+
+    monkeypatch.setattr(learning, "make_vec_env", made)
+    problem = Problem("ice_fast")
+    quick = {"n_timesteps": 512, "learning_starts": 256, "gradient_steps": 1, "checks": 1}
+    for seed in range(3):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        Agent.train(problem, default_settings("td3", problem) | quick, seed, folder)
+    streams = [lane for lanes in asked for lane in lanes]
+    assert len(streams) == len(set(streams)) == 3 * 256
