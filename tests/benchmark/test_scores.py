@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from sledenv.benchmark import scores
+from sledenv.benchmark import scores, tables
 from tests.benchmark import make
 
 FEW = np.linspace(0.0, 0.2, 12).reshape(3, 4)
@@ -168,10 +168,16 @@ def test_results_are_read_back_and_what_is_wrong_with_them_is_named(tmp_path: Pa
         scores.read_results(tmp_path)
 
 
-def test_the_table_in_markdown_has_a_line_an_agent() -> None:
-    lines = scores.markdown_table(scores.scores(make.results({"sac": FEW, "zero": FEW}))).splitlines()
-    assert [line.split(" | ")[1] for line in lines[2:]] == ["zero", "sac"]
-    assert len({line.count("|") for line in lines}) == 1
+def test_the_tables_in_markdown_have_a_line_a_scenario_and_a_line_an_agent() -> None:
+    text = tables.markdown(make.results({"sac": FEW, "zero": FEW, "best_fixed": FEW}))
+    found = [[line for line in part.splitlines()[1:] if line] for part in text.split("## ")[1:]]
+    verdict, judged, asked = found
+    assert [line.split(" | ")[1] for line in judged[2:]] == ["zero", "best_fixed", "sac"]
+    assert [line.split(" | ")[1] for line in verdict[2:]] == ["sac"]
+    assert " - " in verdict[2]  # land flat was not judged
+    assert len(asked) == 3
+    for lines in found:
+        assert len({line.count("|") for line in lines}) == 1
 
 
 @pytest.mark.slow

@@ -363,29 +363,6 @@ def separation(results: Results) -> pd.DataFrame:
     return ordered(means.join(landscape).reset_index())
 
 
-def markdown_table(table: pd.DataFrame) -> str:
-    """Write the scores as a table in Markdown.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Of :func:`scores`.
-    """
-    lines = [
-        "| scenario | agent | seeds | mean reward | regret, IQM [95 %] | regret, p90 | score | on bound | finished |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    several = table["environment"].nunique() > 1
-    for row in table.itertuples():
-        place = f"{row.scenario}, {row.environment}" if several else row.scenario
-        spread = f"{row.regret:.2%} [{row.regret_low:.2%}, {row.regret_high:.2%}]"
-        lines.append(
-            f"| {place} | {row.agent} | {row.seeds} | {row.reward:.3f} | {spread} | {row.regret_p90:.2%} "
-            f"| {row.score:.3f} | {row.on_bound:.1%} | {row.finished:.1%} |"
-        )
-    return "\n".join(lines) + "\n"
-
-
 def _draws(rng: np.random.Generator, count: int) -> NDArray[np.int64]:
     """How often each of ``count`` is drawn when as many are drawn with replacement, shape (RESAMPLES, count)."""
     return rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)

@@ -1,0 +1,99 @@
+"""The tables of a benchmark in Markdown, for the documents of a project."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from sledenv.benchmark.scores import BASELINES, Results, scores, separation, verdicts
+
+_CHECKS = {True: "yes", False: "**no**", None: "-"}
+
+
+def markdown(results: Results) -> str:
+    """Write the verdict on each scenario, the scores of each agent and what the scenarios ask for as Markdown.
+
+    Parameters
+    ----------
+    results : Results
+        With ``oracle``, or the last table is left out.
+
+    Returns
+    -------
+    str
+        Three tables under headings of the second level.
+
+    Raises
+    ------
+    ValueError
+        As :func:`sledenv.benchmark.scores.scores`.
+    """
+    table = scores(results)
+    parts = {"Verdict": _verdicts(table), "Scores": _scores(table)}
+    if len(results.oracle):
+        parts["What the scenarios ask for"] = _separation(results, table)
+    return "\n".join(f"## {heading}\n\n{text}" for heading, text in parts.items())
+
+
+def _verdicts(table: pd.DataFrame) -> str:
+    names = ["scenario", "best learned agent", "regret, IQM", "regret, p90", "IQM <= 1 %", "p90 <= 4 %"]
+    names += [*(f"clear of {_words(name)}" for name in BASELINES), "all scores >= .9 (lowest)"]
+    rows = [
+        [
+            _place(table, row["environment"], row["scenario"]),
+            row["agent"],
+            f"{row['regret']:.2%}",
+            f"{row['regret_p90']:.2%}",
+            *(_CHECKS[row[name]] for name in ("small_regret", "small_tail", *(f"clear_of_{n}" for n in BASELINES))),
+            f"{_CHECKS[row['good_scores']]} ({row['lowest_score']:.2f})",
+        ]
+        for row in verdicts(table).to_dict("records")
+    ]
+    return _table(names, rows)
+
+
+def _scores(table: pd.DataFrame) -> str:
+    names = ["scenario", "agent", "seeds", "mean reward", "regret, IQM [95 %]", "regret, p90", "score", "on bound"]
+    rows = [
+        [
+            _place(table, row["environment"], row["scenario"]),
+            row["agent"],
+            str(row["seeds"]),
+            f"{row['reward']:.3f}",
+            f"{row['regret']:.2%} [{row['regret_low']:.2%}, {row['regret_high']:.2%}]",
+            f"{row['regret_p90']:.2%}",
+            f"{row['score']:.3f}",
+            f"{row['on_bound']:.1%}",
+            f"{row['finished']:.1%}",
+        ]
+        for row in table.to_dict("records")
+    ]
+    return _table([*names, "finished"], rows)
+
+
+def _separation(results: Results, table: pd.DataFrame) -> str:
+    fixed = table[table["agent"] == "best_fixed"].set_index(["environment", "scenario"])
+    rewards = ("best", *BASELINES, "random_launch", "zero")
+    names = ["scenario", *map(_words, rewards), "regret of best fixed, IQM", "p90", "width"]
+    rows = []
+    for row in separation(results).to_dict("records"):
+        key = row["environment"], row["scenario"]
+        regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
+        numbers = [*(row[name] for name in rewards), *regret, row["width"]]
+        rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
+    return _table(names, rows)
+
+
+def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:
+    return f"{scenario}, {environment}" if table["environment"].nunique() > 1 else scenario
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [names, ["---"] * len(names), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
