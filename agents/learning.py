@@ -35,9 +35,7 @@ class _Validation(BaseCallback):
         self._agent = agent
         self._problem = problem
         self._folder = folder
-        trials = problem.trials(problem.contexts("validation", _CHECK_CONTEXTS), "validation")
-        lanes = np.arange(_CHECK_CONTEXTS)
-        self._contexts = trials[lanes, lanes % trials.shape[1]]  # each context with one draw of the noise
+        self._contexts = problem.drawn(problem.contexts("validation", _CHECK_CONTEXTS), "validation")
         self._every = every
         self._next = 0
         self._best = -1.0
@@ -101,12 +99,9 @@ class Standardised(VecEnvWrapper):
 
 def _random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
     """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
-    count = _SCALE_CONTEXTS
-    contexts = problem.contexts("train", count, seed)
-    trials = problem.trials(contexts, "train")
-    lanes = np.arange(count)
-    launches = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, problem.actions))
-    rewards: NDArray[np.float64] = problem.descend(trials[lanes, lanes % trials.shape[1]], launches).jam.reward
+    contexts = problem.drawn(problem.contexts("train", _SCALE_CONTEXTS, seed), "train")
+    launches = np.random.default_rng(seed).uniform(-1.0, 1.0, (_SCALE_CONTEXTS, problem.actions))
+    rewards: NDArray[np.float64] = problem.descend(contexts, launches).jam.reward
     return rewards
 
 

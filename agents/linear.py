@@ -70,9 +70,7 @@ class Judge:
         -------
         ndarray, shape (m,)
         """
-        trials = self._problem.trials(contexts, "validation")
-        lanes = np.arange(len(contexts))
-        disturbed = trials[lanes, lanes % trials.shape[1]]
+        disturbed = self._problem.drawn(contexts, "validation")
         chosen = actions(self._problem.task, weights, self._problem.task.observe(contexts))
         self.descents += chosen[..., 0].size
         repeated = np.tile(disturbed, (len(weights), 1))

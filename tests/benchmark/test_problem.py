@@ -77,6 +77,9 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     ]
     assert problem.expect(contexts, actions, "train") == pytest.approx(np.array(slow), abs=1e-14)
     assert Problem("ice_drop").trials(contexts, "test").shape == (3, 1, 8)
+    drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
+    assert np.array_equal(drawn[:TRIALS, 8:], trials[0, :, 8:])
+    assert np.array_equal(drawn[TRIALS:, 8:], trials[0, :, 8:])
 
 
 def test_extra_noise_disturbs_what_is_chosen_alone(noisy):

@@ -169,7 +169,8 @@ def test_results_are_read_back_and_what_is_wrong_with_them_is_named(tmp_path: Pa
 
 
 def test_the_tables_in_markdown_have_a_line_a_scenario_and_a_line_an_agent() -> None:
-    text = tables.markdown(make.results({"sac": FEW, "zero": FEW, "best_fixed": FEW}))
+    results = make.results({"sac": FEW, "zero": FEW, "best_fixed": FEW})
+    text = tables.markdown(results, scores.scores(results))
     found = [[line for line in part.splitlines()[1:] if line] for part in text.split("## ")[1:]]
     verdict, judged, asked = found
     assert [line.split(" | ")[1] for line in judged[2:]] == ["zero", "best_fixed", "sac"]

@@ -138,9 +138,8 @@ def actions_of(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
 
 def rewards_again(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
     """Simulate the best launches of a table once more and return their expected rewards, shape (n,)."""
-    return problem.expect(table[list(Context._fields)].to_numpy(), actions_of(problem, table)[:, np.newaxis], "test")[
-        :, 0
-    ]
+    contexts = table[list(Context._fields)].to_numpy()
+    return problem.expect(contexts, actions_of(problem, table)[:, np.newaxis], "test")[:, 0]
 
 
 def _key(problem: Problem, contexts: Contexts) -> str:

@@ -117,6 +117,15 @@ class Problem:
         repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
         return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
 
+    def drawn(self, contexts: Contexts, split: Split) -> Contexts:
+        """Give each of contexts of shape (n, 8) one draw of the noise of a split, shape (n, 8) or (n, 10).
+
+        These are the trials of :meth:`trials` in turn, one a context.
+        """
+        trials = self.trials(contexts, split)
+        lanes = np.arange(len(contexts))
+        return np.asarray(trials[lanes, lanes % trials.shape[1]])
+
     def disturbed(self, contexts: Contexts, level: float) -> Contexts:
         """Add normal noise to what the agent chooses of the launch, once for each of contexts of shape (n, 8).
 

@@ -101,7 +101,7 @@ def write_report(results: Results, folder: Path) -> Path:
     pictures = {name: _png(figure) for name, (draw, *_) in _FIGURES.items() if (figure := draw(results)) is not None}
     with publish(folder, _CONTENTS) as part:
         (part / PAGE).write_text(_page(results, table, pictures), encoding="utf-8")
-        (part / TABLE).write_text(markdown(results), encoding="utf-8")
+        (part / TABLE).write_text(markdown(results, table), encoding="utf-8")
         for name, picture in pictures.items():
             (part / f"{name}.png").write_bytes(picture)
     return folder / PAGE

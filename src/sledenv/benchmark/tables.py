@@ -7,30 +7,26 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from sledenv.benchmark.scores import BASELINES, Results, scores, separation, verdicts
+from sledenv.benchmark.scores import BASELINES, Results, separation, verdicts
 
 _CHECKS = {True: "yes", False: "**no**", None: "-"}
 
 
-def markdown(results: Results) -> str:
+def markdown(results: Results, table: pd.DataFrame) -> str:
     """Write the verdict on each scenario, the scores of each agent and what the scenarios ask for as Markdown.
 
     Parameters
     ----------
     results : Results
         With ``oracle``, or the last table is left out.
+    table : DataFrame
+        Of :func:`sledenv.benchmark.scores.scores`.
 
     Returns
     -------
     str
         Three tables under headings of the second level.
-
-    Raises
-    ------
-    ValueError
-        As :func:`sledenv.benchmark.scores.scores`.
     """
-    table = scores(results)
     parts = {"Verdict": _verdicts(table), "Scores": _scores(table)}
     if len(results.oracle):
         parts["What the scenarios ask for"] = _separation(results, table)
