@@ -11,13 +11,16 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel.roots import first_root, horner
+from sledenv.kernel.rows import WIDTH
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 
 
 def root_of(coefficients: list[float] | np.ndarray, step: float, vanishing: int = 0, noise: float = 0.0) -> float:
     """First root of a series in [0, step]; the series is copied, for the kernel overwrites it."""
-    return first_root(np.array(coefficients, dtype=float), step, vanishing, noise)
+    row = np.zeros(WIDTH)
+    row[: len(coefficients)] = coefficients
+    return first_root(row, step, vanishing, noise)
 
 
 def series_with_roots(roots: list[complex]) -> np.ndarray:

@@ -12,7 +12,7 @@ import pytest
 from sledenv.kernel import series
 from sledenv.kernel.friction import mobility, rates
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.series import TERMS, Z_ROWS, complete, expand
+from sledenv.kernel.series import WIDTH, Z_ROWS, complete, expand
 from sledenv.kernel.state import GAP, OMEGA, V_N, V_T
 from sledenv.kernel.trace import (
     LANES,
@@ -140,11 +140,12 @@ def told(branch: tuple[int, int, int]) -> np.ndarray:
     """Return what the expansion of a branch is told."""
     gap_rate, slip, spin = branch
     z = np.zeros(Z_ROWS)
-    z[series.Z_PER_MASS], z[series.Z_PER_INERTIA] = 1.0 / MASS, 1.0 / INERTIA
+    z[series.Z_PER_MASS], z[series.Z_RATIO] = 1.0 / MASS, MASS / INERTIA
     z[series.Z_H], z[series.Z_R] = H, R
     z[series.Z_MU], z[series.Z_RHO] = -slip * FRICTION, -spin * ARM
     z[series.Z_STIFFNESS], z[series.Z_INWARD], z[series.Z_DOWNHILL] = STIFFNESS, INWARD, DOWNHILL
     z[series.Z_THETA] = z[series.Z_PHI] = 0.8
+    z[series.Z_SINE], z[series.Z_COSINE] = math.sin(0.8), math.cos(0.8)
     z[series.Z_UNIT] = 1.5e-3
     z[series.Z_GAP] = -2e-3
     z[series.Z_V_N], z[series.Z_V_T], z[series.Z_OMEGA] = 1.1 * gap_rate, 0.7 * slip, 6.0 * spin
@@ -159,7 +160,7 @@ def value(c: np.ndarray, row: int, s: float) -> float:
 
 def rate(c: np.ndarray, row: int, s: float) -> float:
     """Rate of a row of the table [1/unit]."""
-    return float(np.polyval((c[row] * np.arange(TERMS))[:0:-1], s))
+    return float(np.polyval((c[row] * np.arange(WIDTH))[:0:-1], s))
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
@@ -167,7 +168,7 @@ def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -
     """Oracle: friction.rates with the forces of the series; locked velocities stay zero."""
     gap_rate, slip, spin = branch
     z = told(branch)
-    c = np.zeros((series.ROWS, TERMS))
+    c = np.zeros((series.ROWS, WIDTH))
     expand(gap_rate, slip, spin, z, c)
     unit = z[series.Z_UNIT]
     for s in (0.0, 0.3, 0.8):
@@ -197,7 +198,7 @@ def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -
 def test_a_completed_step_is_that_of_the_series(branch: tuple[int, int, int]) -> None:
     """Oracle: the polynomials, and their integrals by Gauss-Legendre quadrature; bounds hold on a fine grid."""
     z = told(branch)
-    c = np.zeros((series.ROWS, TERMS))
+    c = np.zeros((series.ROWS, WIDTH))
     expand(*branch, z, c)
     step = z[series.Z_STEP] = 0.7
     complete(z, c)

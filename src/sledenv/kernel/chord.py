@@ -34,6 +34,7 @@ from sledenv.kernel.records import (
     TUMBLED,
 )
 from sledenv.kernel.roots import first_root, horner
+from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.series import (
     ORDER,
     R_COSINE,
@@ -42,6 +43,7 @@ from sledenv.kernel.series import (
     R_NORMAL,
     R_SCRATCH,
     R_SINE,
+    longest_step,
 )
 from sledenv.kernel.state import (
     FEATURE,
@@ -120,17 +122,6 @@ def integral(series: np.ndarray, t: float) -> float:
     for k in range(ORDER - 1, -1, -1):
         total = total * t + series[k] / (k + 1)
     return total * t
-
-
-@kernel
-def step_size(c: np.ndarray, length: float, scale: float, tolerance: float) -> float:
-    """Step [s] of which the last terms of every velocity stay below ``tolerance * scale``."""
-    step = math.inf
-    for k in (ORDER - 1, ORDER):
-        size = max(abs(c[V_N, k]), abs(c[V_T, k]), length * abs(c[OMEGA, k]))
-        if size > 0.0:
-            step = min(step, math.exp(math.log(tolerance * scale / size) / k))
-    return step
 
 
 @kernel
@@ -215,7 +206,7 @@ def _rate_root(c: np.ndarray, row: int, sign: float, step: float, vanishing: int
     q = c[R_SCRATCH]
     for k in range(ORDER):
         q[k] = sign * (k + 1) * c[row, k + 1]
-    q[ORDER] = 0.0
+    q[ORDER:] = 0.0
     return first_root(q, step, vanishing, 0.0)
 
 
@@ -223,7 +214,7 @@ def _rate_root(c: np.ndarray, row: int, sign: float, step: float, vanishing: int
 def _edge_root(c: np.ndarray, sign: float, edge: float, step: float, at_edge: int) -> float:
     """Time at which ``sign * theta`` falls below ``edge``."""
     q = c[R_SCRATCH]
-    for k in range(ORDER + 1):
+    for k in range(WIDTH):
         q[k] = sign * c[PHI, k]
     q[0] -= edge
     return first_root(q, step, at_edge, 0.0)
@@ -261,7 +252,7 @@ def chord_contact(
         Compliant.
     state
         That of the feature that came down first; overwritten by that of the one that touches last.
-    c, now : ndarray, shapes (ROWS, TERMS) and (NOW_ROWS,)
+    c, now : ndarray, shapes (ROWS, WIDTH) and (NOW_ROWS,)
         Work space.
     steps, trajectory, samples
         As for :func:`sledenv.kernel.contact.contact`.
@@ -358,9 +349,9 @@ def chord_contact(
             zero_slip = leading_zeros(c[V_T], slip)
         if zero_spin == 2:
             zero_spin = leading_zeros(c[OMEGA], spin)
-        step = step_size(c, size, scale, limits.tolerance)
         softness = 2.0 / body.mass + 2.0 * size**2 * (1.0 + pair.friction) / body.inertia
-        step = min(step, 1.4 / math.sqrt(pair.k_closing * softness))
+        most = 1.4 / math.sqrt(pair.k_closing * softness)
+        step = longest_step(size, scale, limits.tolerance, most, c)
         left = max(limits.max_time - state[TIME], 0.0)
         last = step >= left
         step = min(step, left)

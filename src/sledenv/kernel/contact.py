@@ -32,7 +32,7 @@ from sledenv.kernel.events import (
     other_corner,
 )
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import arms, feature_geometry, whole_turns
+from sledenv.kernel.geometry import feature_geometry, pulls, straight_sine_cosine, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
@@ -49,12 +49,10 @@ from sledenv.kernel.series import (
     E_V_N,
     E_V_T,
     E_X,
-    ORDER,
     R_FORCE,
     R_MOMENT,
     R_NORMAL,
     Z_ARM,
-    Z_CERTAIN,
     Z_COSINE,
     Z_DOWNHILL,
     Z_FRICTION,
@@ -68,10 +66,12 @@ from sledenv.kernel.series import (
     Z_MU,
     Z_OMEGA,
     Z_OTHER,
-    Z_PER_INERTIA,
+    Z_OTHER_COSINE,
+    Z_OTHER_SINE,
     Z_PER_MASS,
     Z_PHI,
     Z_R,
+    Z_RATIO,
     Z_RHO,
     Z_ROOT,
     Z_SINE,
@@ -85,10 +85,8 @@ from sledenv.kernel.series import (
     complete,
     complete_locked,
     expand,
-    locate_gap,
-    locate_rate,
-    locate_slip,
-    locate_spin,
+    locate,
+    longest_step,
 )
 from sledenv.kernel.state import (
     FEATURE,
@@ -107,6 +105,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
+from sledenv.kernel.trace import rough_angle, scalar
 from sledenv.kernel.trajectory import add_sample
 
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
@@ -119,7 +118,8 @@ NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
-EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
+
+_rough_angle = scalar(lambda sine, cosine: (rough_angle(sine, cosine),))
 
 
 class Pair(NamedTuple):
@@ -141,25 +141,16 @@ def sign_of(value: float) -> int:
 
 @kernel
 def _choose_branch(
-    body: Body,
-    pair: Pair,
-    slope: Slope,
-    feature: int,
-    arm: float,
-    state: np.ndarray,
-    left_gap: int,
-    left_slip: int,
-    left_spin: int,
+    body: Body, pair: Pair, state: np.ndarray, z: np.ndarray, left_gap: int, left_slip: int, left_spin: int
 ) -> tuple[int, int, int]:
     """Signs of v_n, v_t and omega from here on, by the box rule; ``left_...``: just released with that sign."""
     if state[V_N] != 0.0 and state[V_T] != 0.0 and state[OMEGA] != 0.0:
         return sign_of(state[V_N]), sign_of(state[V_T]), sign_of(state[OMEGA])
-    h, _, shift = feature_geometry(body, feature)
-    a, b = arms(body, feature, state[PHI])
+    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
     square = state[OMEGA] * state[OMEGA]
     size = body.radius + body.eccentricity
-    drive_t = slope.gravity * math.sin(slope.angle) + a * square
-    drive_n = -slope.gravity * math.cos(slope.angle) - h * math.cos(state[PHI] + shift) * square
+    drive_t = z[Z_DOWNHILL] + a * square
+    drive_n = -z[Z_INWARD] - z[Z_H] * z[Z_COSINE] * square
     shallow = NO_DEPTH * size
     if abs(drive_t) > NO_DEPTH * abs(drive_n) and pair.k_closing < math.inf:
         shallow = min(shallow, NO_LOAD * body.mass * abs(drive_t) / pair.k_closing)
@@ -169,7 +160,7 @@ def _choose_branch(
         drive_t,
         drive_n,
         pair.friction,
-        arm,
+        z[Z_ARM],
         size,
         pair.k_closing * depth,
         pair.k_opening * depth,
@@ -207,20 +198,24 @@ def _introduce(
     """Write what the series need and does not change until another feature touches."""
     h, r, shift = geometry
     z[Z_PER_MASS] = 1.0 / body.mass
-    z[Z_PER_INERTIA] = 1.0 / body.inertia
+    z[Z_RATIO] = body.mass / body.inertia
     z[Z_H] = h
     z[Z_R] = r
-    z[Z_INWARD] = slope.gravity * math.cos(slope.angle)
-    z[Z_DOWNHILL] = slope.gravity * math.sin(slope.angle)
+    z[Z_DOWNHILL], z[Z_INWARD] = pulls(slope)
     z[Z_FRICTION] = pair.friction
     z[Z_ARM] = arm
-    z[Z_OTHER], z[Z_SINE], z[Z_COSINE] = other_corner(body, feature, shift)
+    z[Z_OTHER], z[Z_OTHER_SINE], z[Z_OTHER_COSINE] = other_corner(body, feature, shift)
 
 
 @kernel
-def _tell(
-    pair: Pair, feature: int, shift: float, gap_rate: int, slip: int, spin: int, state: np.ndarray, z: np.ndarray
-) -> None:
+def _orient(shift: float, state: np.ndarray, z: np.ndarray) -> None:
+    """Write how the feature lies."""
+    z[Z_THETA] = state[PHI] + shift
+    z[Z_SINE], z[Z_COSINE] = straight_sine_cosine(z[Z_THETA])
+
+
+@kernel
+def _tell(pair: Pair, feature: int, gap_rate: int, slip: int, spin: int, state: np.ndarray, z: np.ndarray) -> None:
     """Write what the series of one step need besides."""
     depth = -state[GAP]
     rigid = pair.k_closing == math.inf
@@ -229,7 +224,6 @@ def _tell(
     z[Z_STIFFNESS] = pair.k_closing if gap_rate < 0 else pair.k_opening
     z[Z_LEAST] = pair.k_opening * depth
     z[Z_LARGEST] = math.inf if rigid else pair.k_closing * depth
-    z[Z_THETA] = state[PHI] + shift
     z[Z_X] = state[X]
     z[Z_PHI] = state[PHI]
     z[Z_GAP] = state[GAP]
@@ -237,60 +231,40 @@ def _tell(
     z[Z_V_T] = state[V_T]
     z[Z_OMEGA] = state[OMEGA]
     if feature == ARC:
-        z[Z_SINE] = math.copysign(z[Z_SINE], state[PHI])  # of its two ends the one that is further away
+        z[Z_OTHER_SINE] = math.copysign(z[Z_OTHER_SINE], state[PHI])  # of its two ends the one that is further away
 
 
 @kernel
 def _expect(gap_rate: int, slip: int, spin: int, z: np.ndarray) -> int:
     """Event that ends this phase of the contact oscillation; write the unit of time and when to expect it.
 
-    The contact is taken for a harmonic oscillator with frozen arms: the event is found exactly, only faster if the
-    guess is good.
+    The contact is taken for a harmonic oscillator with frozen arms, and its angles to a thousandth: the event is found
+    exactly, only faster if the guess is good.
     """
-    sine, cosine = math.sin(z[Z_THETA]), math.cos(z[Z_THETA])
-    a, b = z[Z_H] * sine, z[Z_R] - z[Z_H] * cosine
-    turning = z[Z_H] * cosine * z[Z_OMEGA] * z[Z_OMEGA]
-    if spin == 0:
-        yielding = z[Z_PER_MASS]
-    else:
+    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
+    turning = z[Z_H] * z[Z_COSINE] * z[Z_OMEGA] * z[Z_OMEGA]
+    yielding = 1.0
+    if spin != 0:
         lever = z[Z_RHO] - a + (z[Z_MU] * b if slip != 0 else 0.0)
-        inertia = 1.0 / z[Z_PER_INERTIA] + (b * b / z[Z_PER_MASS] if slip == 0 else 0.0)
-        yielding = max(z[Z_PER_MASS] - a * lever / inertia, 0.05 * z[Z_PER_MASS])
-    pulsation = math.sqrt(z[Z_STIFFNESS] * yielding)
-    gap, speed = z[Z_GAP], z[Z_V_N] / pulsation
-    rest = -(z[Z_INWARD] + turning) / (pulsation * pulsation)  # the gap in balance
-    apart = gap - rest
-    swing = math.hypot(apart, speed)
-    if gap_rate > 0 and swing > -rest:
-        angle = math.atan2(speed, apart) - math.acos(-rest / swing)
+        share = z[Z_RATIO] / (1.0 + z[Z_RATIO] * b * b) if slip == 0 else z[Z_RATIO]
+        yielding = max(1.0 - a * lever * share, 0.05)
+    per_pulsation = 1.0 / math.sqrt(z[Z_STIFFNESS] * z[Z_PER_MASS] * yielding)
+    gap, speed = z[Z_GAP], z[Z_V_N] * per_pulsation
+    rest = -(z[Z_INWARD] + turning) * per_pulsation * per_pulsation  # the gap in balance
+    # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
+    beyond = speed * speed + gap * (gap - 2.0 * rest)
+    if gap_rate > 0 and beyond > 0.0:
+        (half,) = _rough_angle(-gap, speed + math.sqrt(beyond))
+        angle = 2.0 * half
         event = SEPARATION
     else:
-        # apart cos + speed sin turns back where tan = speed / apart
-        angle = math.atan2(speed, apart)
+        # and turns back where the tangent is speed / apart.
+        (angle,) = _rough_angle(speed, gap - rest)
         angle = angle + math.pi if gap_rate < 0 and angle < 0.0 else angle
         event = RATE_ZERO
-    z[Z_UNIT] = UNIT_ANGLE / pulsation
+    z[Z_UNIT] = UNIT_ANGLE * per_pulsation
     z[Z_GUESS] = angle / UNIT_ANGLE
     return event if math.isfinite(angle) else NOTHING
-
-
-@kernel
-def _longest_step(size: float, scale: float, tolerance: float, c: np.ndarray) -> float:
-    """Step, in units, of which the last terms of the velocities stay below the tolerance.
-
-    Terms come and go as those of a cosine, and a motion from rest has odd ones only: both of the last may happen to be
-    small, so an earlier one is heeded too.
-    """
-    step = MOST_UNITS
-    for k, most, share in (
-        (ORDER - 3, MOST_UNITS ** (ORDER - 3), EARLIER),
-        (ORDER - 1, MOST_UNITS ** (ORDER - 1), 1.0),
-        (ORDER, MOST_UNITS**ORDER, 1.0),
-    ):
-        last = max(abs(c[V_N, k]), abs(c[V_T, k]), size * abs(c[OMEGA, k]))
-        if not last * most <= share * tolerance * scale:
-            step = min(step, math.exp(math.log(share * tolerance * scale / last) / k))
-    return step
 
 
 @kernel
@@ -333,24 +307,15 @@ def _take_step(
     z[Z_STEP] = z[Z_MOST]
     # A gap rate that starts from zero has a root there, which Newton's method might find.
     sought = expected == SEPARATION or (expected == RATE_ZERO and vanishing[0] == 0)
-    if sought and z[Z_GUESS] < 1.1 * z[Z_MOST]:
-        if expected == SEPARATION:
-            locate_gap(z, c)
-        else:
-            locate_rate(z, c)
-        if z[Z_CERTAIN] > 0.0:
-            z[Z_STEP], event = z[Z_ROOT], expected
+    if sought and z[Z_GUESS] < 1.1 * z[Z_MOST] and locate(GAP if expected == SEPARATION else V_N, z, c):
+        z[Z_STEP], event = z[Z_ROOT], expected
     complete(z, c)
-    if slip != 0 and vanishing[1] == 0 and _sooner(V_T, z[E_V_T], z):
-        locate_slip(z, c)
-        if z[Z_CERTAIN] > 0.0:
-            z[Z_STEP], event = z[Z_ROOT], SLIP_ZERO
-            complete(z, c)
-    if spin != 0 and vanishing[2] == 0 and _sooner(OMEGA, z[E_OMEGA], z):
-        locate_spin(z, c)
-        if z[Z_CERTAIN] > 0.0:
-            z[Z_STEP], event = z[Z_ROOT], SPIN_ZERO
-            complete(z, c)
+    if slip != 0 and vanishing[1] == 0 and _sooner(V_T, z[E_V_T], z) and locate(V_T, z, c):
+        z[Z_STEP], event = z[Z_ROOT], SLIP_ZERO
+        complete(z, c)
+    if spin != 0 and vanishing[2] == 0 and _sooner(OMEGA, z[E_OMEGA], z) and locate(OMEGA, z, c):
+        z[Z_STEP], event = z[Z_ROOT], SPIN_ZERO
+        complete(z, c)
     if 0 in branch:
         complete_locked(z, c)
     step, event, released = first_event(body, feature, length, branch, vanishing, at_edge, event, z, c)
@@ -461,7 +426,7 @@ def contact(
         How the two surfaces meet; a rigid pair starts at rest, without gap or gap rate.
     state : ndarray, shape (STATE_SIZE,)
         Contact state at touchdown; overwritten by the state at the end. Impulses and losses are accumulated.
-    c, z : ndarray, shapes (ROWS, TERMS) and (Z_ROWS,)
+    c, z : ndarray, shapes (ROWS, WIDTH) and (Z_ROWS,)
         Work space.
     steps : int
         Integration steps spent so far.
@@ -495,11 +460,10 @@ def contact(
     left_gap, left_slip, left_spin = 0, 0, 0  # signs with which velocities have just been released
     stalled = 0
     while True:
+        _orient(geometry[2], state, z)
         if choose:
             locked = (gap_rate, slip, spin)
-            gap_rate, slip, spin = _choose_branch(
-                body, pair, slope, feature, arm, state, left_gap, left_slip, left_spin
-            )
+            gap_rate, slip, spin = _choose_branch(body, pair, state, z, left_gap, left_slip, left_spin)
             if stalled >= MOST_STALLED - TRIALS and not rigid:
                 gap_rate, slip, spin = _trial(MOST_STALLED - stalled, state)
             # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
@@ -513,16 +477,15 @@ def contact(
             status = JAMMED
             break
         if rigid and gap_rate > 0:
-            h, _, shift = geometry
-            turning = h * math.cos(state[PHI] + shift) * state[OMEGA] * state[OMEGA]
-            pressed = slope.gravity * math.cos(slope.angle) + turning > 0.0
+            turning = z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
+            pressed = z[Z_INWARD] + turning > 0.0
             status = INCONSISTENT if pressed else RUNNING
             break
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET
             break
         steps += 1
-        _tell(pair, feature, geometry[2], gap_rate, slip, spin, state, z)
+        _tell(pair, feature, gap_rate, slip, spin, state, z)
         expected = NOTHING
         if gap_rate == 0:
             z[Z_UNIT] = _settled_unit(size, slope.gravity, state[OMEGA])
@@ -542,7 +505,7 @@ def contact(
             slip_zeros = leading_zeros(c[V_T], slip)
         if spin_zeros == 2:
             spin_zeros = leading_zeros(c[OMEGA], spin)
-        step = _longest_step(size, scale, limits.tolerance, c)
+        step = longest_step(size, scale, limits.tolerance, MOST_UNITS, c)
         left = max(limits.max_time - state[TIME], 0.0) / z[Z_UNIT]
         last = step >= left
         step = min(step, left)
@@ -636,7 +599,7 @@ def contact(
             left_spin = sign_after
             choose = True
         elif event == MIDDLE_PASSED:
-            state[PHI] = math.copysign(0.0, -z[Z_SINE])
+            state[PHI] = math.copysign(0.0, -z[Z_OTHER_SINE])
         elif event == FEATURE_ENDS:
             if feature == ARC:
                 feature = TAIL if state[PHI] > 0.0 else NOSE

@@ -29,7 +29,7 @@ from sledenv.kernel.jit import allocating, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
-from sledenv.kernel.series import ROWS, TERMS, Z_ROWS
+from sledenv.kernel.series import ROWS, WIDTH, Z_ROWS
 from sledenv.kernel.state import (
     FEATURE,
     GAP,
@@ -233,7 +233,7 @@ def write_rebound(
 @allocating
 def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that :func:`hop` works in; it may get the same ones again and again."""
-    tables, told = np.zeros((ROWS + CHORD_ROWS, TERMS)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
+    tables, told = np.zeros((ROWS + CHORD_ROWS, WIDTH)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
     return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 

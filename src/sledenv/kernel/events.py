@@ -11,6 +11,7 @@ from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.roots import first_root, horner
+from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.series import (
     E_LEFT_OMEGA,
     E_LEFT_V_N,
@@ -25,7 +26,6 @@ from sledenv.kernel.series import (
     E_SAFE_V_T,
     E_TRAVEL,
     E_TURN,
-    ORDER,
     R_COSINE,
     R_FORCE,
     R_MOMENT,
@@ -33,13 +33,13 @@ from sledenv.kernel.series import (
     R_SCRATCH,
     R_SINE,
     Z_ARM,
-    Z_COSINE,
     Z_FRICTION,
     Z_LARGEST,
     Z_LEAST,
     Z_OTHER,
+    Z_OTHER_COSINE,
+    Z_OTHER_SINE,
     Z_PHI,
-    Z_SINE,
     Z_STEP,
     Z_THETA,
     Z_UNIT,
@@ -64,7 +64,7 @@ def both_signs(value: float) -> tuple[int, int]:
 def series_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int) -> float:
     """Time at which ``sign`` times a series, positive at first, becomes negative; see :func:`first_root`."""
     q = c[R_SCRATCH]
-    for k in range(ORDER + 1):
+    for k in range(WIDTH):
         q[k] = sign * c[row, k]
     return first_root(q, step, vanishing, 0.0)
 
@@ -73,9 +73,8 @@ def series_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int)
 def bound_root(c: np.ndarray, load: int, row: int, sign: int, factor: float, step: float) -> float:
     """Time at which ``sign`` times a locked force exceeds ``factor`` times its load."""
     q = c[R_SCRATCH]
-    for k in range(ORDER):
+    for k in range(WIDTH):
         q[k] = factor * c[load, k] - sign * c[row, k]
-    q[ORDER] = 0.0
     noise = 1e-15 * (abs(factor * c[load, 0]) + abs(c[row, 0]))
     return first_root(q, step, 0, noise)
 
@@ -84,10 +83,9 @@ def bound_root(c: np.ndarray, load: int, row: int, sign: int, factor: float, ste
 def _normal_root(c: np.ndarray, sign: int, limit: float, step: float) -> float:
     """Time at which the normal force of a locked gap passes ``limit``, upwards if ``sign`` is 1."""
     q = c[R_SCRATCH]
-    for k in range(ORDER):
+    for k in range(WIDTH):
         q[k] = -sign * c[R_NORMAL, k]
     q[0] += sign * limit
-    q[ORDER] = 0.0
     return first_root(q, step, 0, 1e-15 * (abs(limit) + abs(c[R_NORMAL, 0])))
 
 
@@ -103,7 +101,7 @@ def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing
             sign = side
         else:
             continue
-        for k in range(ORDER + 1):
+        for k in range(WIDTH):
             q[k] = sign * c[PHI, k]
         q[0] -= sign * side * body.half_angle
         at_edge = vanishing if abs(q[0]) <= 1e-15 * (body.half_angle + abs(c[PHI, 1]) * step) else 0
@@ -137,17 +135,17 @@ def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, 
 def _chord_down(z: np.ndarray, c: np.ndarray, step: float) -> float:
     """Time at which the corner on the other side comes down."""
     q = c[R_SCRATCH]
-    for k in range(ORDER + 1):
-        q[k] = c[GAP, k] + z[Z_SINE] * c[R_SINE, k] + z[Z_COSINE] * c[R_COSINE, k]
+    for k in range(WIDTH):
+        q[k] = c[GAP, k] + z[Z_OTHER_SINE] * c[R_SINE, k] + z[Z_OTHER_COSINE] * c[R_COSINE, k]
     q[0] += z[Z_OTHER]
-    at = first_root(q, step, 0, FLAT * (abs(z[Z_SINE]) + abs(z[Z_COSINE])))
+    at = first_root(q, step, 0, FLAT * (abs(z[Z_OTHER_SINE]) + abs(z[Z_OTHER_COSINE])))
     if 0.0 < at < math.inf:
         # The step is chosen for the velocities: sine and cosine may converge less.
         for _ in range(MOST_POLISHED):
             theta = z[Z_THETA] - z[Z_PHI] + horner(c[PHI], at)
             sine, cosine = math.sin(theta), math.cos(theta)
-            gap = horner(c[GAP], at) + z[Z_OTHER] + z[Z_SINE] * sine + z[Z_COSINE] * cosine
-            turning = z[Z_SINE] * cosine - z[Z_COSINE] * sine
+            gap = horner(c[GAP], at) + z[Z_OTHER] + z[Z_OTHER_SINE] * sine + z[Z_OTHER_COSINE] * cosine
+            turning = z[Z_OTHER_SINE] * cosine - z[Z_OTHER_COSINE] * sine
             rate = z[Z_UNIT] * (horner(c[V_N], at) + turning * horner(c[OMEGA], at))
             if not rate < 0.0:
                 break
@@ -159,7 +157,7 @@ def _chord_down(z: np.ndarray, c: np.ndarray, step: float) -> float:
 def slope_end(length: float, c: np.ndarray, step: float) -> float:
     """Time at which the mass centre reaches the end of the slope."""
     q = c[R_SCRATCH]
-    for k in range(ORDER + 1):
+    for k in range(WIDTH):
         q[k] = -c[X, k]
     q[0] += length
     return first_root(q, step, 0, 0.0)
@@ -263,9 +261,9 @@ def first_event(
                 step, event = at, FEATURE_ENDS
         if z[Z_OTHER] < math.inf and not z[E_SAFE_OTHER] > 0.0:
             at = _chord_down(z, c, step)
-            if at < math.inf and feature == ARC and z[Z_SINE] * horner(c[PHI], at) < 0.0:
+            if at < math.inf and feature == ARC and z[Z_OTHER_SINE] * horner(c[PHI], at) < 0.0:
                 # By then the other end of the arc is further away: that one is heeded from the middle on.
-                at = series_root(c, PHI, 1 if z[Z_SINE] > 0.0 else -1, step, 0)
+                at = series_root(c, PHI, 1 if z[Z_OTHER_SINE] > 0.0 else -1, step, 0)
                 if at < math.inf:
                     step, event = at, MIDDLE_PASSED
             elif at < math.inf:

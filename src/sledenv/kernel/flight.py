@@ -104,7 +104,7 @@ def _marching(corners: bool) -> Any:
         height = where(above, top, height)
         speed = v - gravity * t
         turned = phi + omega * t
-        local = turned - TURN * nearest(turned / TURN)
+        local = turned - TURN * nearest(turned * (1.0 / TURN))
         if corners:
             on_arc = not_more(absolute(local), half_angle)
             side = where(on_arc, 0.0, where(less(0.0, local), across, -across))

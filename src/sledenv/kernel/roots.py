@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
+from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.trace import absolute, scalar, sums
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000
@@ -22,16 +26,39 @@ def horner(series: np.ndarray, t: float) -> float:
     return value
 
 
+def _scaling(q: Any, step: Any) -> tuple[Any, ...]:
+    """Make the interval of a series [0, 1]; sizes of all terms and of those from the quadratic one on."""
+    row = rows.times(rows.read(q, 0), rows.powers(step))
+    rows.write(q, 0, row)
+    return tuple(sums([rows.added([absolute(part) for part in row]), rows.sizes(row)]))
+
+
+_SECOND = rows.COUNT * (rows.COUNT - 1.0)
+
+
+def _bending(q: Any, end: Any) -> tuple[Any, ...]:
+    """Bound on the second derivative of a series on [0, end]."""
+    row = [absolute(part) for part in rows.times(rows.read(q, 0), rows.powers(end))]
+    return (sums([rows.added(rows.times(row, _SECOND))])[0] / (end * end),)
+
+
+def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
+    """Value and slope of a series at ``s`` > 0."""
+    row = rows.times(rows.read(q, 0), rows.powers(s))
+    value, slope = sums([rows.added(row), rows.added(rows.times(row, rows.COUNT))])
+    return value, slope / s
+
+
+_scaled, _curvature, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
+
+
 @kernel
-def _curvature(q: np.ndarray, first: int, end: float) -> float:
-    """Bound on the second derivative of the series ``q[first:]`` on [0, end]."""
-    total = 0.0
-    power = 1.0
-    for k in range(first + 2, q.shape[0]):
-        j = k - first
-        total += j * (j - 1) * abs(q[k]) * power
-        power *= end
-    return total
+def _drop(q: np.ndarray, count: int) -> None:
+    """Divide a series by its variable to the power ``count``: its leading coefficients are taken for zero."""
+    for k in range(WIDTH - count):
+        q[k] = q[k + count]
+    for k in range(WIDTH - count, WIDTH):
+        q[k] = 0.0
 
 
 @kernel
@@ -40,7 +67,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
 
     Parameters
     ----------
-    q : ndarray, shape (order + 1,)
+    q : ndarray, shape (WIDTH,)
         Coefficients; overwritten.
     step : float
         End of the interval.
@@ -55,38 +82,33 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     float
         The root; 0 if the series starts negative or turns negative at once.
     """
-    size = q.shape[0]
-    power = 1.0
-    total = 0.0
-    for k in range(size):
-        q[k] *= power
-        power *= step
-        if k >= vanishing:
-            total += abs(q[k])
-    tiny = 4.0 * UNIT * total
-    first = vanishing
-    while first < size and abs(q[first]) <= (tiny + noise if first == 0 else tiny):
+    if vanishing > 0:
+        _drop(q, vanishing)
+        noise = 0.0
+    size, rest = _scaled(q, step)
+    tiny = 4.0 * UNIT * size
+    first = 0
+    while first < WIDTH and abs(q[first]) <= (tiny + noise if first == 0 else tiny):
         first += 1
-    if first == size:
+    if first == WIDTH:
         return math.inf
     if q[first] < 0.0:
         return 0.0
-    rest = 0.0
-    for k in range(first + 2, size):
-        rest += abs(q[k])
-    slope = q[first + 1] if first + 1 < size else 0.0
-    if q[first] + min(slope, 0.0) - rest > 0.0:
+    if first > 0:
+        _drop(q, first)
+        _, rest = _scaled(q, 1.0)
+    value, slope = q[0], q[1]
+    if value + min(slope, 0.0) - rest > 0.0:
         return math.inf
     # |second derivative| <= curvature on [0, end]: go to the first root of the parabola below the series, which is
     # never past a root of the series itself. Where that takes long the bound is too wide: shorten its interval.
     s = 0.0
     end = 1.0
-    curvature = _curvature(q, first, end)
-    value = q[first]
+    curvature = _curvature(q, end)[0]
     for i in range(MOST_ITERATIONS):
         if i % PATIENCE == PATIENCE - 1 and 2.0 * s < end:
             end = 2.0 * s
-            curvature = _curvature(q, first, end)
+            curvature = _curvature(q, end)[0]
         root = math.sqrt(slope * slope + 2.0 * curvature * value)
         if slope < 0.0:
             s += 2.0 * value / (root - slope)
@@ -99,12 +121,8 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
                 return math.inf
             s = end
             end = min(1.0, 2.0 * end)
-            curvature = _curvature(q, first, end)
-        value = 0.0
-        slope = 0.0
-        for k in range(size - 1, first - 1, -1):
-            slope = slope * s + value
-            value = value * s + q[k]
+            curvature = _curvature(q, end)[0]
+        value, slope = _value_and_slope(q, s)
         if value <= tiny:
             if slope < 0.0:
                 s = min(max(s - value / slope, 0.0), 1.0)

@@ -10,9 +10,27 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
-from sledenv.kernel.trace import absolute, compiled, fma, sine_cosine, smaller, total, where_less
+from sledenv.kernel.trace import (
+    absolute,
+    compiled,
+    element,
+    fma,
+    larger,
+    not_more,
+    repeated,
+    rough_root,
+    scalar,
+    shuffled,
+    side_by_side,
+    smaller,
+    sums,
+    where,
+    where_less,
+)
 
 ORDER = 18
 TERMS = ORDER + 1
@@ -25,7 +43,7 @@ ROWS = 13
 # What the programs are told and what they answer.
 (
     Z_PER_MASS,  # [1/kg]
-    Z_PER_INERTIA,  # [1/(kg m^2)]
+    Z_RATIO,  # [1/m^2] mass over inertia
     Z_H,  # [m] of the feature
     Z_R,  # [m]
     Z_MU,  # [-] tangential force over normal force
@@ -33,7 +51,9 @@ ROWS = 13
     Z_STIFFNESS,  # [N/m] of the branch
     Z_INWARD,  # [m/s^2] gravity along the inward normal
     Z_DOWNHILL,  # [m/s^2] and along the slope
-    Z_THETA,  # [rad] orientation of the feature
+    Z_THETA,  # [rad] orientation of the feature,
+    Z_SINE,  # [-] its sine
+    Z_COSINE,  # and cosine
     Z_UNIT,  # [s] unit of time
     Z_X,  # the state at the start of the step
     Z_PHI,
@@ -41,14 +61,13 @@ ROWS = 13
     Z_V_N,
     Z_V_T,
     Z_OMEGA,
-    # Gap of the corner on the other side: that of the feature + Z_OTHER + Z_SINE sin(theta) + Z_COSINE cos(theta).
+    # The gap of the corner on the other side is that of the feature, this,
     Z_OTHER,  # [m]
-    Z_SINE,
-    Z_COSINE,
+    Z_OTHER_SINE,  # [m] and these times sine and cosine of theta.
+    Z_OTHER_COSINE,
     Z_GUESS,  # [units] where a root is expected,
     Z_MOST,  # up to where it is sought,
-    Z_ROOT,  # and where it was found:
-    Z_CERTAIN,  # > 0 if it is a root, and the first
+    Z_ROOT,  # and where it was found
     Z_STEP,  # [units] length of the step
     E_X,  # the state at its end
     E_PHI,
@@ -79,133 +98,218 @@ ROWS = 13
     E_SAFE_NORMAL,
     E_SAFE_FORCE,
     E_SAFE_MOMENT,
-) = range(53)
-Z_ROWS = 53
+) = range(54)
+Z_ROWS = 54
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state
 E_STATE = E_X - X
 
 
-def _convolve(p: Sequence[Any], q: Sequence[Any], k: int, first: int = 0) -> Any:
-    """Coefficient ``k`` of a product, from ``p[first]`` on.
+def _plus_product(a: Any, b: Any, rest: Any) -> Any:
+    """``a * b + rest``, where the rest may be None for nothing."""
+    return a * b if rest is None else fma(a, b, rest)
 
-    The newest coefficients, at the two ends, come last, and the others in two chains: so little waits for them.
+
+def _product(p: Sequence[Any], q: Sequence[Any], k: int, first: int) -> Any:
+    """Terms of coefficient ``k`` of a product, from ``first`` on at either end; None if there are none.
+
+    The newest coefficients, towards the ends, come last, and the terms are summed in two chains: little waits for them.
     """
-    inner = list(range(max(first, 1), k))
-    ends = [i for i in ((k, 0) if k > 0 else (0,)) if i >= first]
-    chains: list[Any] = []
-    for part in (inner[::2], inner[1::2] + ends):
-        chain: Any = None
-        for i in part:
-            chain = p[i] * q[k - i] if chain is None else fma(p[i], q[k - i], chain)
-        if chain is not None:
-            chains.append(chain)
-    return sum(chains[1:], chains[0]) if chains else 0.0
+    places = sorted(range(first, k - first + 1), key=lambda i: (abs(2 * i - k), i))
+    chains: list[Any] = [None, None]
+    for j, i in enumerate(places[:-2]):
+        chains[j % 2] = _plus_product(p[i], q[k - i], chains[j % 2])
+    found = chains[0] if chains[1] is None else chains[0] + chains[1]
+    for i in places[-2:]:
+        found = _plus_product(p[i], q[k - i], found)
+    return found
 
 
-def _expansion(gap_locked: bool, slip_locked: bool, spin_locked: bool) -> Any:
-    """Return the program that fills the table in one branch: docs/physics.md (5.5)-(5.9)."""
+_SHARES = 1.0 / np.maximum(rows.COUNT, 1.0)
+_KNOWN = np.where(rows.COUNT < TERMS, 1.0, 0.0)
+_NEXT = _KNOWN * (rows.COUNT + 1.0)
+_FORCES = np.where(rows.COUNT < ORDER, 1.0, 0.0)  # are known to one order less
+
+
+def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
+    """Return the program that fills the table in a branch with spin: docs/physics.md (5.5)-(5.9).
+
+    Inside, a velocity is per unit of time, an acceleration per unit squared and a force per mass and unit squared. All
+    products are summed at once, side by side: those of sine and cosine with the spin, and those of levers with forces.
+    """
 
     def program(z: Any, c: Any) -> None:
-        per_mass, per_inertia, h, r = z[Z_PER_MASS], z[Z_PER_INERTIA], z[Z_H], z[Z_R]
-        mu, rho, stiffness, unit = z[Z_MU], z[Z_RHO], z[Z_STIFFNESS], z[Z_UNIT]
-        inward, downhill = z[Z_INWARD], z[Z_DOWNHILL]
-        mass, inertia = 1.0 / per_mass, 1.0 / per_inertia
-        none = 0.0 * unit
-        sine_0, cosine_0 = sine_cosine(z[Z_THETA])
-        sine, cosine = [sine_0], [cosine_0]
-        x, phi, gap = [z[Z_X]], [z[Z_PHI]], [z[Z_GAP]]
-        v_n, v_t, spins = [none if gap_locked else z[Z_V_N]], [none if slip_locked else z[Z_V_T]], [z[Z_OMEGA]]
-        if spin_locked:
-            spins = [none]
-        a, b, lever = [], [], []  # arms of the contact point; of the normal force, with what follows from it
-        normal, force, moment = [], [], []
-        speed_n, speed_t = [none], [none]  # of the mass centre; their values at the start play no part
-        for k in range(ORDER):
-            after = unit * (1.0 / (k + 1))
-            per_after = (k + 1) / unit
-            a.append(h * sine[k])
-            b.append(r - h * cosine[k] if k == 0 else -(h * cosine[k]))
-            from_normal = -a[k] if slip_locked else fma(mu, b[k], -a[k])
-            lever.append(from_normal + rho if k == 0 else from_normal)
-            turned_sine = none if spin_locked else _convolve(sine, spins, k)
-            turned_cosine = none if spin_locked else _convolve(cosine, spins, k)
-            sine.append(turned_cosine * after)
-            cosine.append(-(turned_sine * after))
-            # Locked velocities: v = a omega, u = -b omega. What the new coefficient of omega does not enter yet:
-            rest_n, rest_t = none, none
-            if not spin_locked:
-                if gap_locked:
-                    rest_n = _convolve([*a, h * sine[k + 1]], [*spins, none], k + 1, 1) * per_after
-                if slip_locked:
-                    rest_t = _convolve([*b, -(h * cosine[k + 1])], [*spins, none], k + 1, 1) * per_after
-            if k == 0:
-                rest_n, rest_t = rest_n + inward, rest_t + downhill
-            if gap_locked and spin_locked:
-                normal.append(mass * rest_n)
-            elif not gap_locked:
-                normal.append(-(stiffness * gap[k]))
-            if spin_locked:
-                spin_rate = none
-                force.append(-(mass * rest_t) if slip_locked else mu * normal[k])
-                moment.append(fma(a[0], normal[k], -(b[0] * force[k])))
-            else:
-                known = _convolve(lever, [*normal, none] if gap_locked else normal, k, 1 if gap_locked else 0)
-                divisor = inertia
-                if gap_locked:
-                    known = fma(mass * lever[0], rest_n, known)
-                    divisor = divisor - mass * a[0] * lever[0]
-                if slip_locked:
-                    if k > 0:
-                        known = known + _convolve(b, [*force, none], k, 1)
-                    known = known - mass * b[0] * rest_t
-                    divisor = divisor + mass * b[0] * b[0]
-                spin_rate = known * per_inertia if not (gap_locked or slip_locked) else known / divisor
-                if gap_locked:
-                    normal.append(mass * fma(a[0], spin_rate, rest_n))
-                force.append(-(mass * fma(b[0], spin_rate, rest_t)) if slip_locked else mu * normal[k])
-                moment.append(rho * normal[k])
-            spins.append(spin_rate * after)
-            pull, push = (inward, downhill) if k == 0 else (none, none)
-            speed_n.append((normal[k] * per_mass - pull) * after)
-            speed_t.append((force[k] * per_mass + push) * after)
-            if k > 0:
-                v_n.append(none if gap_locked else fma(-h, turned_sine, speed_n[k]))
-                v_t.append(none if slip_locked else fma(r, spins[k], fma(-h, turned_cosine, speed_t[k])))
-            gap.append(v_n[k] * after)
-            phi.append(spins[k] * after)
-            x.append((v_t[k] - fma(r, spins[k], -(h * turned_cosine))) * after)
-        last_sine, last_cosine = _convolve(sine, spins, ORDER), _convolve(cosine, spins, ORDER)
-        v_n.append(none if gap_locked else fma(-h, last_sine, speed_n[ORDER]))
-        v_t.append(none if slip_locked else fma(r, spins[ORDER], fma(-h, last_cosine, speed_t[ORDER])))
-        rows = {X: x, GAP: gap, V_N: v_n, V_T: v_t, PHI: phi, OMEGA: spins, R_SINE: sine, R_COSINE: cosine}
-        rows[R_NORMAL] = [*normal, none]
+        unit, ratio, h, r, mu, rho = z[Z_UNIT], z[Z_RATIO], z[Z_H], z[Z_R], z[Z_MU], z[Z_RHO]
+        square = unit * unit
+        inward, downhill = square * z[Z_INWARD], square * z[Z_DOWNHILL]
+        stiffness = -(z[Z_STIFFNESS] * z[Z_PER_MASS] * square)  # normal force over gap
+        # Spin rate that a force at the lever gives; the load is the normal force where the gap is locked, else the gap.
+        size = ratio if gap_locked else ratio * stiffness
+        lever_sine, lever_cosine, lever_rest = -(h * size), -(mu * h * size), fma(mu, r, rho) * size
+        a_0, b_0 = h * z[Z_SINE], fma(-h, z[Z_COSINE], r)
         if slip_locked:
-            rows[R_FORCE] = [*force, none]
-        if spin_locked:
-            rows[R_MOMENT] = [*moment, none]
-        for row, values in rows.items():
-            for k, value in enumerate(values):
-                c[row * TERMS + k] = value
+            lever_cosine, lever_rest = 0.0, rho * size
+        sine, cosine, spin = [z[Z_SINE]], [z[Z_COSINE]], [unit * z[Z_OMEGA]]
+        turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
+        gap, normal, force = [z[Z_GAP], unit * z[Z_V_N]], [], []
+        load = normal if gap_locked else gap
+        lever, arm = [], []
+        divisor: Any = 1.0
+        left: list[Any] = []  # sine, cosine, lever, arm
+        right: list[Any] = [None]  # spin, spin, load, force; the last two of the term before
+        for k in range(ORDER + 1):
+            # Lever of the normal force, and arm of a locked tangential one.
+            level = lever_sine * sine[k] if slip_locked else fma(lever_sine, sine[k], lever_cosine * cosine[k])
+            lever.append(level + lever_rest if k == 0 else level)
+            arm.append((b_0 if k == 0 else -(h * cosine[k])) * ratio if slip_locked else 0.0)
+            left.append(shuffled(turn[k], side_by_side(lever[k], arm[k]), range(4)))
+            known = None  # sine and cosine times the spin, without the newest coefficient of that
+            if k == 0:
+                if gap_locked:
+                    divisor = divisor - lever[0] * a_0
+                if slip_locked:
+                    divisor = divisor + arm[0] * b_0
+                divisor = 1.0 / divisor
+            else:
+                inner = _product(left, right, k, 2)
+                known = None if inner is None else shuffled(inner, None, (0, 1))
+                # The newest coefficient of the spin: the forces before, each with the levers.
+                rest = None
+                if inner is not None:
+                    rest = element(inner, 2) + element(inner, 3) if slip_locked else element(inner, 2)
+                for i in sorted({1, k - 1} - {0, k}):
+                    known = _plus_product(turn[i], twice[k - i], known)
+                    rest = _plus_product(lever[i], load[k - 1 - i], rest)
+                    if slip_locked:
+                        rest = fma(arm[i], force[k - 1 - i], rest)
+                known = _plus_product(turn[k], twice[0], known)
+                if gap_locked:  # the lift that the other coefficients of the spin give to the contact point
+                    lift = (k * h) * element(known, 0)
+                    lift = lift + inward if k == 1 else lift
+                    rest = _plus_product(lever[0], lift, rest)
+                else:
+                    rest = _plus_product(lever[0], load[k - 1], rest)
+                if slip_locked:  # and the sweep
+                    sweep = (-k * h) * element(known, 1)
+                    sweep = sweep + downhill if k == 1 else sweep
+                    rest = fma(-arm[0], sweep, rest)
+                rest = rest * ((1.0 / k) * divisor)
+                spin.append(rest)
+                twice.append(repeated(rest, 2))
+                if gap_locked:
+                    normal.append(fma(k * a_0, rest, lift))
+                force.append(-fma(k * b_0, rest, sweep) if slip_locked else 0.0)
+                right.append(shuffled(twice[k], side_by_side(load[k - 1], force[k - 1]), range(4)))
+            # Sine and cosine after it.
+            whole = _plus_product(turn[0], twice[k], known) * (np.array([-1.0, 1.0]) / (k + 1))
+            turn.append(shuffled(whole, None, (1, 0)))
+            sine.append(element(turn[k + 1], 0))
+            cosine.append(element(turn[k + 1], 1))
+            if not gap_locked and k > 0:
+                free = gap[k - 1] * (stiffness * (1.0 / (k * (k + 1))))
+                gap.append(fma(h, cosine[k + 1], fma(-0.5, inward, free) if k == 1 else free))
+
+        # The rows of the table.
+        per_unit = 1.0 / unit
+        in_seconds = repeated(per_unit, rows.EIGHT)
+        masses = repeated(per_unit * per_unit / z[Z_PER_MASS], rows.EIGHT)
+        spins, sines, cosines = (rows.of(series[:TERMS]) for series in (spin, sine, cosine))
+        loads = rows.of(normal[:ORDER] if gap_locked else gap[:TERMS])
+        nothing = [np.zeros(rows.EIGHT)] * 3
+        reach, height = repeated(r, rows.EIGHT), repeated(h, rows.EIGHT)
+        nexts = rows.times(rows.of(sine[1:]), _NEXT)
+        sweeps = [fma(reach, p, -(height * q)) for p, q in zip(spins, nexts, strict=True)]
+        if gap_locked:
+            gaps, rates = rows.of([z[Z_GAP]]), nothing
+            normals = [p * masses for p in loads]
+        else:
+            rates = [p * (in_seconds * n) for p, n in zip(rows.of(gap[1:]), _NEXT, strict=True)]
+            gaps, rates = loads, rows.with_first(rates, z[Z_V_N])
+            stiff = repeated(-z[Z_STIFFNESS], rows.EIGHT)
+            normals = [p * (stiff * known) for p, known in zip(loads, _FORCES, strict=True)]
+        if slip_locked:
+            speeds, slips = [-p for p in sweeps], nothing  # the speed is that of the mass centre along the slope
+            rows.write(c, R_FORCE, [p * masses for p in rows.of(force[:ORDER])])
+        else:
+            driven = repeated(mu if gap_locked else mu * stiffness, rows.EIGHT)
+            speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0 * unit), _SHARES, strict=True)]
+            start = fma(unit, z[Z_V_T], -element(sweeps[0], 0))
+            speeds[0] = speeds[0] + side_by_side(start, downhill, *([0.0] * 6))
+            slips = [(p + q) * (in_seconds * known) for p, q, known in zip(speeds, sweeps, _KNOWN, strict=True)]
+            slips = rows.with_first(slips, z[Z_V_T])
+        rows.write(c, X, rows.times(rows.moved_on(speeds, z[Z_X]), _SHARES * _KNOWN))
+        rows.write(c, PHI, rows.times(rows.moved_on(spins, z[Z_PHI]), _SHARES * _KNOWN))
+        rows.write(c, OMEGA, [p * in_seconds for p in spins])
+        for row, series in (
+            (GAP, gaps),
+            (V_N, rates),
+            (V_T, slips),
+            (R_NORMAL, normals),
+            (R_SINE, sines),
+            (R_COSINE, cosines),
+        ):
+            rows.write(c, row, series)
+
+    return program
+
+
+def _gliding_on(gap_locked: bool, slip_locked: bool) -> Any:
+    """Return the program that fills the table in a branch without spin."""
+
+    def program(z: Any, c: Any) -> None:
+        unit, h, r, mu = z[Z_UNIT], z[Z_H], z[Z_R], z[Z_MU]
+        square = unit * unit
+        inward, downhill = square * z[Z_INWARD], square * z[Z_DOWNHILL]
+        stiffness = -(z[Z_STIFFNESS] * z[Z_PER_MASS] * square)
+        a, b = h * z[Z_SINE], fma(-h, z[Z_COSINE], r)
+        per_unit = 1.0 / unit
+        mass = 1.0 / z[Z_PER_MASS] * per_unit * per_unit
+        gap: list[Any] = [z[Z_GAP], 0.0 if gap_locked else unit * z[Z_V_N]]
+        for k in range(ORDER):
+            free = 0.0 if gap_locked else gap[k] * (stiffness * (1.0 / ((k + 1) * (k + 2))))
+            gap.append(fma(-0.5, inward, free) if k == 0 and not gap_locked else free)
+        if gap_locked:
+            normal = [inward * mass]
+        else:
+            normal = [-(z[Z_STIFFNESS] * coefficient) for coefficient in gap[:ORDER]]
+        force = [-(downhill * mass)] if slip_locked else [mu * coefficient for coefficient in normal]
+        moment = [a * coefficient for coefficient in normal]
+        for k, coefficient in enumerate(force):
+            moment[k] = fma(-b, coefficient, moment[k])
+        speed, pull = [unit * z[Z_V_T]], square * z[Z_PER_MASS]
+        if not slip_locked:
+            speed += [coefficient * (pull * (1.0 / (k + 1))) for k, coefficient in enumerate(force)]
+            speed[1] = speed[1] + downhill
+        for row, series in (
+            (X, [z[Z_X], *([] if slip_locked else [v * (1.0 / (k + 1)) for k, v in enumerate(speed[:ORDER])])]),
+            (PHI, [z[Z_PHI]]),
+            (GAP, gap[:TERMS]),
+            (V_N, [] if gap_locked else [z[Z_V_N], *(gap[k + 1] * ((k + 1.0) * per_unit) for k in range(1, TERMS))]),
+            (V_T, [] if slip_locked else [z[Z_V_T], *(v * per_unit for v in speed[1:])]),
+            (OMEGA, []),
+            (R_NORMAL, normal),
+            (R_MOMENT, moment),
+            (R_SINE, [z[Z_SINE]]),
+            (R_COSINE, [z[Z_COSINE]]),
+        ):
+            rows.write(c, row, rows.of(series))
+        if slip_locked:
+            rows.write(c, R_FORCE, rows.of(force))
 
     return program
 
 
 # Branches by which of gap rate, slip and spin is locked.
-_free = compiled(_expansion(False, False, False))
-_sticking = compiled(_expansion(False, True, False))
-_sliding = compiled(_expansion(False, False, True))
-_stuck = compiled(_expansion(False, True, True))
-_settled = compiled(_expansion(True, False, False))
-_rolling = compiled(_expansion(True, True, False))
-_gliding = compiled(_expansion(True, False, True))
+_free = compiled(_spinning(False, False))
+_sticking = compiled(_spinning(False, True))
+_sliding = compiled(_gliding_on(False, False))
+_stuck = compiled(_gliding_on(False, True))
+_settled = compiled(_spinning(True, False))
+_rolling = compiled(_spinning(True, True))
+_gliding = compiled(_gliding_on(True, False))
 
 
-def _powers(s: Any) -> list[Any]:
-    """Powers of ``s`` from 0 to ORDER."""
-    powers = [1.0, s]
-    for k in range(2, TERMS):
-        powers.append(powers[k // 2] * powers[k - k // 2])
-    return powers
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(rows.EIGHT)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on [0, 1]
 
 
 def _value(coefficients: Sequence[Any], s: Any) -> Any:
@@ -222,129 +326,163 @@ def _value(coefficients: Sequence[Any], s: Any) -> Any:
     return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
 
 
-def _keeps_sign(terms: Sequence[Any], first: int = 0) -> Any:
-    """Lower bound of ``|p|`` over a step, divided by t^first; terms: those of p at the end of the step."""
-    leading, slope = terms[first], terms[first + 1]
+def _bound(leading: Any, slope: Any, rest: Any) -> Any:
+    """Lower bound of the absolute value of a polynomial over a step: leading terms at its end, sizes of the rest."""
     against = where_less(leading, 0.0, -slope, slope)
-    rest = total([absolute(term) for term in terms[first + 2 :]])
     return absolute(leading) + smaller(against, 0.0) - rest
 
 
-def _location(row: int) -> Any:
-    """Return the program that finds the first root of a row near Z_GUESS, by Newton's method: docs/physics.md, 10.1."""
-
-    def program(z: Any, c: Any) -> None:
-        q = [c[row * TERMS + k] for k in range(TERMS)]
-        rate = [float(k) * q[k] for k in range(1, TERMS)]
-        s, most = z[Z_GUESS], z[Z_MOST]
-        change = s
-        for _ in range(4):
-            change = _value(q, s) / _value(rate, s)
-            s = s - change
-        # q = (t - s) B: the root is the first if B has none in [0, s].
-        quotient = [q[ORDER]]
-        for k in range(ORDER - 1, 0, -1):
-            quotient.append(fma(s, quotient[-1], q[k]))
-        terms = [b * power for b, power in zip(reversed(quotient), _powers(s), strict=False)]
-        certain = _keeps_sign(terms)
-        certain = where_less(absolute(change), 1e-8, certain, -1.0)
-        certain = where_less(0.0, s, certain, -1.0)
-        z[Z_ROOT] = s
-        z[Z_CERTAIN] = where_less(most, s, -1.0, certain)
-
-    return program
+def _approach(q: Any, s: Any) -> tuple[Any, ...]:
+    """Come closer to a root of a series by Chebyshev's method, of third order; the new place and the change."""
+    series = [q[k] for k in range(TERMS)]
+    rate = [float(k) * series[k] for k in range(1, TERMS)]
+    bend = [float(k) * rate[k] for k in range(1, ORDER)]
+    per_slope = 1.0 / _value(rate, s)
+    step = _value(series, s) * per_slope
+    change = fma(0.5 * step * step, _value(bend, s) * per_slope, step)
+    return s - change, change
 
 
-_SHARE = [1.0 / (k + 1) for k in range(ORDER)]  # of a term in the integral
+def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
+    """Number that is positive if a root of a series is known to be its first: docs/physics.md, 10.1.
+
+    The series is (t - s) B, and its root is the first if B has none in [0, s]. There the coefficients of B, times the
+    powers of s, are the sums of all later terms.
+    """
+    later = rows.sums_from(rows.times(rows.read(q, 0), rows.powers(s)))
+    first, second = element(later[0], 1), element(later[0], 2)
+    (rest,) = sums([rows.sizes([later[0] * _BEHIND, *later[1:]])])
+    return (_bound(first, second, rest),)
+
+
+_BEHIND = np.where(rows.COUNT[0] > 2.0, 1.0, 0.0)
+_closer, _certainty = scalar(_approach), scalar(_certificate)
+CLOSE = 3e-6  # change of a root [units] after which the error is rounding
+MOST_APPROACHES = 5
+
+
+@kernel
+def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
+    """Find where a row of the table is zero, near Z_GUESS and up to Z_MOST; say whether that is its first root."""
+    q = c[row]
+    s = z[Z_GUESS]
+    for _ in range(MOST_APPROACHES):
+        s, change = _closer(q, s)
+        if abs(change) <= CLOSE:
+            z[Z_ROOT] = s
+            return 0.0 < s <= z[Z_MOST] and _certainty(q, s)[0] > 0.0
+    return False
+
+
+EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
+
+
+def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[Any, ...]:
+    """Program of :func:`longest_step`."""
+    step, sane = most, 0.0
+    powers = {1: most}
+    for k in (2, 4, 8, 16):
+        powers[k] = powers[k // 2] * powers[k // 2]
+    for k, share in ((ORDER, 1.0), (ORDER - 1, 1.0), (ORDER - 3, EARLIER)):
+        normal, slip, spin = (absolute(c[row * WIDTH + k]) for row in (V_N, V_T, OMEGA))
+        last = larger(larger(normal, slip), size * spin)
+        power = 1.0
+        for bit in (1, 2, 4, 8, 16):
+            power = power * powers[bit] if k & bit else power
+        small = share * tolerance * scale
+        step = smaller(step, where(not_more(last * power, small), most, rough_root(small / last, k)))
+        sane = sane + 0.0 * (normal + slip + spin)
+    return (step + sane,)
 
 
 def _completion(z: Any, c: Any) -> None:
-    """State and work at the end of a step of Z_STEP units, and whether anything changes its sign on the way."""
+    """State and work at the end of a step of Z_STEP units, and whether anything changes its sign on the way.
+
+    Integrals are taken by Gauss's rule with eight nodes, whose error is below that of the series.
+    """
     s, unit = z[Z_STEP], z[Z_UNIT]
     time = s * unit
-    powers = _powers(s)
-    names = (X, GAP, V_N, V_T, OMEGA, R_NORMAL, R_SINE, R_COSINE)
-    x, gap, v_n, v_t, omega, normal, sine, cosine = (
-        [c[row * TERMS + k] * powers[k] for k in range(TERMS)] for row in names
+    powers = rows.without_constant(rows.powers(s))
+    nodes = repeated(s, rows.EIGHT) * _NODES
+    normal, slip, spin = (rows.values(c, row, TERMS, nodes) for row in (R_NORMAL, V_T, OMEGA))
+    load = normal * _WEIGHTS
+    x, gap, v_n, v_t, omega, sine, cosine = (
+        rows.times(rows.read(c, row), powers) for row in (X, GAP, V_N, V_T, OMEGA, R_SINE, R_COSINE)
     )
-    turning = [omega[k] * _SHARE[k] for k in range(ORDER)]
-    z[E_X] = total(x)
-    z[E_PHI] = fma(time, total(turning), z[Z_PHI])
-    z[E_GAP] = total(gap)
-    z[E_V_N] = total(v_n)
-    z[E_V_T] = total(v_t)
-    z[E_OMEGA] = total(omega)
-    z[E_NORMAL] = time * total([normal[k] * _SHARE[k] for k in range(ORDER)])
-    for answer, velocity in ((E_SLIP, v_t), (E_SPIN, omega)):
-        z[answer] = time * total([_convolve(normal, velocity, k) * _SHARE[k] for k in range(ORDER)])
-    z[E_TRAVEL] = total([absolute(term) for term in x[1:]])
-    z[E_TURN] = time * total([absolute(term) for term in turning])
-    z[E_SAFE_GAP] = _keeps_sign(gap)
-    for safe, left, velocity in (
-        (E_SAFE_V_N, E_LEFT_V_N, v_n),
-        (E_SAFE_V_T, E_LEFT_V_T, v_t),
-        (E_SAFE_OMEGA, E_LEFT_OMEGA, omega),
+    sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
+    other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in zip(sine, cosine, gap, strict=True)]
+    places = (X, GAP, V_N, V_T, OMEGA)
+    ends = [rows.added(terms) for terms in (x, gap, v_n, v_t, omega)]
+    end_x, end_gap, end_v_n, end_v_t, end_omega, turned, impulse, slid = sums(
+        [*ends, spin * _WEIGHTS, load, load * slip]
+    )
+    rolled, *rests = sums([load * spin, *(rows.sizes(terms) for terms in (x, gap, v_n, v_t, omega, other))])
+    for answer, row, end in zip(
+        (E_X, E_GAP, E_V_N, E_V_T, E_OMEGA), places, (end_x, end_gap, end_v_n, end_v_t, end_omega), strict=True
     ):
-        z[safe] = _keeps_sign(velocity)
-        z[left] = _keeps_sign(velocity, 1)
-    other = [fma(z[Z_SINE], sine[k], fma(z[Z_COSINE], cosine[k], gap[k])) for k in range(TERMS)]
-    other[0] = other[0] + z[Z_OTHER]
-    z[E_SAFE_OTHER] = where_less(0.0, other[0], _keeps_sign(other), -1.0)
+        z[answer] = c[row * WIDTH] + end
+    z[E_PHI] = fma(time, turned, z[Z_PHI])
+    z[E_NORMAL] = time * impulse
+    z[E_SLIP] = time * slid
+    z[E_SPIN] = time * rolled
+    linear = [c[row * WIDTH + 1] * s for row in (*places, R_SINE, R_COSINE)]
+    z[E_TRAVEL] = absolute(linear[0]) + rests[0]
+    # |phi| grows by no more than the spin and its changes do.
+    z[E_TURN] = time * (absolute(c[OMEGA * WIDTH]) + absolute(linear[4]) + rests[4])
+    z[E_SAFE_GAP] = _bound(c[GAP * WIDTH], linear[1], rests[1])
+    for safe, left, i in ((E_SAFE_V_N, E_LEFT_V_N, 2), (E_SAFE_V_T, E_LEFT_V_T, 3), (E_SAFE_OMEGA, E_LEFT_OMEGA, 4)):
+        z[safe] = _bound(c[places[i] * WIDTH], linear[i], rests[i])
+        second = c[places[i] * WIDTH + 2] * (s * s)
+        z[left] = _bound(linear[i], second, rests[i] - absolute(second))
+    leading = fma(z[Z_OTHER_SINE], c[R_SINE * WIDTH], fma(z[Z_OTHER_COSINE], c[R_COSINE * WIDTH], c[GAP * WIDTH]))
+    leading = leading + z[Z_OTHER]
+    slope = fma(z[Z_OTHER_SINE], linear[5], fma(z[Z_OTHER_COSINE], linear[6], linear[1]))
+    z[E_SAFE_OTHER] = where_less(0.0, leading, _bound(leading, slope, rests[5]), -1.0)
 
 
-def _above(terms: Sequence[Any]) -> Any:
-    """Lower bound of a series over a step; terms: its own at the end of the step."""
-    return terms[0] + smaller(terms[1], 0.0) - total([absolute(term) for term in terms[2:]])
+def _above(leading: Any, slope: Any, rest: Any) -> Any:
+    """Lower bound of a polynomial over a step; see :func:`_bound`."""
+    return leading + smaller(slope, 0.0) - rest
 
 
 def _slack(z: Any, c: Any) -> None:
     """Impulses of the forces of locked velocities over a step of Z_STEP units, and whether they stay within bounds."""
-    powers = _powers(z[Z_STEP])
-    time = z[Z_STEP] * z[Z_UNIT]
-    normal, force, moment = (
-        [c[row * TERMS + k] * powers[k] for k in range(ORDER)] for row in (R_NORMAL, R_FORCE, R_MOMENT)
-    )
-    for answer, factor, bounded in ((E_SAFE_FORCE, z[Z_FRICTION], force), (E_SAFE_MOMENT, z[Z_ARM], moment)):
-        low = _above([fma(factor, n, f) for n, f in zip(normal, bounded, strict=True)])
-        high = _above([fma(factor, n, -f) for n, f in zip(normal, bounded, strict=True)])
-        z[answer] = smaller(low, high)
-    z[E_FORCE] = time * total([force[k] * _SHARE[k] for k in range(ORDER)])
-    z[E_MOMENT] = time * total([moment[k] * _SHARE[k] for k in range(ORDER)])
-    low = _above([normal[0] - z[Z_LEAST], *normal[1:]])
-    high = _above([z[Z_LARGEST] - normal[0], *(-term for term in normal[1:])])
+    s = z[Z_STEP]
+    time = s * z[Z_UNIT]
+    powers = rows.without_constant(rows.powers(s))
+    nodes = repeated(s, rows.EIGHT) * _NODES
+    normal, force, moment = (rows.times(rows.read(c, row), powers) for row in (R_NORMAL, R_FORCE, R_MOMENT))
+    cases = [
+        (E_SAFE_FORCE, R_FORCE, force, z[Z_FRICTION], 1.0),
+        (E_SAFE_FORCE, R_FORCE, force, z[Z_FRICTION], -1.0),
+        (E_SAFE_MOMENT, R_MOMENT, moment, z[Z_ARM], 1.0),
+        (E_SAFE_MOMENT, R_MOMENT, moment, z[Z_ARM], -1.0),
+    ]
+    parts = [rows.sizes(normal)]
+    for _, _, bounded, factor, sign in cases:
+        factors = repeated(factor, rows.EIGHT)
+        parts.append(rows.sizes([fma(factors, n, f * sign) for n, f in zip(normal, bounded, strict=True)]))
+    forced, driven = (rows.values(c, row, TERMS, nodes) * _WEIGHTS for row in (R_FORCE, R_MOMENT))
+    rest, *rests, impulse, twist = sums([*parts, forced, driven])
+    found: dict[int, Any] = {}
+    for (answer, row, _, factor, sign), sizes in zip(cases, rests, strict=True):
+        leading = fma(factor, c[R_NORMAL * WIDTH], c[row * WIDTH] * sign)
+        slope = fma(factor, c[R_NORMAL * WIDTH + 1], c[row * WIDTH + 1] * sign) * s
+        bound = _above(leading, slope, sizes)
+        found[answer] = smaller(found[answer], bound) if answer in found else bound
+    for answer, bound in found.items():
+        z[answer] = bound
+    z[E_FORCE] = time * impulse
+    z[E_MOMENT] = time * twist
+    leading, slope = c[R_NORMAL * WIDTH], c[R_NORMAL * WIDTH + 1] * s
+    low = _above(leading - z[Z_LEAST], slope, rest)
+    high = _above(z[Z_LARGEST] - leading, -slope, rest)
     z[E_SAFE_NORMAL] = smaller(low, high)
 
 
-_gap_root = compiled(_location(GAP))
-_rate_root = compiled(_location(V_N))
-_slip_root = compiled(_location(V_T))
-_spin_root = compiled(_location(OMEGA))
 _complete = compiled(_completion)
-_bound = compiled(_slack)
-
-
-@kernel
-def locate_gap(z: np.ndarray, c: np.ndarray) -> None:
-    """Find where the gap closes, near Z_GUESS."""
-    _gap_root(z, c)
-
-
-@kernel
-def locate_rate(z: np.ndarray, c: np.ndarray) -> None:
-    """Find where the gap rate is zero, near Z_GUESS."""
-    _rate_root(z, c)
-
-
-@kernel
-def locate_slip(z: np.ndarray, c: np.ndarray) -> None:
-    """Find where the slip stops, near Z_GUESS."""
-    _slip_root(z, c)
-
-
-@kernel
-def locate_spin(z: np.ndarray, c: np.ndarray) -> None:
-    """Find where the spin stops, near Z_GUESS."""
-    _spin_root(z, c)
+_longest = scalar(_length)
+_complete_locked = compiled(_slack)
 
 
 @kernel
@@ -356,7 +494,7 @@ def complete(z: np.ndarray, c: np.ndarray) -> None:
 @kernel
 def complete_locked(z: np.ndarray, c: np.ndarray) -> None:
     """Answer what the forces of locked velocities do up to Z_STEP, and whether they stay within their bounds."""
-    _bound(z, c)
+    _complete_locked(z, c)
 
 
 @kernel
@@ -405,7 +543,7 @@ def expand(gap_rate: int, slip: int, spin: int, z: np.ndarray, c: np.ndarray) ->
         The branch: signs of v_n, v_t and omega, 0 where locked, at least one of them free.
     z : ndarray, shape (Z_ROWS,)
         See the names above.
-    c : ndarray, shape (ROWS, TERMS)
+    c : ndarray, shape (ROWS, WIDTH)
         Overwritten.
     """
     if spin != 0:
@@ -424,3 +562,25 @@ def expand(gap_rate: int, slip: int, spin: int, z: np.ndarray, c: np.ndarray) ->
         _expand_sliding(z, c)
     else:
         _expand_stuck(z, c)
+
+
+@kernel
+def longest_step(size: float, scale: float, tolerance: float, most: float, c: np.ndarray) -> float:
+    """Step, at most ``most``, of which the last terms of the velocities stay below ``tolerance * scale``.
+
+    Terms come and go as those of a cosine, and a motion from rest has odd ones only: both of the last may happen to be
+    small, so an earlier one is heeded too.
+
+    Parameters
+    ----------
+    size : float
+        Of the body [m].
+    scale : float
+        Of the velocities [m/s].
+    tolerance : float
+    most : float
+        In units of the time of the series, as the answer is.
+    c : ndarray, shape (at least 7, WIDTH)
+        The series of the velocities.
+    """
+    return _longest(size, scale, tolerance, most, c)[0]

@@ -27,6 +27,8 @@ from numba.extending import intrinsic
 
 Program = Callable[[Any, Any], None]
 
+_LINE = 64  # bytes of cache
+_ROOM = 4096  # places of an array that a function of numbers may look at
 LANES = 16  # two AVX-512 registers: while one of them waits for a result the other goes on
 
 
@@ -34,18 +36,21 @@ class _Value:
     """A double, a vector of them or a mask in the function that is being written."""
 
     __slots__ = ("builder", "value")
+    __array_ufunc__ = None  # an array times a value is the value's affair
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder = builder
         self.value = value
 
     def lift(self, other: Any) -> ir.Value:
-        """Return the LLVM value of a number or a value."""
+        """Return the LLVM value of a number, of an array of them or of a value."""
         if isinstance(other, _Value):
             return other.value
         kind = self.value.type
         if isinstance(kind, ir.VectorType):
-            return ir.Constant(kind, [ir.Constant(ir.DoubleType(), float(other))] * kind.count)
+            return ir.Constant(
+                kind, [ir.Constant(ir.DoubleType(), float(n)) for n in np.broadcast_to(other, kind.count)]
+            )
         return ir.Constant(kind, float(other))
 
     def _make(self, value: ir.Value) -> _Value:
@@ -174,6 +179,107 @@ def total(terms: Sequence[Any]) -> Any:
     return chains[0]
 
 
+_MANTISSA = 52  # bits
+_BIAS = 1023
+
+
+def rough_root(a: Any, n: int) -> Any:
+    """Root of order ``n`` of a positive number, less than one per cent too small; NaN for what is not finite."""
+    if isinstance(a, _Value):
+        whole = ir.IntType(64)
+        bits = a.builder.sitofp(a.builder.bitcast(a.value, whole), ir.DoubleType())
+        logarithm = _Value(a.builder, bits) * 2.0**-_MANTISSA - _BIAS
+    else:
+        logarithm = np.float64(a).view(np.int64) * 2.0**-_MANTISSA - _BIAS
+    # Between powers of two the logarithm is taken for linear, and its inverse for a parabola.
+    power = logarithm * (1.0 / n)
+    below = nearest(power - 0.5)
+    part = power - below
+    scale = (below + _BIAS) * 2.0**_MANTISSA
+    if isinstance(a, _Value):
+        scale = _Value(a.builder, a.builder.bitcast(a.builder.fptosi(scale.value, ir.IntType(64)), ir.DoubleType()))
+    else:
+        scale = np.float64(np.int64(scale).view(np.float64)) if np.isfinite(scale) else scale
+    return scale * fma(part, fma(part, 0.35, 0.65), 0.998) + (a - a)
+
+
+def side_by_side(*numbers: Any) -> Any:
+    """Vector of some numbers."""
+    if not any(isinstance(number, _Value) for number in numbers):
+        return np.array(numbers)
+    builder = next(number.builder for number in numbers if isinstance(number, _Value))
+    known = [0.0 if isinstance(number, _Value) else float(number) for number in numbers]
+    kind = ir.DoubleType()
+    vector: Any = ir.Constant(ir.VectorType(kind, len(numbers)), [ir.Constant(kind, number) for number in known])
+    for i, number in enumerate(numbers):
+        if isinstance(number, _Value):
+            vector = builder.insert_element(vector, number.value, ir.Constant(ir.IntType(32), i))
+    return _Value(builder, vector)
+
+
+def repeated(number: Any, count: int) -> Any:
+    """Vector of the same number."""
+    return shuffled(side_by_side(number), None, [0] * count)
+
+
+def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
+    """Vector of the elements of ``a`` and then ``b`` at some places; ``b`` may be None."""
+    if not isinstance(a, _Value):
+        return (a if b is None else np.concatenate([a, b]))[list(places)]
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
+    other = ir.Constant(a.value.type, ir.Undefined) if b is None else a.lift(b)
+    return _Value(a.builder, a.builder.shuffle_vector(a.value, other, mask))
+
+
+def element(vector: Any, i: int) -> Any:
+    """Number at a place of a vector."""
+    if not isinstance(vector, _Value):
+        return vector[i]
+    return _Value(vector.builder, vector.builder.extract_element(vector.value, ir.Constant(ir.IntType(32), i)))
+
+
+def block(numbers: Any, first: int, count: int) -> Any:
+    """Vector of consecutive numbers of an array."""
+    if not isinstance(numbers, _Numbers):
+        return numbers[first : first + count].copy()
+    kind = ir.VectorType(ir.DoubleType(), count)
+    place = numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind))
+    return _Value(numbers.builder, numbers.builder.load(place, align=8, typ=kind))
+
+
+def set_block(numbers: Any, first: int, vector: Any) -> None:
+    """Write a vector to consecutive places of an array."""
+    if isinstance(numbers, _Numbers):
+        kind = ir.VectorType(
+            ir.DoubleType(), len(vector) if isinstance(vector, np.ndarray) else vector.value.type.count
+        )
+        value = _Value(numbers.builder, ir.Constant(kind, None)).lift(vector)
+        numbers.builder.store(value, numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind)), align=8)
+    else:
+        numbers[first : first + len(vector)] = vector
+
+
+# Sums of eight vectors of eight at once: each step adds two halves of which neither leaves its 128 bits until it must.
+_FOLDS = (
+    ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
+    ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
+    ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
+)
+
+
+def sums(vectors: Sequence[Any]) -> list[Any]:
+    """Sum of the elements of each of some vectors of eight."""
+    found = []
+    for first in range(0, len(vectors), 8):
+        part = list(vectors[first : first + 8])
+        count = len(part)
+        part += [part[0]] * (8 - count)
+        for low, high in _FOLDS:
+            part = [shuffled(a, b, low) + shuffled(a, b, high) for a, b in zip(part[::2], part[1::2], strict=True)]
+        found += [element(part[0], i) for i in range(count)]
+    return found
+
+
 class _Numbers:
     """An array in the function that is being written, of doubles or of vectors of them; each is loaded once."""
 
@@ -183,18 +289,24 @@ class _Numbers:
         self.kind = kind
         self.known: dict[int, _Value] = {}
 
-    def _place(self, i: int) -> ir.Value:
+    def place(self, i: int) -> ir.Value:
+        """Pointer to an entry."""
         return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=self.kind)
 
     def __getitem__(self, i: int) -> _Value:
         if i not in self.known:
-            self.known[i] = _Value(self.builder, self.builder.load(self._place(i), align=8, typ=self.kind))
+            self.known[i] = _Value(self.builder, self.builder.load(self.place(i), align=8, typ=self.kind))
         return self.known[i]
 
     def __setitem__(self, i: int, value: Any) -> None:
         zero = _Value(self.builder, ir.Constant(self.kind, None))
         self.known[i] = _Value(self.builder, zero.lift(value))
-        self.builder.store(self.known[i].value, self._place(i), align=8)
+        self.builder.store(self.known[i].value, self.place(i), align=8)
+
+
+def _numbers(context: Any, builder: Any, of: Any, argument: Any) -> _Numbers:
+    """Array that a kernel hands to a program."""
+    return _Numbers(builder, context.make_array(of)(context, builder, argument).data, ir.DoubleType())
 
 
 def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
@@ -223,12 +335,10 @@ def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
     @intrinsic
     def straight(typing_context: Any, z: Any, c: Any) -> Any:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            program(
-                *(
-                    _Numbers(builder, context.make_array(of)(context, builder, argument).data, ir.DoubleType())
-                    for of, argument in zip(signature.args, arguments, strict=True)
-                )
-            )
+            # Or vectors that are kept on the stack would lie across two lines.
+            builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
+            builder.function.attributes.alignstack = _LINE
+            program(*(_numbers(context, builder, *given) for given in zip(signature.args, arguments, strict=True)))
             return context.get_dummy_value()
 
         return types.void(z, c), write
@@ -237,25 +347,30 @@ def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
-    """Return a function of floats that runs a program, for use in kernels, which compile it."""
+    """Return a function of floats, and of arrays of them, that runs a program, for use in kernels, which compile it."""
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-        def interpreted(*numbers: float) -> tuple[float, ...]:
+        def interpreted(*numbers: Any) -> tuple[float, ...]:
             with np.errstate(all="ignore"):
-                return function(*map(np.float64, numbers))
+                return function(*(n if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
 
         return interpreted
 
     def straight(typing_context: Any, *numbers: Any) -> Any:
-        results = len(function(*(np.full(len(numbers), math.nan))))
+        kinds = tuple(number if isinstance(number, types.Array) else types.float64 for number in numbers)
+        results = len(function(*(np.full(_ROOM, math.nan) if isinstance(n, types.Array) else math.nan for n in kinds)))
 
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            values = [_Value(builder, argument) for argument in arguments]
-            found = [values[0].lift(value) for value in function(*values)]
+            values: list[Any] = [
+                _numbers(context, builder, of, argument) if isinstance(of, types.Array) else _Value(builder, argument)
+                for of, argument in zip(signature.args, arguments, strict=True)
+            ]
+            zero = _Value(builder, ir.Constant(ir.DoubleType(), None))
+            found = [zero.lift(value) for value in function(*values)]
             return context.make_tuple(builder, signature.return_type, found)
 
         returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
-        return returned(*(types.float64 for _ in numbers)), write
+        return returned(*kinds), write
 
     # numba looks for names of the arguments.
     context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
@@ -304,6 +419,26 @@ def packed(
     return cast(Callable[[np.ndarray], None], straight)
 
 
+def _halved(coefficients: Sequence[float], x: Any) -> Any:
+    """Value of a polynomial with eight coefficients, by halves that are evaluated side by side."""
+    square = x * x
+    twos = [fma(x, b, a) for a, b in zip(coefficients[::2], coefficients[1::2], strict=True)]
+    fours = [fma(square, b, a) for a, b in zip(twos[::2], twos[1::2], strict=True)]
+    return fma(square * square, fours[1], fours[0])
+
+
+def rough_angle(sine: Any, cosine: Any) -> Any:
+    """Angle of a direction, to a thousandth; the lengths of both arguments play no part."""
+    along, across = absolute(cosine), absolute(sine)
+    steep = less(along, across)
+    ratio = where(steep, along, across) / where(steep, across, along)
+    square = ratio * ratio
+    angle = ratio * fma(square, fma(square, 0.0793, -0.2887), 0.9954)
+    angle = where(steep, 0.5 * math.pi - angle, angle)
+    angle = where_less(cosine, 0.0, math.pi - angle, angle)
+    return where_less(sine, 0.0, -angle, angle)
+
+
 def sine_cosine(angle: Any) -> tuple[Any, Any]:
     """Sine and cosine of an angle within a few turns of zero, to 1 ulp or two: Taylor series on [-pi/4, pi/4]."""
     quarter = nearest(angle * (2.0 / math.pi))
@@ -312,10 +447,8 @@ def sine_cosine(angle: Any) -> tuple[Any, Any]:
     x = fma(quarter, -6.07710050630396597660e-11, x)
     x = fma(quarter, -2.02226624879595063154e-21, x)
     square = x * x
-    odd, even = 0.0, 0.0
-    for k in range(8, 0, -1):
-        odd = fma(square, odd, (-1.0) ** k / math.factorial(2 * k + 1))
-        even = fma(square, even, (-1.0) ** k / math.factorial(2 * k))
+    odd = _halved([(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)], square)
+    even = _halved([(-1.0) ** k / math.factorial(2 * k) for k in range(1, 9)], square)
     s = fma(x, square * odd, x)
     c = fma(square, even, 1.0)
     # Which of the two, and with which sign: quarter modulo 4.
