@@ -123,6 +123,8 @@ def _marching(corners: bool) -> Any:
         dividend, divisor = _safe_step(where(starting, 0.0, gap), rate, bound)
         step = where(landed, where(plain, gap, 0.0), dividend) / where(landed, where(plain, rate, 1.0), divisor)
         step = where(landed | less(0.0, bound) | less(rate, 0.0), step, where(less(0.0, rate), step, math.inf))
+        # What the curvature may be off by over the step: below rounding, the root has been reached.
+        settled = less(rate, 0.0) & plain & not_more(bound * step * step, noise) & ~starting
         if corners:
             # The support height has a kink at +-pi, where the other corner takes over: heed that corner as well, and
             # do not turn so far that the arc beyond it comes down. Without spin neither takes over: the middle of the
@@ -131,11 +133,13 @@ def _marching(corners: bool) -> Any:
             a, b = arms_of(along, coming, 0.0, local)
             dividend, divisor = _safe_step(height - b, speed - a * omega, bound)
             heeded = smaller(dividend / divisor, smaller(step, 0.5 * half_angle / absolute(omega)))
+            settled = settled & not_more(step, heeded)
             step = where(landed, step, heeded)
         reached = where(landed, larger(t - step, 0.0), t + step)
         reached = where(pressing | resting, 0.0, reached)
         over = ~not_more(t, horizon) | ~(landed | not_more(reached, horizon))
-        ended = where(resting, RESTING, where(landed | pressing | not_more(reached, t), LANDED, SEARCHING))
+        landing = landed | settled | pressing | not_more(reached, t)
+        ended = where(resting, RESTING, where(landing, LANDED, SEARCHING))
         going = not_more(phase, SEARCHING)
         return (
             where(going, where(over, math.inf, reached), time),

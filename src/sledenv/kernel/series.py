@@ -366,8 +366,12 @@ def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
     """Find where a row of the table is zero, near Z_GUESS and up to Z_MOST; say whether that is its first root."""
     q = c[row]
     s = z[Z_GUESS]
+    before = z[Z_MOST]
     for _ in range(MOST_APPROACHES):
         s, change = _closer(q, s)
+        if not abs(change) < before:
+            return False
+        before = 0.25 * abs(change)
         if abs(change) <= CLOSE:
             z[Z_ROOT] = s
             return 0.0 < s <= z[Z_MOST] and _certainty(q, s)[0] > 0.0

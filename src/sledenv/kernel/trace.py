@@ -352,7 +352,7 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
 
         def interpreted(*numbers: Any) -> tuple[float, ...]:
             with np.errstate(all="ignore"):
-                return function(*(n if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
+                return function(*(n.reshape(-1) if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
 
         return interpreted
 
