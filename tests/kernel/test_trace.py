@@ -28,7 +28,6 @@ from sledenv.kernel.trace import (
     scalar,
     sine_cosine,
     smaller,
-    total,
     where,
     where_less,
 )
@@ -39,7 +38,7 @@ def _samples(z: Any, c: Any) -> None:
     c[2] = smaller(z[0], z[1])
     c[3] = absolute(z[0]) + 2.0 - 1.0 / z[1]
     c[4] = where_less(z[0], 0.5, 1.0, -z[1])
-    c[5] = total([z[0], z[1], 1.0 * z[0], 3.0 * z[1], z[0]])
+    c[5] = 3.0 * z[0] + 4.0 * z[1]
     c[6] = fma(z[0], z[1], -2.0)
     c[7] = 4.0
 

@@ -29,7 +29,8 @@ from sledenv.kernel.jit import allocating, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, law_of_row, touch
 from sledenv.kernel.params import Body, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
-from sledenv.kernel.series import ROWS, WIDTH, Z_ROWS
+from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.series import ROWS, Z_ROWS
 from sledenv.kernel.state import (
     FEATURE,
     GAP,

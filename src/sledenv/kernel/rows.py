@@ -51,7 +51,7 @@ def of(numbers: Sequence[Any]) -> list[Any]:
     return [side_by_side(*padded[i : i + EIGHT]) for i in range(0, WIDTH, EIGHT)]
 
 
-def times(row: Sequence[Any], other: Sequence[Any]) -> list[Any]:
+def times(row: Sequence[Any], other: Any) -> list[Any]:
     """Products of the numbers of two rows, place by place."""
     return [a * b for a, b in zip(row, other, strict=True)]
 

@@ -150,7 +150,9 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
             lever_cosine, lever_rest = 0.0, rho * size
         sine, cosine, spin = [z[Z_SINE]], [z[Z_COSINE]], [unit * z[Z_OMEGA]]
         turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
-        gap, normal, force = [z[Z_GAP], unit * z[Z_V_N]], [], []
+        gap: list[Any] = [z[Z_GAP], unit * z[Z_V_N]]
+        normal: list[Any] = []
+        force: list[Any] = []
         load = normal if gap_locked else gap
         lever, arm = [], []
         divisor: Any = 1.0

@@ -16,7 +16,6 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
-from itertools import zip_longest
 from typing import Any, cast
 
 import numpy as np
@@ -166,31 +165,18 @@ def larger(a: Any, b: Any) -> Any:
     return where_less(b, a, a, b)
 
 
-def total(terms: Sequence[Any]) -> Any:
-    """Sum of the terms of a power series, each of four chains from its small end, so that they run side by side."""
-    chains = []
-    for first in range(min(4, len(terms))):
-        chain = None
-        for term in reversed(terms[first::4]):
-            chain = term if chain is None else chain + term
-        chains.append(chain)
-    while len(chains) > 1:
-        chains = [a if b is None else a + b for a, b in zip_longest(chains[::2], chains[1::2])]
-    return chains[0]
-
-
 _MANTISSA = 52  # bits
 _BIAS = 1023
 
 
 def rough_root(a: Any, n: int) -> Any:
-    """Root of order ``n`` of a positive number, less than one per cent too small; NaN for what is not finite."""
+    """Root of order ``n`` of a positive number, less than two per cent too small; NaN for what is not finite."""
     if isinstance(a, _Value):
         whole = ir.IntType(64)
         bits = a.builder.sitofp(a.builder.bitcast(a.value, whole), ir.DoubleType())
-        logarithm = _Value(a.builder, bits) * 2.0**-_MANTISSA - _BIAS
+        logarithm: Any = _Value(a.builder, bits) * 2.0**-_MANTISSA - _BIAS
     else:
-        logarithm = np.float64(a).view(np.int64) * 2.0**-_MANTISSA - _BIAS
+        logarithm = float(np.float64(a).view(np.int64)) * 2.0**-_MANTISSA - _BIAS
     # Between powers of two the logarithm is taken for linear, and its inverse for a parabola.
     power = logarithm * (1.0 / n)
     below = nearest(power - 0.5)
@@ -200,7 +186,7 @@ def rough_root(a: Any, n: int) -> Any:
         scale = _Value(a.builder, a.builder.bitcast(a.builder.fptosi(scale.value, ir.IntType(64)), ir.DoubleType()))
     else:
         scale = np.float64(np.int64(scale).view(np.float64)) if np.isfinite(scale) else scale
-    return scale * fma(part, fma(part, 0.35, 0.65), 0.998) + (a - a)
+    return scale * fma(part, fma(part, 0.35, 0.65), 0.996) + (a - a)
 
 
 def side_by_side(*numbers: Any) -> Any:

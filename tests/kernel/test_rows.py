@@ -1,0 +1,103 @@
+"""Rows of coefficients in vector instructions, against the same in numpy."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv.kernel import rows
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.trace import compiled, rough_angle, rough_root, scalar, sums
+
+WIDTH = rows.WIDTH
+VECTORS = 11  # more than are summed at once
+
+
+def _handled(z: Any, c: Any) -> None:
+    """Write what each function makes of the row in ``z``, from the second row of ``c`` on."""
+    row = rows.read(z, 0)
+    s = z[1]
+    answers = [
+        rows.powers(s),
+        rows.without_constant(row),
+        rows.times(row, rows.COUNT),
+        rows.moved_on(row, s),
+        rows.with_first(row, s),
+        rows.sums_from(row),
+        rows.of([z[2], 7.0, z[3]]),
+    ]
+    for i, answer in enumerate(answers):
+        rows.write(c, i, answer)
+    many = [part * float(i + 1) for i in range(VECTORS) for part in (row[i % 3],)]
+    numbers = [*sums([rows.added(row), rows.sizes(row)]), *sums(many)]
+    rows.write(c, len(answers), rows.of(numbers))
+    places = row[0] * 0.01
+    rows.write(c, len(answers) + 1, [rows.values(z, 0, 19, places), row[1], row[2]])
+
+
+_program = compiled(_handled)
+_root = scalar(lambda a: (rough_root(a, 18),))
+_angle = scalar(lambda sine, cosine: (rough_angle(sine, cosine),))
+
+
+@kernel
+def _run(z: np.ndarray, c: np.ndarray) -> None:
+    _program(z, c)
+
+
+@kernel
+def _run_root(a: float) -> float:
+    return _root(a)[0]
+
+
+@kernel
+def _run_angle(sine: float, cosine: float) -> float:
+    return _angle(sine, cosine)[0]
+
+
+def test_rows_are_handled_as_numpy_does() -> None:
+    """Oracle: numpy, on random coefficients of both signs and all sizes."""
+    for seed in range(20):
+        generator = np.random.default_rng(seed)
+        z = generator.normal(size=WIDTH) * 10.0 ** generator.uniform(-3.0, 1.0, WIDTH)
+        c = np.full((9, WIDTH), math.nan)
+        _run(z, c)
+        s = z[1]
+        count = np.arange(WIDTH)
+        weights = np.arange(1.0, VECTORS + 1)
+        parts = z.reshape(-1, rows.EIGHT)
+        numbers = [z.sum(), np.abs(z[2:]).sum(), *(w * parts[i % 3].sum() for i, w in enumerate(weights))]
+        tolerance = {"rel": 1e-13, "abs": 1e-13 * np.abs(z).sum() * VECTORS}
+        assert c[0] == pytest.approx(s**count, rel=1e-14)
+        assert np.array_equal(c[1], [0.0, *z[1:]])
+        assert np.array_equal(c[2], z * count)
+        assert np.array_equal(c[3], [s, *z[:-1]])
+        assert np.array_equal(c[4], [s, *z[1:]])
+        assert c[5] == pytest.approx(np.cumsum(z[::-1])[::-1], **tolerance)
+        assert np.array_equal(c[6], [z[2], 7.0, z[3], *np.zeros(WIDTH - 3)])
+        assert c[7] == pytest.approx([*numbers, *np.zeros(WIDTH - len(numbers))], **tolerance)
+        assert c[8, : rows.EIGHT] == pytest.approx(np.polyval(z[18::-1], 0.01 * z[: rows.EIGHT]), **tolerance)
+
+
+def test_a_rough_root_is_at_most_two_per_cent_too_small() -> None:
+    """Oracle: the power function; a step must not come out too long."""
+    for a in 10.0 ** np.random.default_rng(0).uniform(-300.0, 300.0, 20_000):
+        ratio = _run_root(a) / a ** (1.0 / 18.0)
+        assert 0.98 <= ratio <= 1.0
+    assert _run_root(0.0) < 1e-15
+    assert math.isnan(_run_root(math.nan))
+    assert math.isnan(_run_root(math.inf))
+
+
+def test_a_rough_angle_is_right_to_a_thousandth_in_every_quarter() -> None:
+    """Oracle: atan2, whatever the lengths of the arguments."""
+    for angle in np.linspace(-math.pi, math.pi, 5001)[1:-1]:
+        for length in (1e-200, 1.0, 1e200):
+            found = _run_angle(length * math.sin(angle), length * math.cos(angle))
+            assert abs(found - angle) < 1e-3
+            assert _run_angle(-length * math.sin(angle), length * math.cos(angle)) == -found
+    assert math.isnan(_run_angle(math.nan, 1.0))
+    assert math.isnan(_run_angle(0.0, 0.0))
