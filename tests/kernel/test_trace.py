@@ -219,3 +219,30 @@ def test_a_completed_step_is_that_of_the_series(branch: tuple[int, int, int]) ->
         if z[safe] > 0.0:
             assert min(abs(value(c, row, s)) for s in grid) >= 0.999 * z[safe]
     assert max(abs(value(c, series.PHI, s) - value(c, series.PHI, 0.0)) for s in grid) <= 1.001 * z[series.E_TURN]
+
+
+def test_a_place_where_the_method_stands_still_is_not_taken_for_a_root() -> None:
+    """Oracle: a parabola at whose guess the two parts of a step of Chebyshev's method cancel; its roots by hand."""
+    z, c = np.zeros(Z_ROWS), np.zeros((series.ROWS, WIDTH))
+    c[V_T, :3] = 0.2 - 0.5 - 5.0 * 0.25, 1.0 + 5.0, -5.0  # .2 + (t - .5) - 5 (t - .5)^2
+    z[series.Z_MOST] = 2.0
+    for guess in np.linspace(0.45, 0.55, 11):
+        z[series.Z_GUESS] = guess
+        if series.locate(V_T, z, c):
+            assert abs(value(c, V_T, z[series.Z_ROOT])) < 1e-14
+
+
+@pytest.mark.parametrize("row", [GAP, V_N, V_T, OMEGA])
+def test_the_first_root_is_located_and_a_later_one_is_not(row: int) -> None:
+    """Oracle: (t - .4) (t - 1.1) (t + 3)."""
+    z, c = np.zeros(Z_ROWS), np.zeros((series.ROWS, WIDTH))
+    c[row, :4] = np.poly([0.4, 1.1, -3.0])[::-1]
+    z[series.Z_MOST], z[series.Z_GUESS] = 2.0, 0.42
+    assert series.locate(row, z, c)
+    assert z[series.Z_ROOT] == pytest.approx(0.4, rel=1e-14)
+    z[series.Z_GUESS] = 1.09
+    assert not series.locate(row, z, c)
+    z[series.Z_MOST], z[series.Z_GUESS] = 0.3, 0.42
+    assert not series.locate(row, z, c)
+    z[series.Z_GUESS] = math.nan
+    assert not series.locate(row, z, c)

@@ -373,11 +373,13 @@ def chord_contact(
                 at = series_root(c, row, -1, step, 0)
                 if at < math.inf:
                     step, event = at, 3 if tail else 4
+        # Where both sides leave every slack vanishes: rounding must not let it beat the separation.
+        before = step * (1.0 - 1e-12) if event in (3, 4) else math.inf
         release_slip, release_spin = 0, 0
         if slip == 0:
             for sign in both_signs(c[R_FORCE, 0]):
                 at = bound_root(c, R_NORMAL, R_FORCE, sign, pair.friction, step)
-                if at < math.inf:
+                if at < before:
                     step, event, release_slip = at, 5, -sign
         elif pair.friction > 0.0:
             at = series_root(c, V_T, slip, step, zero_slip)
@@ -386,7 +388,7 @@ def chord_contact(
         if spin == 0:
             for sign in both_signs(c[R_MOMENT, 0]):
                 at = bound_root(c, LOAD, R_MOMENT, sign, 1.0, step)
-                if at < math.inf:
+                if at < before:
                     step, event, release_spin = at, 6, -sign
         elif one.rolling_arm + two.rolling_arm > 0.0:
             at = series_root(c, OMEGA, spin, step, zero_spin)

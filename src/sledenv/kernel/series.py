@@ -335,14 +335,16 @@ def _bound(leading: Any, slope: Any, rest: Any) -> Any:
 
 
 def _approach(q: Any, s: Any) -> tuple[Any, ...]:
-    """Come closer to a root of a series by Chebyshev's method, of third order; the new place and the change."""
+    """Come closer to a root of a series by Chebyshev's method, of third order; the new place, and Newton's step.
+
+    Newton's step is zero at a root only; that of the method is zero also where its two parts cancel.
+    """
     series = [q[k] for k in range(TERMS)]
     rate = [float(k) * series[k] for k in range(1, TERMS)]
     bend = [float(k) * rate[k] for k in range(1, ORDER)]
     per_slope = 1.0 / _value(rate, s)
     step = _value(series, s) * per_slope
-    change = fma(0.5 * step * step, _value(bend, s) * per_slope, step)
-    return s - change, change
+    return s - fma(0.5 * step * step, _value(bend, s) * per_slope, step), step
 
 
 def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
@@ -359,7 +361,7 @@ def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
 
 _BEHIND = np.where(rows.COUNT[0] > 2.0, 1.0, 0.0)
 _closer, _certainty = scalar(_approach), scalar(_certificate)
-CLOSE = 3e-6  # change of a root [units] after which the error is rounding
+CLOSE = 3e-6  # step to a root [units] after which the error is rounding
 MOST_APPROACHES = 5
 
 
@@ -370,11 +372,11 @@ def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
     s = z[Z_GUESS]
     before = z[Z_MOST]
     for _ in range(MOST_APPROACHES):
-        s, change = _closer(q, s)
-        if not abs(change) < before:
+        s, step = _closer(q, s)
+        if not abs(step) < before:
             return False
-        before = 0.25 * abs(change)
-        if abs(change) <= CLOSE:
+        before = 0.25 * abs(step)
+        if abs(step) <= CLOSE:
             z[Z_ROOT] = s
             return 0.0 < s <= z[Z_MOST] and _certainty(q, s)[0] > 0.0
     return False
