@@ -148,3 +148,9 @@ def test_steep_series_of_high_order_are_followed_to_the_root() -> None:
 def test_a_series_of_positive_terms_has_no_root() -> None:
     """Oracle: t^20 + 0.001 on [0, 1.5], positive by hand."""
     assert root_of([1e-3, *[0.0] * 19, 1.0], 1.5) == math.inf
+
+
+@pytest.mark.parametrize(("series", "vanishing"), [([0.0, -1.0, 3.0], 1), ([0.0, 0.0, -1.0], 2), ([1.0, -1.0], 0)])
+def test_an_interval_of_no_length_holds_no_root(series: list[float], vanishing: int) -> None:
+    """Oracle: what is zero by construction is no root, and there is nothing behind it."""
+    assert root_of(series, 0.0, vanishing) == math.inf

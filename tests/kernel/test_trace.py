@@ -246,3 +246,18 @@ def test_the_first_root_is_located_and_a_later_one_is_not(row: int) -> None:
     assert not series.locate(row, z, c)
     z[series.Z_GUESS] = math.nan
     assert not series.locate(row, z, c)
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_a_root_beside_another_is_as_good_as_any(apart: float) -> None:
+    """Oracle: (t - .5) (t - .5 - apart): the value there is rounding, from guesses near and far."""
+    z, c = np.zeros(Z_ROWS), np.zeros((series.ROWS, WIDTH))
+    c[V_T, :3] = np.poly([0.5, 0.5 + apart])[::-1]
+    z[series.Z_MOST] = 2.0
+    located = 0
+    for guess in 0.5 - apart * np.concatenate([np.logspace(-8.0, -1.0, 30), [0.0]]):
+        z[series.Z_GUESS] = guess
+        if series.locate(V_T, z, c):
+            located += 1
+            assert abs(z[series.Z_ROOT] - 0.5) * apart < 1e-15
+    assert located > 0

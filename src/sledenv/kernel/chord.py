@@ -373,7 +373,8 @@ def chord_contact(
                 at = series_root(c, row, -1, step, 0)
                 if at < math.inf:
                     step, event = at, 3 if tail else 4
-        # Where both sides leave every slack vanishes: rounding must not let it beat the separation.
+        # Where both sides leave every slack vanishes: rounding must not let it beat the separation. Where one leaves a
+        # release at that very time is left to the contact of the other.
         before = step * (1.0 - 1e-12) if event in (3, 4) else math.inf
         release_slip, release_spin = 0, 0
         if slip == 0:

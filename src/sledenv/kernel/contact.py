@@ -75,6 +75,7 @@ from sledenv.kernel.series import (
     Z_RHO,
     Z_ROOT,
     Z_SINE,
+    Z_STATE,
     Z_STEP,
     Z_STIFFNESS,
     Z_THETA,
@@ -277,7 +278,7 @@ def _settled_unit(size: float, gravity: float, omega: float) -> float:
 @kernel
 def _sooner(row: int, end: float, z: np.ndarray) -> bool:
     """Whether a velocity has changed its sign over the step; then say where it is expected to have been zero."""
-    before = z[Z_X - X + row]
+    before = z[Z_STATE + row]
     if not before * end < 0.0:
         return False
     z[Z_MOST] = z[Z_STEP]
@@ -305,7 +306,7 @@ def _take_step(
     _, slip, spin = branch
     event = NOTHING
     z[Z_STEP] = z[Z_MOST]
-    # A gap rate that starts from zero has a root there, which Newton's method might find.
+    # A gap rate that starts from zero has a root there, which the search might find.
     sought = expected == SEPARATION or (expected == RATE_ZERO and vanishing[0] == 0)
     if sought and z[Z_GUESS] < 1.1 * z[Z_MOST] and locate(GAP if expected == SEPARATION else V_N, z, c):
         z[Z_STEP], event = z[Z_ROOT], expected

@@ -200,7 +200,7 @@ def first_event(
         1 if the contact has just passed from one feature to the other.
     event : int
         What happens at the end of the step, NOTHING if that is not known.
-    z, c : ndarray, shapes (Z_ROWS,) and (ROWS, TERMS)
+    z, c : ndarray, shapes (Z_ROWS,) and (ROWS, WIDTH)
         The series of the step, completed.
 
     Returns

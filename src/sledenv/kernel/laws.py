@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,8 +21,10 @@ from sledenv.kernel.state import ON_CHORD, TIME
 
 Law = ContactLaw | RigidLaw
 
-# Between two corners that hand a body over to each other so often without any time passing it lies on its chord.
+# Between two corners that hand a body over to each other so often, each time within a share of the time that a contact
+# takes, it lies on its chord: hand-overs accumulate at the moment from which on both touch.
 MOST_IDLE = 30
+BRIEF = 1e-9
 
 
 @kernel
@@ -45,6 +48,7 @@ def _compliant_touch(
         law.corner_rolling_arm,
         np.inf,
     )
+    brief = BRIEF * math.sqrt(body.mass / pair.k_closing)
     idle = 0
     while True:
         start = state[TIME]
@@ -57,7 +61,7 @@ def _compliant_touch(
         )
         if status != ONE_CORNER:
             break
-        idle = 0 if state[TIME] > start else idle + 1
+        idle = 0 if state[TIME] - start > brief else idle + 1
         if idle > MOST_IDLE:
             status = TUMBLED
             break

@@ -83,6 +83,8 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
         The root; 0 if the series starts negative or turns negative at once.
     """
     if vanishing > 0:
+        if not step > 0.0:
+            return math.inf
         _drop(q, vanishing)
         noise = 0.0
     size, rest = _scaled(q, step)

@@ -21,7 +21,7 @@ def powers(s: Any) -> list[Any]:
     """Powers of ``s`` from 0 on."""
     square = s * s
     fourth = square * square
-    two = side_by_side(1.0 + 0.0 * s, s)
+    two = side_by_side(1.0, s)
     four = shuffled(two, two * repeated(square, 2), range(4))
     first = shuffled(four, four * repeated(fourth, 4), range(EIGHT))
     eighth = repeated(fourth * fourth, EIGHT)

@@ -100,8 +100,8 @@ ROWS = 13
     E_SAFE_MOMENT,
 ) = range(54)
 Z_ROWS = 54
-Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state
-E_STATE = E_X - X
+Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
+E_STATE = E_X - X  # and of that at the end
 
 
 def _plus_product(a: Any, b: Any, rest: Any) -> Any:
@@ -125,8 +125,8 @@ def _product(p: Sequence[Any], q: Sequence[Any], k: int, first: int) -> Any:
 
 
 _SHARES = 1.0 / np.maximum(rows.COUNT, 1.0)
-_KNOWN = np.where(rows.COUNT < TERMS, 1.0, 0.0)
-_NEXT = _KNOWN * (rows.COUNT + 1.0)
+_KEPT = np.where(rows.COUNT < TERMS, 1.0, 0.0)
+_NEXT = _KEPT * (rows.COUNT + 1.0)
 _FORCES = np.where(rows.COUNT < ORDER, 1.0, 0.0)  # are known to one order less
 
 
@@ -143,11 +143,12 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
         inward, downhill = square * z[Z_INWARD], square * z[Z_DOWNHILL]
         stiffness = -(z[Z_STIFFNESS] * z[Z_PER_MASS] * square)  # normal force over gap
         # Spin rate that a force at the lever gives; the load is the normal force where the gap is locked, else the gap.
-        size = ratio if gap_locked else ratio * stiffness
-        lever_sine, lever_cosine, lever_rest = -(h * size), -(mu * h * size), fma(mu, r, rho) * size
+        per_lever = ratio if gap_locked else ratio * stiffness
+        lever_sine, lever_cosine = -(h * per_lever), -(mu * h * per_lever)
+        lever_rest = fma(mu, r, rho) * per_lever
         a_0, b_0 = h * z[Z_SINE], fma(-h, z[Z_COSINE], r)
         if slip_locked:
-            lever_cosine, lever_rest = 0.0, rho * size
+            lever_cosine, lever_rest = 0.0, rho * per_lever
         sine, cosine, spin = [z[Z_SINE]], [z[Z_COSINE]], [unit * z[Z_OMEGA]]
         turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
         gap: list[Any] = [z[Z_GAP], unit * z[Z_V_N]]
@@ -225,21 +226,22 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
             normals = [p * masses for p in loads]
         else:
             rates = [p * (in_seconds * n) for p, n in zip(rows.of(gap[1:]), _NEXT, strict=True)]
-            gaps, rates = loads, rows.with_first(rates, z[Z_V_N])
+            gaps = loads
+            rates = rows.with_first(rates, z[Z_V_N])
             stiff = repeated(-z[Z_STIFFNESS], rows.EIGHT)
-            normals = [p * (stiff * known) for p, known in zip(loads, _FORCES, strict=True)]
+            normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         if slip_locked:
             speeds, slips = [-p for p in sweeps], nothing  # the speed is that of the mass centre along the slope
             rows.write(c, R_FORCE, [p * masses for p in rows.of(force[:ORDER])])
         else:
             driven = repeated(mu if gap_locked else mu * stiffness, rows.EIGHT)
-            speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0 * unit), _SHARES, strict=True)]
+            speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0), _SHARES, strict=True)]
             start = fma(unit, z[Z_V_T], -element(sweeps[0], 0))
             speeds[0] = speeds[0] + side_by_side(start, downhill, *([0.0] * 6))
-            slips = [(p + q) * (in_seconds * known) for p, q, known in zip(speeds, sweeps, _KNOWN, strict=True)]
+            slips = [(p + q) * (in_seconds * kept) for p, q, kept in zip(speeds, sweeps, _KEPT, strict=True)]
             slips = rows.with_first(slips, z[Z_V_T])
-        rows.write(c, X, rows.times(rows.moved_on(speeds, z[Z_X]), _SHARES * _KNOWN))
-        rows.write(c, PHI, rows.times(rows.moved_on(spins, z[Z_PHI]), _SHARES * _KNOWN))
+        rows.write(c, X, rows.times(rows.moved_on(speeds, z[Z_X]), _SHARES * _KEPT))
+        rows.write(c, PHI, rows.times(rows.moved_on(spins, z[Z_PHI]), _SHARES * _KEPT))
         rows.write(c, OMEGA, [p * in_seconds for p in spins])
         for row, series in (
             (GAP, gaps),
@@ -335,16 +337,18 @@ def _bound(leading: Any, slope: Any, rest: Any) -> Any:
 
 
 def _approach(q: Any, s: Any) -> tuple[Any, ...]:
-    """Come closer to a root of a series by Chebyshev's method, of third order; the new place, and Newton's step.
+    """Come closer to a root of a series by Chebyshev's method, of third order.
 
-    Newton's step is zero at a root only; that of the method is zero also where its two parts cancel.
+    Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
+    two parts cancel), and the error that is left if it was close.
     """
     series = [q[k] for k in range(TERMS)]
     rate = [float(k) * series[k] for k in range(1, TERMS)]
     bend = [float(k) * rate[k] for k in range(1, ORDER)]
     per_slope = 1.0 / _value(rate, s)
     step = _value(series, s) * per_slope
-    return s - fma(0.5 * step * step, _value(bend, s) * per_slope, step), step
+    bent = step * _value(bend, s) * per_slope
+    return s - fma(0.5 * step, bent, step), step, absolute(step) * fma(step, step, bent * bent)
 
 
 def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
@@ -355,13 +359,12 @@ def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
     """
     later = rows.sums_from(rows.times(rows.read(q, 0), rows.powers(s)))
     first, second = element(later[0], 1), element(later[0], 2)
-    (rest,) = sums([rows.sizes([later[0] * _BEHIND, *later[1:]])])
-    return (_bound(first, second, rest),)
+    (rest,) = sums([rows.sizes(later)])
+    return (_bound(first, second, rest - absolute(second)),)
 
 
-_BEHIND = np.where(rows.COUNT[0] > 2.0, 1.0, 0.0)
 _closer, _certainty = scalar(_approach), scalar(_certificate)
-CLOSE = 3e-6  # step to a root [units] after which the error is rounding
+CLOSE = 3e-17  # error of a root [units] that counts as rounding
 MOST_APPROACHES = 5
 
 
@@ -372,11 +375,11 @@ def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
     s = z[Z_GUESS]
     before = z[Z_MOST]
     for _ in range(MOST_APPROACHES):
-        s, step = _closer(q, s)
+        s, step, error = _closer(q, s)
         if not abs(step) < before:
             return False
         before = 0.25 * abs(step)
-        if abs(step) <= CLOSE:
+        if error <= CLOSE:
             z[Z_ROOT] = s
             return 0.0 < s <= z[Z_MOST] and _certainty(q, s)[0] > 0.0
     return False

@@ -4,9 +4,9 @@ A program may use arithmetic, the functions below and loops whose bounds are kno
 values that write LLVM instructions instead of computing: an unrolled recurrence of thousands of instructions then costs
 no type inference, which is what takes numba long, and no loop stands between the processor and its order of execution.
 
-:func:`compiled` makes a function of two arrays of numbers; :func:`scalar` and :func:`packed` make a function of numbers
-and one that handles LANES of them side by side with vector instructions. Each lane then goes through the same sequence
-of correctly rounded operations as a single number does, so the results agree bit for bit.
+:func:`compiled` makes a function of two arrays of numbers; :func:`scalar` and :func:`packed` make one of numbers, or of
+arrays of them, and one that handles LANES of numbers side by side with vector instructions. Each lane then goes
+through the same sequence of correctly rounded operations as a single number does, so the results agree bit for bit.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
@@ -27,7 +27,7 @@ from numba.extending import intrinsic
 Program = Callable[[Any, Any], None]
 
 _LINE = 64  # bytes of cache
-_ROOM = 4096  # places of an array that a function of numbers may look at
+_ROOM = 4096  # places of an array that a function of numbers may use
 LANES = 16  # two AVX-512 registers: while one of them waits for a result the other goes on
 
 
@@ -170,7 +170,7 @@ _BIAS = 1023
 
 
 def rough_root(a: Any, n: int) -> Any:
-    """Root of order ``n`` > 9 of a positive number, less than .2 per cent too small; NaN for what is not finite."""
+    """Root of order ``n`` > 13 of a positive number, less than .2 per cent too small; NaN for what is not finite."""
     if isinstance(a, _Value):
         whole = ir.IntType(64)
         bits = a.builder.sitofp(a.builder.bitcast(a.value, whole), ir.DoubleType())
@@ -211,6 +211,8 @@ def repeated(number: Any, count: int) -> Any:
 
 def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
     """Vector of the elements of ``a`` and then ``b`` at some places; ``b`` may be None."""
+    if isinstance(b, _Value):
+        a = _Value(b.builder, b.lift(a))
     if not isinstance(a, _Value):
         return (a if b is None else np.concatenate([a, b]))[list(places)]
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
@@ -242,6 +244,8 @@ def set_block(numbers: Any, first: int, vector: Any) -> None:
         )
         value = _Value(numbers.builder, ir.Constant(kind, None)).lift(vector)
         numbers.builder.store(value, numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind)), align=8)
+        for i in range(first, first + kind.count):
+            numbers.known.pop(i, None)
     else:
         numbers[first : first + len(vector)] = vector
 
