@@ -75,6 +75,8 @@ def _separation(results: Results, table: pd.DataFrame) -> str:
     names = ["scenario", *map(_words, rewards), "regret of best fixed, IQM", "p90", "width"]
     rows = []
     for row in separation(results).to_dict("records"):
+        if np.isnan([row[name] for name in rewards[1:]]).all():  # no agent there that shows what is asked for
+            continue
         key = row["environment"], row["scenario"]
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
         numbers = [*(row[name] for name in rewards), *regret, row["width"]]
