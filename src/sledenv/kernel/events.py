@@ -61,6 +61,15 @@ def both_signs(value: float) -> tuple[int, int]:
 
 
 @kernel
+def before_separation(at: float) -> float:
+    """Time before which a release comes before a separation.
+
+    Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
+    """
+    return at * (1.0 - 1e-12)
+
+
+@kernel
 def series_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int) -> float:
     """Time at which ``sign`` times a series, positive at first, becomes negative; see :func:`first_root`."""
     q = c[R_SCRATCH]
@@ -231,8 +240,7 @@ def first_event(
             at = series_root(c, GAP, -1, step, 0)
             if at < math.inf:
                 step, event = at, SEPARATION
-    # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
-    before = step * (1.0 - 1e-12) if event == SEPARATION else math.inf
+    before = before_separation(step) if event == SEPARATION else math.inf
     if slip == 0:
         if not z[E_SAFE_FORCE] > 0.0:
             for sign in both_signs(c[R_FORCE, 0]):

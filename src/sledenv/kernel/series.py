@@ -34,6 +34,9 @@ from sledenv.kernel.trace import (
 
 ORDER = 18
 TERMS = ORDER + 1
+EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
+CLOSE = 3e-17  # error of a root [units] that counts as rounding
+MOST_APPROACHES = 5  # to a root
 
 # Rows of the table of series; those of the state have the numbers that they have in the contact state. Time is counted
 # in a unit of the step's own, so a coefficient is what its term adds at the end of one unit.
@@ -364,8 +367,6 @@ def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
 
 
 _closer, _certainty = scalar(_approach), scalar(_certificate)
-CLOSE = 3e-17  # error of a root [units] that counts as rounding
-MOST_APPROACHES = 5
 
 
 @kernel
@@ -383,9 +384,6 @@ def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
             z[Z_ROOT] = s
             return 0.0 < s <= z[Z_MOST] and _certainty(q, s)[0] > 0.0
     return False
-
-
-EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
 
 
 def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[Any, ...]:
@@ -406,6 +404,9 @@ def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[A
     return (step + sane,)
 
 
+_MOTION = (X, GAP, V_N, V_T, OMEGA)
+
+
 def _completion(z: Any, c: Any) -> None:
     """State and work at the end of a step of Z_STEP units, and whether anything changes its sign on the way.
 
@@ -417,38 +418,40 @@ def _completion(z: Any, c: Any) -> None:
     nodes = repeated(s, rows.EIGHT) * _NODES
     normal, slip, spin = (rows.values(c, row, TERMS, nodes) for row in (R_NORMAL, V_T, OMEGA))
     load = normal * _WEIGHTS
-    x, gap, v_n, v_t, omega, sine, cosine = (
-        rows.times(rows.read(c, row), powers) for row in (X, GAP, V_N, V_T, OMEGA, R_SINE, R_COSINE)
-    )
+    terms = {row: rows.times(rows.read(c, row), powers) for row in (*_MOTION, R_SINE, R_COSINE)}
     sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
-    other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in zip(sine, cosine, gap, strict=True)]
-    places = (X, GAP, V_N, V_T, OMEGA)
-    ends = [rows.added(terms) for terms in (x, gap, v_n, v_t, omega)]
-    end_x, end_gap, end_v_n, end_v_t, end_omega, turned, impulse, slid = sums(
-        [*ends, spin * _WEIGHTS, load, load * slip]
+    around = zip(terms[R_SINE], terms[R_COSINE], terms[GAP], strict=True)
+    other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
+    *ends, turned, impulse, slid = sums(
+        [*(rows.added(terms[row]) for row in _MOTION), spin * _WEIGHTS, load, load * slip]
     )
-    rolled, *rests = sums([load * spin, *(rows.sizes(terms) for terms in (x, gap, v_n, v_t, omega, other))])
-    for answer, row, end in zip(
-        (E_X, E_GAP, E_V_N, E_V_T, E_OMEGA), places, (end_x, end_gap, end_v_n, end_v_t, end_omega), strict=True
-    ):
-        z[answer] = c[row * WIDTH] + end
+    rolled, *rests, other_rest = sums([load * spin, *(rows.sizes(terms[row]) for row in _MOTION), rows.sizes(other)])
+    for row, end in zip(_MOTION, ends, strict=True):
+        z[E_STATE + row] = c[row * WIDTH] + end
     z[E_PHI] = fma(time, turned, z[Z_PHI])
     z[E_NORMAL] = time * impulse
     z[E_SLIP] = time * slid
     z[E_SPIN] = time * rolled
-    linear = [c[row * WIDTH + 1] * s for row in (*places, R_SINE, R_COSINE)]
-    z[E_TRAVEL] = absolute(linear[0]) + rests[0]
+    leading = {row: c[row * WIDTH] for row in terms}
+    linear = {row: c[row * WIDTH + 1] * s for row in terms}
+    rest = dict(zip(_MOTION, rests, strict=True))
+    z[E_TRAVEL] = absolute(linear[X]) + rest[X]
     # |phi| grows by no more than the spin and its changes do.
-    z[E_TURN] = time * (absolute(c[OMEGA * WIDTH]) + absolute(linear[4]) + rests[4])
-    z[E_SAFE_GAP] = _bound(c[GAP * WIDTH], linear[1], rests[1])
-    for safe, left, i in ((E_SAFE_V_N, E_LEFT_V_N, 2), (E_SAFE_V_T, E_LEFT_V_T, 3), (E_SAFE_OMEGA, E_LEFT_OMEGA, 4)):
-        z[safe] = _bound(c[places[i] * WIDTH], linear[i], rests[i])
-        second = c[places[i] * WIDTH + 2] * (s * s)
-        z[left] = _bound(linear[i], second, rests[i] - absolute(second))
-    leading = fma(z[Z_OTHER_SINE], c[R_SINE * WIDTH], fma(z[Z_OTHER_COSINE], c[R_COSINE * WIDTH], c[GAP * WIDTH]))
-    leading = leading + z[Z_OTHER]
-    slope = fma(z[Z_OTHER_SINE], linear[5], fma(z[Z_OTHER_COSINE], linear[6], linear[1]))
-    z[E_SAFE_OTHER] = where_less(0.0, leading, _bound(leading, slope, rests[5]), -1.0)
+    z[E_TURN] = time * (absolute(leading[OMEGA]) + absolute(linear[OMEGA]) + rest[OMEGA])
+    z[E_SAFE_GAP] = _bound(leading[GAP], linear[GAP], rest[GAP])
+    for safe, left, row in (
+        (E_SAFE_V_N, E_LEFT_V_N, V_N),
+        (E_SAFE_V_T, E_LEFT_V_T, V_T),
+        (E_SAFE_OMEGA, E_LEFT_OMEGA, OMEGA),
+    ):
+        z[safe] = _bound(leading[row], linear[row], rest[row])
+        second = c[row * WIDTH + 2] * (s * s)
+        z[left] = _bound(linear[row], second, rest[row] - absolute(second))
+    start, slope = (
+        fma(z[Z_OTHER_SINE], of[R_SINE], fma(z[Z_OTHER_COSINE], of[R_COSINE], of[GAP])) for of in (leading, linear)
+    )
+    start = start + z[Z_OTHER]
+    z[E_SAFE_OTHER] = where_less(0.0, start, _bound(start, slope, other_rest), -1.0)
 
 
 def _above(leading: Any, slope: Any, rest: Any) -> Any:
