@@ -74,7 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
     (given.out / "scores.json").write_text(json.dumps(as_json(scores)))
 
     sac_run = run_folder(given.out, "sac", problem, given.seed)
-    untrained = Sac.load_untrained(sac_run)
+    untrained = Sac.load_untrained(problem, sac_run)
     before = evaluate(problem, untrained, "untrained")
     picture = given.out / "before_after.png"
     strobe(problem, untrained, agent, telling_context(problem, before, scores[-1]), picture)

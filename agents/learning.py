@@ -17,6 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
+from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
 
@@ -58,7 +59,7 @@ class _Validation(BaseCallback):
 
     def _check(self) -> None:
         self._next = self.num_timesteps + self._every
-        batch, _ = self._problem.judge(self._agent(self.model), self._contexts)
+        batch, _ = self._problem.judge(self._agent(self._problem, self.model), self._contexts)
         mean = float(batch.jam.reward.mean())
         finished = float((batch.status == "finish").mean())
         self.logger.record("validation/mean_reward", mean)
@@ -97,6 +98,34 @@ class Standardised(VecEnvWrapper):
         return observations, (rewards - self._mean) / self._deviation, dones, infos
 
 
+class Landed(VecEnvWrapper):
+    """Environments of one step whose actions are landings.
+
+    Parameters
+    ----------
+    venv : VecEnv
+    landing : Landing
+    """
+
+    def __init__(self, venv: VecEnv, landing: Landing) -> None:
+        super().__init__(venv)
+        self._landing = landing
+        self._seen = np.empty(0, np.float32)
+
+    def reset(self) -> VecEnvObs:
+        observations = self.venv.reset()
+        self._seen = np.asarray(observations)
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self.venv.step_async(self._landing.actions(self._seen, actions))
+
+    def step_wait(self) -> VecEnvStepReturn:
+        observations, rewards, dones, infos = self.venv.step_wait()
+        self._seen = np.asarray(observations)
+        return observations, rewards, dones, infos
+
+
 def _random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
     """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
     contexts = problem.drawn(problem.contexts("train", _SCALE_CONTEXTS, seed), "train")
@@ -113,12 +142,16 @@ def _schedule(value: Any) -> Any:
 
 
 class Learned:
-    """A trained policy, acting without exploration noise."""
+    """A trained policy, acting without exploration noise.
+
+    Where an episode has one step, it tells a launch by its landing: see :class:`sledenv.benchmark.landing.Landing`.
+    """
 
     algorithm: ClassVar[type[BaseAlgorithm]]
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, problem: Problem, model: Any) -> None:
         self.model = model
+        self._landing = Landing(problem) if problem.environment == "launch" else None
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -150,7 +183,7 @@ class Learned:
             )
         )
         if problem.environment == "launch":
-            env = Standardised(env, _random_rewards(problem, seed))
+            env = Landed(Standardised(env, _random_rewards(problem, seed)), Landing(problem))
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.
@@ -169,13 +202,14 @@ class Learned:
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the policy of a run."""
-        return cls(cls.algorithm.load(folder / _MODEL, device="cpu"))
+        return cls(problem, cls.algorithm.load(folder / _MODEL, device="cpu"))
 
     @classmethod
-    def load_untrained(cls, folder: Path) -> Self:
+    def load_untrained(cls, problem: Problem, folder: Path) -> Self:
         """Read the policy with which the run began."""
-        return cls(cls.algorithm.load(folder / _BEFORE, device="cpu"))
+        return cls(problem, cls.algorithm.load(folder / _BEFORE, device="cpu"))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        actions, _ = self.model.predict(observations, deterministic=True)
-        return np.asarray(actions, np.float32)
+        chosen, _ = self.model.predict(observations, deterministic=True)
+        actions = np.asarray(chosen, np.float32)
+        return actions if self._landing is None else self._landing.actions(observations, actions)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from stable_baselines3 import SAC, TD3
+from stable_baselines3 import PPO, SAC, TD3
 
-from agents.learning import Standardised, _random_rewards
+from agents.learning import Landed, Standardised, _random_rewards
+from agents.ppo import Agent as PpoAgent
 from agents.searching import COARSE, SearchingSAC, SearchingTD3
+from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
 
@@ -108,3 +110,20 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
         Agent.train(problem, default_settings("td3", problem) | quick, seed, folder)
     streams = [lane for lanes in asked for lane in lanes]
     assert len(streams) == len(set(streams)) == 3 * 256
+
+
+def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
+    """Oracle: the agent itself, whose launches an environment earns what the wrapped one earns for its landings."""
+    problem = Problem("brake_mat")
+    launches, landings = (make_vec_env(problem.id, 16, 3, env_kwargs={"scenario": "brake_mat"}) for _ in range(2))
+    seen, also = launches.reset(), (wrapped := Landed(landings, Landing(problem))).reset()
+    np.testing.assert_array_equal(seen, also)
+    model = PPO("MlpPolicy", wrapped, n_steps=2, seed=0)
+    model.policy.action_net.bias.data[:] = torch.tensor([0.3, 0.5])  # an untrained policy neither turns nor spins
+    agent = PpoAgent(problem, model)
+    for _ in range(3):  # contexts change with every step
+        chosen = agent.act(seen)
+        told, _ = model.predict(seen, deterministic=True)
+        assert np.abs(chosen[:, 0] - told[:, 0]).max() > 0.1
+        (seen, rewards, *_), (_, earned, *_) = launches.step(chosen), wrapped.step(told)
+        np.testing.assert_array_equal(rewards, earned)

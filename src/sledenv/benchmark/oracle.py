@@ -12,15 +12,17 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts
 from sledenv.files import replacing
 from sledenv.scenario import Context, Split
 
 GRID: Final = (72, 33)  # orientations and spins of the dense search; the former alone if it is all that is chosen
-STARTS: Final = 6  # local maxima of the grid that are refined
-LEVELS: Final = 9  # of refinement, each with half the width
-NEIGHBOURS: Final = 24  # launches tried around each start at each level
+STARTS: Final = 24  # local maxima of the grid that are refined
+KEPT: Final = 8  # of these, after half of the levels
+LEVELS: Final = 12  # of refinement, each with half the width
+NEIGHBOURS: Final = 60  # launches tried around each start at each level
 NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
 _BLOCK = 1 << 18  # descents at a time
 _SAME = 1e-9  # rewards that differ by less come from the same physics
@@ -39,7 +41,7 @@ def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID, 
     Orientations that are a full turn apart are tried once; spins include both bounds. Launch noise is that of a split.
     """
     axes = _axes(problem, grid)
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    points = _points(axes)
     rewards = _expect(problem, contexts, np.broadcast_to(points, (len(contexts), *points.shape)), split)
     return [JamMap(axes, row.reshape([len(axis) for axis in axes])) for row in rewards]
 
@@ -47,48 +49,26 @@ def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID, 
 def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     """Search the best launch of each context of an array of shape (n, 8).
 
-    A grid, then local refinement from its highest maxima: points of a Sobol sequence in a box around each, which
-    halves its width at every level. The landscape is made of plateaus with cliffs, so no gradient is used.
-
     Returns
     -------
     DataFrame
-        One row a context: its fields; ``action_0``, ... and ``reward`` of the best launch found; and, from the grid,
-        ``uniform`` (mean reward), ``width`` (share of launches within 1 % of the best) and ``step_median``,
+        One row a context: its fields; ``action_0``, ... and ``reward`` of the best launch found; and, from a grid of
+        launches, ``uniform`` (mean reward), ``width`` (share of launches within 1 % of the best) and ``step_median``,
         ``step_p99`` (difference of reward between neighbours).
     """
+    launches, best = _search(problem, contexts)
+    # The grid of launches says what the landscape is like; no cell of a map may lie above the optimum that it shows.
     maps = jam_map(problem, contexts)
-    axes = maps[0].launches
-    rewards = np.array([one.rewards for one in maps])
-    starts = np.array([_maxima(problem, one) for one in rewards])  # (n, STARTS, axes), indices
-    points = np.stack([axis[starts[..., i]] for i, axis in enumerate(axes)], axis=-1)
-    lanes = np.arange(len(contexts))[:, np.newaxis]
-    values = rewards[(lanes, *np.moveaxis(starts, -1, 0))]
-    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(axes)])
-    # An even number of points in pairs that mirror each other, so that a mirror image has a mirror-image optimum.
-    cloud = 2.0 * qmc.Sobol(len(axes), scramble=False).random_base2(4)[1 : NEIGHBOURS // 2 + 1] - 1.0
-    cloud = np.concatenate([cloud, -cloud])
-    for level in range(LEVELS):
-        tried = points[:, :, np.newaxis] + 0.5**level * width * cloud
-        tried = _inside(problem, tried)
-        found = _expect(problem, contexts, tried.reshape(len(contexts), -1, len(axes))).reshape(*values.shape, -1)
-        best = found.argmax(axis=2)
-        better = np.take_along_axis(found, best[..., np.newaxis], 2)[..., 0]
-        nearby = np.take_along_axis(tried, best[..., np.newaxis, np.newaxis], 2)[:, :, 0]
-        points = np.where((better > values)[..., np.newaxis], nearby, points)
-        values = np.maximum(values, better)
-        if level == LEVELS // 2 - 1:  # from here on, the two best are enough
-            kept = np.argsort(-values, axis=1, kind="stable")[:, :2]
-            points, values = np.take_along_axis(points, kept[..., np.newaxis], 1), np.take_along_axis(values, kept, 1)
-    winner = values.argmax(axis=1)
+    rewards = np.array([one.rewards.ravel() for one in maps])
+    higher = rewards.max(axis=1) > best
+    launches[higher] = _points(maps[0].launches)[rewards.argmax(axis=1)][higher]
+    best = np.maximum(best, rewards.max(axis=1))
     table = pd.DataFrame(contexts, columns=list(Context._fields))
-    for i in range(len(axes)):
-        table[f"action_{i}"] = points[np.arange(len(contexts)), winner, i]
-    table["reward"] = values.max(axis=1)
-    flat = rewards.reshape(len(contexts), -1)
-    table["uniform"] = flat.mean(axis=1)
-    table["width"] = (flat >= (1.0 - NEAR) * table["reward"].to_numpy()[:, np.newaxis]).mean(axis=1)
-    steps = [np.abs(_differences(problem, one)) for one in rewards]
+    table[[f"action_{i}" for i in range(launches.shape[1])]] = launches
+    table["reward"] = best
+    table["uniform"] = rewards.mean(axis=1)
+    table["width"] = (rewards >= (1.0 - NEAR) * best[:, np.newaxis]).mean(axis=1)
+    steps = [np.abs(_differences(problem, one.rewards)) for one in maps]
     table["step_median"] = [float(np.median(one)) for one in steps]
     table["step_p99"] = [float(np.quantile(one, 0.99)) for one in steps]
     return table
@@ -142,9 +122,48 @@ def rewards_again(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
     return problem.expect(contexts, actions_of(problem, table)[:, np.newaxis], "test")[:, 0]
 
 
+def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the best launches found, shape (n, k), and what they earn, shape (n,).
+
+    A grid of landings, see :class:`sledenv.benchmark.landing.Landing`, then local refinement from its highest maxima:
+    points of a Sobol sequence in a box around each, which halves its width at every level. The landscape is made of
+    plateaus with cliffs, so no gradient is used; told by launches, the plateaus would be oblique and thin.
+    """
+    landing = Landing(problem)
+    lanes = np.arange(len(contexts))
+
+    def earned(landings: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rewards of landings of shape (n, m, k)."""
+        flat = landings.reshape(-1, landings.shape[2])
+        launches = landing.launches(np.repeat(contexts, landings.shape[1], axis=0), flat)
+        return _expect(problem, contexts, launches.reshape(landings.shape))
+
+    axes = _axes(problem, GRID)
+    grid = _points(axes)
+    values = earned(np.broadcast_to(grid, (len(contexts), *grid.shape)))
+    starts = np.array([_maxima(problem, row.reshape([len(axis) for axis in axes])) for row in values])
+    points, values = grid[starts], values[lanes[:, np.newaxis], starts]
+    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(axes)])
+    # An even number of points in pairs that mirror each other, so that a mirror image has a mirror-image optimum.
+    cloud = 2.0 * qmc.Sobol(len(axes), scramble=False).random_base2(5)[1 : NEIGHBOURS // 2 + 1] - 1.0
+    cloud = np.concatenate([cloud, -cloud])
+    for level in range(LEVELS):
+        tried = _inside(problem, points[:, :, np.newaxis] + 0.5**level * width * cloud)
+        found = earned(tried.reshape(len(contexts), -1, len(axes))).reshape(*values.shape, -1)
+        best = found.argmax(axis=2)
+        better = np.take_along_axis(found, best[..., np.newaxis], 2)[..., 0]
+        nearby = np.take_along_axis(tried, best[..., np.newaxis, np.newaxis], 2)[:, :, 0]
+        points = np.where((better > values)[..., np.newaxis], nearby, points)
+        values = np.maximum(values, better)
+        if level == LEVELS // 2 - 1:
+            kept = np.argsort(-values, axis=1, kind="stable")[:, :KEPT]
+            points, values = np.take_along_axis(points, kept[..., np.newaxis], 1), np.take_along_axis(values, kept, 1)
+    return landing.launches(contexts, points[lanes, values.argmax(axis=1)]), values.max(axis=1)
+
+
 def _key(problem: Problem, contexts: Contexts) -> str:
     settings = [problem.scenario.hash, problem.control, problem.task.solver, *problem.task.noise.tolist()]
-    settings += [GRID, STARTS, LEVELS, NEIGHBOURS]
+    settings += [GRID, STARTS, KEPT, LEVELS, NEIGHBOURS]
     digest = hashlib.sha256(json.dumps(settings).encode())
     digest.update(np.ascontiguousarray(contexts).tobytes())
     return digest.hexdigest()[:16]
@@ -176,6 +195,11 @@ def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64],
     )
 
 
+def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
+    """Return the cells of a grid, shape (m, axes)."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
 def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Put launches into the box: a full turn wraps around, everything else stops at its bounds."""
     columns = [
@@ -186,12 +210,12 @@ def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _maxima(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the indices of the highest cells of a grid, no two of them neighbours, shape (STARTS, axes)."""
+    """Return the indices of the highest cells of a grid, no two of them neighbours, shape (STARTS,), flat."""
     left = rewards.copy()
     chosen = []
     for _ in range(STARTS):
         best = np.unravel_index(left.argmax(), left.shape)
-        chosen.append(best)
+        chosen.append(np.ravel_multi_index(best, left.shape))
         near = []
         for i, index in enumerate(best):
             cells = index + np.array([-1, 0, 1])

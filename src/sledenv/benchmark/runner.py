@@ -155,7 +155,7 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
         parts.append(_rows(problem, agent, noisy).assign(stage="trained", noise=level))
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        untrained = _rows(problem, before(place), problem.trials(contexts, "test")[:, :1])
+        untrained = _rows(problem, before(problem, place), problem.trials(contexts, "test")[:, :1])
         parts.append(untrained.assign(stage="untrained", noise=0.0))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}

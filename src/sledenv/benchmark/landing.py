@@ -1,0 +1,106 @@
+"""Launches told by the pose of the body at its first touch, on which the rest of a descent depends most directly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.task import Contexts
+from sledenv.kernel.geometry import support_heights
+from sledenv.scenario import Context
+
+Floats = NDArray[np.float64]
+
+_TURN: Final = 2.0 * np.pi
+_HALVINGS: Final = 60  # of the time of flight: down to rounding
+
+
+class Landing:
+    """Tells launches by the orientation at the first touch instead of that at the launch.
+
+    A body with the spin omega that touches with phi_1 after a flight of t was launched with phi_0 = phi_1 - omega t. It
+    has fallen by D = drop + s(phi_0) - s(phi_1), s being the support height, with D = fall t + G t^2 / 2 and
+    G = g cos(beta). Launches that touch in the same pose lie on an oblique line of orientation and spin, whole turns of
+    it in a long flight; told by the landing they lie side by side.
+
+    It is a coordinate, not a forecast: a touch in another pose on the way is left out, and of several times of flight
+    one is taken. Where the agent does not choose the orientation, or not out of a full turn, a landing is its launch.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        task = problem.task
+        section = problem.scenario.control
+        self._task = task
+        self._gravity = problem.scenario.slope_section.gravity_m_s2
+        self._low, high = np.radians(section.orientation_deg)
+        self._applies = "orientation" in task.controlled and np.ptp(section.orientation_deg) == 360.0
+        self._half = 0.5 * (high - self._low)
+
+    def launches(self, contexts: Contexts, landings: Floats) -> Floats:
+        """Return the launches behind landings.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8)
+        landings : ndarray, shape (n, k)
+            Orientation at the first touch and/or spin in [-1, 1], scaled to the control bounds of the scenario.
+
+        Returns
+        -------
+        ndarray, shape (n, k)
+            Actions in [-1, 1].
+        """
+        if not self._applies:
+            return landings
+        _, _, pose, _, _, spin = self._task.launches(contexts, landings).T
+        phi = pose - spin * self.flight_time(contexts, pose, lambda _: spin)
+        launches = landings.copy()
+        launches[:, 0] = np.clip(((phi - self._low) / self._half) % 2.0 - 1.0, -1.0, 1.0)
+        return launches
+
+    def actions(self, observations: NDArray[np.float32], landings: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return :meth:`launches` from what an agent sees, observations of shape (n, 8)."""
+        contexts = self._task.contexts_seen(observations)
+        return np.asarray(self.launches(contexts, np.asarray(landings, np.float64)), np.float32)
+
+    def flight_time(self, contexts: Contexts, pose: Floats, spin: Callable[[Floats], Floats]) -> Floats:
+        """Return how long [s] bodies fly that touch in a pose.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 8)
+        pose : ndarray, shape (n,)
+            Orientation [rad] at the first touch.
+        spin : callable
+            From times of flight [s] to spins [rad/s], shapes (n,).
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        body = self._task.body
+        angle, drop, fall = (contexts[:, Context._fields.index(name)] for name in ("angle", "drop", "fall"))
+        normal = self._gravity * np.cos(angle)
+        touching = support_heights(body, np.ascontiguousarray(pose))
+        low, high = np.zeros_like(drop), fall_time(drop + body.radius + body.eccentricity, fall, normal)
+        for _ in range(_HALVINGS):
+            time = 0.5 * (low + high)
+            height = drop + support_heights(body, pose - spin(time) * time) - touching
+            late = fall_time(height, fall, normal) > time
+            low, high = np.where(late, time, low), np.where(late, high, time)
+        return 0.5 * (low + high)
+
+
+def fall_time(height: Floats, fall: Floats, gravity: Floats) -> Floats:
+    """Return the time [s] after which a body has fallen by a height [m]; 0 if it is not above or never falls."""
+    height = np.maximum(height, 0.0)
+    root = fall + np.sqrt(np.square(fall) + 2.0 * gravity * height)
+    return np.divide(2.0 * height, root, out=np.zeros_like(height), where=root > 0.0)
