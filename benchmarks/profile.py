@@ -46,16 +46,18 @@ def _write_map() -> None:
 
     entries = []
     for overload in descend.overloads.values():  # type: ignore[attr-defined]
-        library = overload.library
+        library, entry = overload.library, overload.fndesc.llvm_cpython_wrapper_name
         with tempfile.NamedTemporaryFile(suffix=".o") as file:
             file.write(library._get_compiled_object())
             file.flush()
             listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
-        for line in listing.splitlines():
-            fields = line.split()
-            if len(fields) >= 8 and fields[3] == "FUNC" and (name := _plain_name(fields[7])):
-                address = library._codegen._engine._ee.get_function_address(fields[7])
-                entries.append(f"{address:x} {int(fields[2], 0):x} {name}")
+        rows = [line.split() for line in listing.splitlines()]
+        places = {fields[7]: (int(fields[1], 16), int(fields[2], 0)) for fields in rows if fields[3:4] == ["FUNC"]}
+        # Only Python's entry can be asked for its address; all others lie in the same section.
+        shift = library.get_pointer_to_function(entry) - places[entry][0]
+        for symbol, (place, size) in places.items():
+            if name := _plain_name(symbol):
+                entries.append(f"{shift + place:x} {size:x} {name}")
     Path(f"/tmp/perf-{os.getpid()}.map").write_text("\n".join(entries) + "\n")
 
 

@@ -8,20 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
 from sledenv.descent import _touching
 from sledenv.kernel.descend import descend, work_space
+from sledenv.kernel.jit import allocating
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 
 
-# Not cached: numba would not notice a change in the kernel.
-@numba.njit(error_model="numpy")
+# The cache notices changes of the kernel, not of this loop.
+@allocating
 def _loop(
     body: Body,
     law: Law,

@@ -827,7 +827,7 @@ class RideBatch:
             raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
-        before = self._flights["rebounds"].copy()
+        before = self._flights["rebounds"].copy() if self._rebounds.size else None
         hop_batch(
             self.body,
             _law_like(self._laws, self._solver),
@@ -841,18 +841,19 @@ class RideBatch:
             self._touched,
             self._log_length,
         )
-        if self._rebounds.size:
+        if before is not None:
             touching = np.flatnonzero(self._flights["rebounds"] > before)
             self._rebounds[touching, before[touching]] = self._touched[touching]
 
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
         """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
-        return self._flights.copy() if lanes is None else self._flights[lanes]
+        # Records are copied whole by take, but field by field through an index.
+        return self._flights.copy() if lanes is None else self._flights.take(lanes)
 
     def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
         """Return the descents so far, those of all lanes or of some; later hops do not change them."""
         chosen = np.arange(len(self._flights)) if lanes is None else lanes
-        outcomes = self._flights[chosen]
-        longest = int(outcomes["rebounds"].max(initial=0))
-        rebounds = self._rebounds[chosen, :longest] if self._rebounds.size else self._rebounds
+        outcomes, rebounds = self.outcomes(lanes), self._rebounds
+        if rebounds.size:
+            rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
         return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))

@@ -255,9 +255,11 @@ class Task:
             flights["t"] / scenario.limits.max_time_s,
             flights["rebounds"] / scenario.limits.max_rebounds,
         )
-        # A descent that overflowed has ended, but must still be seen.
-        scaled: NDArray[np.float64] = np.nan_to_num(np.stack(columns, axis=-1))
-        return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+        scaled = np.empty((len(flights), len(FLIGHT)), np.float32)
+        for i, column in enumerate(columns):
+            scaled[:, i] = np.clip(column, -1.0, 1.0)
+        scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
+        return scaled
 
     def flights_seen(self, observations: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return where descents stand at a rebound, from observations of shape (n, 17), up to the rounding of float32.
@@ -449,8 +451,11 @@ def checked_actions(
         raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
     if given.shape != shape:
         raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
+    within = (given >= space.low) & (given <= space.high)  # NaN is not
+    if within.all():
+        return given
     inside = np.ones(lanes, np.bool_)
-    inside[acting] = np.all((given[acting] >= space.low) & (given[acting] <= space.high), axis=1)  # NaN is not
+    inside[acting] = within[acting].all(axis=1)
     if not inside.all():
         lane = int(np.argmin(inside))
         name = "action" if lanes == 1 else f"actions[{lane}]"

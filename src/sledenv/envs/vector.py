@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from sledenv.descent import RideBatch
-from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions
+from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions
 from sledenv.scenario import Control, Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
@@ -140,6 +140,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self.info_keys = tuple(info)
         self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
+        self._seen = np.zeros(self.observation_space.shape or (), np.float32)  # observation of each lane
         self._fresh = np.ones(self.num_envs, np.bool_)  # no step has been taken since the reset
         self._ended = np.zeros(self.num_envs, np.bool_)
 
@@ -148,12 +149,8 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         """Observation and action space of one lane."""
 
     @abstractmethod
-    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
-        """Observations of lanes, a new array with one row a lane."""
-
-    @abstractmethod
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
-        """Advance lanes by one step each, with actions that have been checked."""
+        """Advance lanes by one step each, with actions that have been checked, and renew what is seen of them."""
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -196,7 +193,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
         self._restart(lanes, info, Given(fixed[lanes], split))
-        return self._observe(np.arange(self.num_envs)), info
+        return self._seen.copy(), info
 
     def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
         """Advance every lane by one step; a lane that is reset by it ("NextStep") ignores its action.
@@ -233,16 +230,17 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             self._fresh[lanes] = False
         if waiting.size:
             self._restart(waiting, info)
-        observations = self._observe(np.arange(self.num_envs))
+        observations = self._seen.copy()
         ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
-            done, rows = np.flatnonzero(ended), ended[lanes]
+            done = np.flatnonzero(ended)  # of all lanes: none waits in this mode
             final_obs = np.fromiter(observations[done], dtype=object, count=len(done))
-            self._add_infos(info, {"final_obs": final_obs, "final_info": _rows(step.info, rows)}, done)
-            if not rows.all():
-                self._add_infos(info, _rows(step.info, ~rows), lanes[~rows])
+            self._add_infos(info, {"final_obs": final_obs, "final_info": _rows(step.info, done)}, done)
+            if not ended.all():
+                _blank(step.info, done)
+                self._add_infos(info, step.info, np.flatnonzero(~ended))
             self._restart(done, info)
-            observations[done] = self._observe(done)
+            observations[done] = self._seen[done]
         else:
             if lanes.size:
                 self._add_infos(info, step.info, lanes)
@@ -271,22 +269,32 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self._contexts is None:
             self._contexts = np.empty((self.num_envs, contexts.shape[1]))
         self._contexts[lanes] = contexts
+        self._seen[lanes] = 0.0
+        self._seen[lanes, :FIELDS] = self.task.observe(contexts)
         self._fresh[lanes] = True
         self._ended[lanes] = False
         if "context" in self.info_keys:
             self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
 
     def _add_infos(self, infos: dict[str, Any], columns: dict[str, Any], lanes: Lanes) -> None:
-        """Add the info of many lanes: what ``VectorEnv._add_info`` does for one."""
+        """Add the info of many lanes: what ``VectorEnv._add_info`` does for one.
+
+        New columns may have a row for every lane, blank for those that are not meant.
+        """
+        told = np.zeros(self.num_envs, np.bool_)
+        told[lanes] = True
         for key, value in columns.items():
             if isinstance(value, dict):
                 self._add_infos(infos.setdefault(key, {}), value, lanes)
+            elif key not in infos and len(value) == self.num_envs:
+                infos[key] = value
             else:
                 if key not in infos:
-                    empty = None if value.dtype == object else value.dtype.type()
-                    infos[key] = np.full(self.num_envs, empty, dtype=value.dtype)
+                    made = np.empty if value.dtype == object else np.zeros  # of empty objects each is None
+                    infos[key] = made(self.num_envs, value.dtype)
                 infos[key][lanes] = value
-            infos.setdefault(f"_{key}", np.zeros(self.num_envs, np.bool_))[lanes] = True
+            mask = f"_{key}"
+            infos[mask] = infos[mask] | told if mask in infos else told.copy()
 
 
 class SledLaunchVector(SledVectorEnv):
@@ -297,10 +305,6 @@ class SledLaunchVector(SledVectorEnv):
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
         return self.task.observation_space, self.task.action_space
-
-    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
-        assert self._contexts is not None
-        return self.task.observe(self._contexts[lanes])
 
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
         assert self._contexts is not None
@@ -322,14 +326,6 @@ class SledDescentVector(SledVectorEnv):
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
         return self.task.ride_observation_space, self.task.ride_action_space
 
-    def _observe(self, lanes: Lanes) -> NDArray[np.float32]:
-        assert self._contexts is not None
-        flights = np.zeros((len(lanes), len(FLIGHT)), np.float32)
-        if self._rides is not None:
-            moving = ~self._fresh[lanes]
-            flights[moving] = self.task.observe_flights(self._rides.outcomes(lanes[moving]))
-        return np.concatenate([self.task.observe(self._contexts[lanes]), flights], axis=1)
-
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
         assert self._contexts is not None
         fresh = self._fresh[lanes]
@@ -337,7 +333,8 @@ class SledDescentVector(SledVectorEnv):
         trims = np.zeros(self.num_envs)
         trims[lanes[~fresh]] = self.task.trims(actions[~fresh, -1])
         rides.hop(trims)  # the other lanes have ended
-        batch = rides.descents(lanes)
+        batch = rides.descents(lanes if len(lanes) < self.num_envs else None)
+        self._seen[lanes, FIELDS:] = self.task.observe_flights(batch.outcomes)
         return Advance(*self.task.verdict(batch), self.task.info(self._contexts[lanes], batch, self.info_keys))
 
     def _launch(self, lanes: Lanes, actions: Floats) -> RideBatch:
@@ -353,6 +350,15 @@ class SledDescentVector(SledVectorEnv):
         return self._rides
 
 
-def _rows(columns: dict[str, Any], rows: Flags) -> dict[str, Any]:
+def _rows(columns: dict[str, Any], lanes: Lanes) -> dict[str, Any]:
     """Select rows of arrays in dicts."""
-    return {key: _rows(value, rows) if isinstance(value, dict) else value[rows] for key, value in columns.items()}
+    return {key: _rows(value, lanes) if isinstance(value, dict) else value[lanes] for key, value in columns.items()}
+
+
+def _blank(columns: dict[str, Any], lanes: Lanes) -> None:
+    """Blank rows of arrays in dicts."""
+    for value in columns.values():
+        if isinstance(value, dict):
+            _blank(value, lanes)
+        else:
+            value[lanes] = None if value.dtype == object else 0

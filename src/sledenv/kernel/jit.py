@@ -184,6 +184,24 @@ class _Part(JITCodeLibrary):
         return self._shared_module
 
 
+class _Whole(JITCodeLibrary):
+    """Code of a kernel as Python calls it.
+
+    Nobody else calls what it contains, so LLVM may inline a function that has one caller and pass arguments as it
+    likes. What is left gets names of its own: LLVM's linker takes functions of other libraries with the same name for
+    the same function.
+    """
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.linkonce_odr:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+        for function in self._final_module.functions:
+            if function.linkage == Linkage.internal:
+                function.name = f"{function.name}.{self.name}"
+
+
 class _PartCacheImpl(_CacheImpl):
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
         return str(super().get_filename_base(f"{fullname}-part", abiflags))
@@ -265,7 +283,7 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         part = self.part(args)
         counted = self.targetoptions.get("_nrt", True)
         target = self.targetdescr.target_context.subtarget(**({"enable_nrt": True} if counted else {}))
-        library = target.codegen().create_library(self.py_func.__qualname__)
+        library = _Whole(target.codegen(), part.fndesc.mangled_name)
         library.enable_object_caching()
         library.add_linking_library(part.library)
         target.create_cpython_wrapper(library, part.fndesc, part.environment, part.call_helper)

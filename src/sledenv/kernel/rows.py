@@ -15,6 +15,7 @@ WIDTH = 3 * EIGHT  # of a row: coefficients, and zeros behind them
 COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
+_EVEN, _ODD = range(0, 2 * EIGHT, 2), range(1, 2 * EIGHT, 2)
 
 
 def powers(s: Any) -> list[Any]:
@@ -51,6 +52,15 @@ def of(numbers: Sequence[Any]) -> list[Any]:
     return [side_by_side(*padded[i : i + EIGHT]) for i in range(0, WIDTH, EIGHT)]
 
 
+def apart(pairs: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Rows of the first and of the second numbers of up to WIDTH pairs."""
+    joined = [*pairs, *([np.zeros(2)] * (WIDTH - len(pairs)))]
+    for count in (4, EIGHT):
+        joined = [shuffled(a, b, range(count)) for a, b in zip(joined[::2], joined[1::2], strict=True)]
+    fours = list(zip(joined[::2], joined[1::2], strict=True))
+    return [shuffled(a, b, _EVEN) for a, b in fours], [shuffled(a, b, _ODD) for a, b in fours]
+
+
 def times(row: Sequence[Any], other: Any) -> list[Any]:
     """Products of the numbers of two rows, place by place."""
     return [a * b for a, b in zip(row, other, strict=True)]
@@ -60,6 +70,11 @@ def moved_on(row: Sequence[Any], first: Any) -> list[Any]:
     """Row with each number one place further, and a new first one."""
     behind = [repeated(first, EIGHT), *row]
     return [shuffled(a, b, range(EIGHT - 1, 2 * EIGHT - 1)) for a, b in pairwise(behind)]
+
+
+def moved_back(row: Sequence[Any], numbers: Sequence[Any]) -> list[Any]:
+    """Row of ``numbers``, whose first are those of a row without its first one."""
+    return [*(shuffled(a, b, range(1, EIGHT + 1)) for a, b in pairwise(row)), of(numbers)[-1]]
 
 
 def with_first(row: Sequence[Any], first: Any) -> list[Any]:

@@ -16,6 +16,7 @@ from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 from sledenv.kernel.trace import (
     absolute,
+    block,
     compiled,
     element,
     fma,
@@ -218,17 +219,17 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
         per_unit = 1.0 / unit
         in_seconds = repeated(per_unit, rows.EIGHT)
         masses = repeated(per_unit * per_unit / z[Z_PER_MASS], rows.EIGHT)
-        spins, sines, cosines = (rows.of(series[:TERMS]) for series in (spin, sine, cosine))
+        spins, (sines, cosines) = rows.of(spin[:TERMS]), rows.apart(turn[:TERMS])
         loads = rows.of(normal[:ORDER] if gap_locked else gap[:TERMS])
         nothing = [np.zeros(rows.EIGHT)] * 3
         reach, height = repeated(r, rows.EIGHT), repeated(h, rows.EIGHT)
-        nexts = rows.times(rows.of(sine[1:]), _NEXT)
+        nexts = rows.times(rows.moved_back(sines, sine[1:]), _NEXT)
         sweeps = [fma(reach, p, -(height * q)) for p, q in zip(spins, nexts, strict=True)]
         if gap_locked:
             gaps, rates = rows.of([z[Z_GAP]]), nothing
             normals = [p * masses for p in loads]
         else:
-            rates = [p * (in_seconds * n) for p, n in zip(rows.of(gap[1:]), _NEXT, strict=True)]
+            rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(loads, gap[1:]), _NEXT, strict=True)]
             gaps = loads
             rates = rows.with_first(rates, z[Z_V_N])
             stiff = repeated(-z[Z_STIFFNESS], rows.EIGHT)
@@ -386,22 +387,37 @@ def locate(row: int, z: np.ndarray, c: np.ndarray) -> bool:
     return False
 
 
+_HEEDED = np.array([ORDER - 3, ORDER - 1, ORDER, ORDER])  # orders of the terms that bound a step, the last one twice
+_ALLOWED = np.array([EARLIER, 1.0, 1.0, 1.0])
+
+
 def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[Any, ...]:
     """Program of :func:`longest_step`."""
-    step, sane = most, 0.0
+    count = len(_HEEDED)
+    heeded = []
+    for row in (V_N, V_T, OMEGA):
+        # One block of the table: what has just been written at once can be read at once.
+        last = block(c, row * WIDTH + ORDER - 2, count)
+        heeded.append(absolute(shuffled(last, repeated(c[row * WIDTH + ORDER - 3], count), (count, 1, 2, 2))))
+    normal, slip, spin = heeded
+    largest = larger(larger(normal, slip), repeated(size, count) * spin)
     powers = {1: most}
     for k in (2, 4, 8, 16):
         powers[k] = powers[k // 2] * powers[k // 2]
-    for k, share in ((ORDER, 1.0), (ORDER - 1, 1.0), (ORDER - 3, EARLIER)):
-        normal, slip, spin = (absolute(c[row * WIDTH + k]) for row in (V_N, V_T, OMEGA))
-        last = larger(larger(normal, slip), size * spin)
+    reached = []
+    for k in _HEEDED:
         power = 1.0
         for bit in (1, 2, 4, 8, 16):
             power = power * powers[bit] if k & bit else power
-        small = share * tolerance * scale
-        step = smaller(step, where(not_more(last * power, small), most, rough_root(small / last, k)))
-        sane = sane + 0.0 * (normal + slip + spin)
-    return (step + sane,)
+        reached.append(power)
+    small = repeated(tolerance, count) * _ALLOWED * repeated(scale, count)
+    whole = repeated(most, count)
+    steps = where(not_more(largest * side_by_side(*reached), small), whole, rough_root(small / largest, _HEEDED))
+    sane = (normal + slip + spin) * 0.0
+    step, unsound = most, 0.0
+    for i in reversed(range(count - 1)):
+        step, unsound = smaller(step, element(steps, i)), unsound + element(sane, i)
+    return (step + unsound,)
 
 
 _MOTION = (X, GAP, V_N, V_T, OMEGA)

@@ -169,25 +169,37 @@ _MANTISSA = 52  # bits
 _BIAS = 1023
 
 
-def rough_root(a: Any, n: int) -> Any:
+def rough_root(a: Any, n: Any) -> Any:
     """Root of order ``n`` > 13 of a positive number, less than .2 per cent too small; NaN for what is not finite."""
-    if isinstance(a, _Value):
-        whole = ir.IntType(64)
-        bits = a.builder.sitofp(a.builder.bitcast(a.value, whole), ir.DoubleType())
-        logarithm: Any = _Value(a.builder, bits) * 2.0**-_MANTISSA - _BIAS
-    else:
-        logarithm = float(np.float64(a).view(np.int64)) * 2.0**-_MANTISSA - _BIAS
+    logarithm = _bits(a) * 2.0**-_MANTISSA - _BIAS
     # Between powers of two the logarithm is that straight line and a parabola, its inverse a cubic polynomial.
     part = logarithm - nearest(logarithm - 0.5)
     power = fma(0.346 * part, 1.0 - part, logarithm) * (1.0 / n)
     below = nearest(power - 0.5)
     part = power - below
-    scale = (below + _BIAS) * 2.0**_MANTISSA
-    if isinstance(a, _Value):
-        scale = _Value(a.builder, a.builder.bitcast(a.builder.fptosi(scale.value, ir.IntType(64)), ir.DoubleType()))
-    else:
-        scale = np.float64(np.int64(scale).view(np.float64)) if np.isfinite(scale) else scale
+    scale = _of_bits((below + _BIAS) * 2.0**_MANTISSA)
     return scale * fma(part, fma(part, fma(part, 0.0783, 0.2263), 0.6954), 0.9991) + (a - a)
+
+
+def _whole(kind: Any) -> Any:
+    """Type of integers as many and as long as doubles."""
+    return ir.VectorType(ir.IntType(64), kind.count) if isinstance(kind, ir.VectorType) else ir.IntType(64)
+
+
+def _bits(a: Any) -> Any:
+    """Whole number whose bits are those of a number."""
+    if not isinstance(a, _Value):
+        return np.asarray(a).view(np.int64).astype(float)
+    kind = a.value.type
+    return _Value(a.builder, a.builder.sitofp(a.builder.bitcast(a.value, _whole(kind)), kind))
+
+
+def _of_bits(a: Any) -> Any:
+    """Number whose bits are those of a whole number."""
+    if not isinstance(a, _Value):
+        return np.where(np.isfinite(a), a, 0.0).astype(np.int64).view(float)
+    kind = a.value.type
+    return _Value(a.builder, a.builder.bitcast(a.builder.fptosi(a.value, _whole(kind)), kind))
 
 
 def side_by_side(*numbers: Any) -> Any:
