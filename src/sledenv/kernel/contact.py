@@ -32,57 +32,67 @@ from sledenv.kernel.events import (
     other_corner,
 )
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import feature_geometry, pulls, straight_sine_cosine, whole_turns
+from sledenv.kernel.geometry import feature_geometry, has_corners, pulls, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
-    E_FORCE,
-    E_GAP,
-    E_MOMENT,
-    E_NORMAL,
     E_OMEGA,
-    E_PHI,
-    E_SLIP,
-    E_SPIN,
-    E_V_N,
     E_V_T,
-    E_X,
     R_FORCE,
     R_MOMENT,
     R_NORMAL,
     Z_ARM,
+    Z_AT_EDGE,
+    Z_CHOOSE,
     Z_COSINE,
     Z_DOWNHILL,
+    Z_EVENT,
+    Z_EXPECTED,
     Z_FRICTION,
-    Z_GAP,
+    Z_GAP_RATE,
+    Z_GAP_ZEROS,
     Z_GUESS,
     Z_H,
+    Z_HALF_ANGLE,
     Z_INWARD,
+    Z_K_CLOSING,
+    Z_K_OPENING,
     Z_LARGEST,
     Z_LEAST,
+    Z_LEFT_GAP,
+    Z_LEFT_SLIP,
+    Z_LEFT_SPIN,
+    Z_LENGTH,
+    Z_MAX_TIME,
     Z_MOST,
+    Z_MOST_STEPS,
     Z_MU,
-    Z_OMEGA,
     Z_OTHER,
     Z_OTHER_COSINE,
     Z_OTHER_SINE,
     Z_PER_MASS,
-    Z_PHI,
     Z_R,
     Z_RATIO,
     Z_RHO,
     Z_ROOT,
+    Z_SCALE,
+    Z_SHIFT,
     Z_SINE,
+    Z_SIZE,
+    Z_SLIP,
+    Z_SLIP_ZEROS,
+    Z_SPIN,
+    Z_SPIN_ZEROS,
+    Z_STALLED,
     Z_STATE,
     Z_STEP,
+    Z_STEPS,
     Z_STIFFNESS,
-    Z_THETA,
+    Z_TOLERANCE,
+    Z_TURNS,
     Z_UNIT,
-    Z_V_N,
-    Z_V_T,
-    Z_X,
     complete,
     complete_locked,
     expand,
@@ -92,35 +102,30 @@ from sledenv.kernel.series import (
 from sledenv.kernel.state import (
     FEATURE,
     GAP,
-    HYSTERESIS,
-    IMPULSE_N,
-    IMPULSE_R,
-    IMPULSE_T,
     OMEGA,
     PHI,
-    ROLLING,
-    SLIDING,
     STORED,
     TIME,
     V_N,
     V_T,
     X,
 )
-from sledenv.kernel.trace import rough_angle, scalar
+from sledenv.kernel.step import MOST_UNITS, SOUGHT, advance, expect, orient, paced, tell
+from sledenv.kernel.trace import scalar, set_apart
 from sledenv.kernel.trajectory import add_sample
 
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
 BOTH_CORNERS = -2  # status: the second corner has come down
+PAUSED = -4  # status: the next step may be an ordinary one, see step.py
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # of them the last ones, in which every branch is tried
 # A contact shallower than this share of the size of the body, or loaded less than this share of the force that drives
 # the slip, is resolved in the limit of a vanishing normal force.
 NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
-UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
-MOST_UNITS = 2.0  # length of a step
+NEVER = 1 << 60
 
-_rough_angle = scalar(lambda sine, cosine: (rough_angle(sine, cosine),))
+_paced = scalar(lambda unit, omega: (paced(unit, omega),))
 
 
 class Pair(NamedTuple):
@@ -197,11 +202,13 @@ def _introduce(
     z: np.ndarray,
 ) -> None:
     """Write what the series need and does not change until another feature touches."""
+    set_apart()  # or it would be computed ahead wherever it might be needed
     h, r, shift = geometry
     z[Z_PER_MASS] = 1.0 / body.mass
     z[Z_RATIO] = body.mass / body.inertia
     z[Z_H] = h
     z[Z_R] = r
+    z[Z_SHIFT] = shift
     z[Z_DOWNHILL], z[Z_INWARD] = pulls(slope)
     z[Z_FRICTION] = pair.friction
     z[Z_ARM] = arm
@@ -209,70 +216,20 @@ def _introduce(
 
 
 @kernel
-def _orient(shift: float, state: np.ndarray, z: np.ndarray) -> None:
-    """Write how the feature lies."""
-    z[Z_THETA] = state[PHI] + shift
-    z[Z_SINE], z[Z_COSINE] = straight_sine_cosine(z[Z_THETA])
-
-
-@kernel
-def _tell(pair: Pair, feature: int, gap_rate: int, slip: int, spin: int, state: np.ndarray, z: np.ndarray) -> None:
-    """Write what the series of one step need besides."""
-    depth = -state[GAP]
-    rigid = pair.k_closing == math.inf
+def _tell_branch(pair: Pair, gap_rate: int, slip: int, spin: int, z: np.ndarray) -> None:
+    """Write what the series need and does not change until another branch is chosen."""
+    z[Z_GAP_RATE], z[Z_SLIP], z[Z_SPIN] = gap_rate, slip, spin
     z[Z_MU] = -slip * z[Z_FRICTION]
     z[Z_RHO] = -spin * z[Z_ARM]
     z[Z_STIFFNESS] = pair.k_closing if gap_rate < 0 else pair.k_opening
-    z[Z_LEAST] = pair.k_opening * depth
-    z[Z_LARGEST] = math.inf if rigid else pair.k_closing * depth
-    z[Z_X] = state[X]
-    z[Z_PHI] = state[PHI]
-    z[Z_GAP] = state[GAP]
-    z[Z_V_N] = state[V_N]
-    z[Z_V_T] = state[V_T]
-    z[Z_OMEGA] = state[OMEGA]
-    if feature == ARC:
-        z[Z_OTHER_SINE] = math.copysign(z[Z_OTHER_SINE], state[PHI])  # of its two ends the one that is further away
-
-
-@kernel
-def _expect(gap_rate: int, slip: int, spin: int, z: np.ndarray) -> int:
-    """Event that ends this phase of the contact oscillation; write the unit of time and when to expect it.
-
-    The contact is taken for a harmonic oscillator with frozen arms, and its angles to a thousandth: the event is found
-    exactly, only faster if the guess is good.
-    """
-    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
-    turning = z[Z_H] * z[Z_COSINE] * z[Z_OMEGA] * z[Z_OMEGA]
-    yielding = 1.0
-    if spin != 0:
-        lever = z[Z_RHO] - a + (z[Z_MU] * b if slip != 0 else 0.0)
-        share = z[Z_RATIO] / (1.0 + z[Z_RATIO] * b * b) if slip == 0 else z[Z_RATIO]
-        yielding = max(1.0 - a * lever * share, 0.05)
-    per_pulsation = 1.0 / math.sqrt(z[Z_STIFFNESS] * z[Z_PER_MASS] * yielding)
-    gap, speed = z[Z_GAP], z[Z_V_N] * per_pulsation
-    rest = -(z[Z_INWARD] + turning) * per_pulsation * per_pulsation  # the gap in balance
-    # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
-    beyond = speed * speed + gap * (gap - 2.0 * rest)
-    if gap_rate > 0 and beyond > 0.0:
-        (half,) = _rough_angle(-gap, speed + math.sqrt(beyond))
-        angle = 2.0 * half
-        event = SEPARATION
-    else:
-        # and turns back where the tangent is speed / apart.
-        (angle,) = _rough_angle(speed, gap - rest)
-        angle = angle + math.pi if gap_rate < 0 and angle < 0.0 else angle
-        event = RATE_ZERO
-    z[Z_UNIT] = UNIT_ANGLE * per_pulsation
-    z[Z_GUESS] = angle / UNIT_ANGLE
-    return event if math.isfinite(angle) else NOTHING
 
 
 @kernel
 def _settled_unit(size: float, gravity: float, omega: float) -> float:
     """Unit of time [s] of a step with a locked gap, in which nothing oscillates."""
     rate = max(abs(omega), math.sqrt(gravity / size))
-    return 0.5 / rate if rate > 0.0 else 1.0
+    unit = 0.5 / rate if rate > 0.0 else 1.0
+    return _paced(unit, omega)[0]
 
 
 @kernel
@@ -308,7 +265,7 @@ def _take_step(
     z[Z_STEP] = z[Z_MOST]
     # A gap rate that starts from zero has a root there, which the search might find.
     sought = expected == SEPARATION or (expected == RATE_ZERO and vanishing[0] == 0)
-    if sought and z[Z_GUESS] < 1.1 * z[Z_MOST] and locate(GAP if expected == SEPARATION else V_N, z, c):
+    if sought and z[Z_GUESS] < SOUGHT * z[Z_MOST] and locate(GAP if expected == SEPARATION else V_N, z, c):
         z[Z_STEP], event = z[Z_ROOT], expected
     complete(z, c)
     if slip != 0 and vanishing[1] == 0 and _sooner(V_T, z[E_V_T], z) and locate(V_T, z, c):
@@ -339,28 +296,7 @@ def leading_zeros(velocity: np.ndarray, sign: int) -> int:
 
 
 @kernel
-def _advance(slip: int, spin: int, z: np.ndarray, state: np.ndarray) -> None:
-    """Move the state, the impulses and the losses to the end of the step."""
-    state[TIME] += z[Z_STEP] * z[Z_UNIT]
-    state[X] = z[E_X]
-    state[PHI] = z[E_PHI]
-    state[GAP] = z[E_GAP]
-    state[V_N] = z[E_V_N]
-    state[V_T] = z[E_V_T]
-    state[OMEGA] = z[E_OMEGA]
-    state[IMPULSE_N] += z[E_NORMAL]
-    state[IMPULSE_T] += z[Z_MU] * z[E_NORMAL] if slip != 0 else z[E_FORCE]
-    state[IMPULSE_R] += z[Z_RHO] * z[E_NORMAL] if spin != 0 else z[E_MOMENT]
-    # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
-    if slip != 0:
-        state[SLIDING] += max(-z[Z_MU] * z[E_SLIP], 0.0)
-    if spin != 0:
-        state[ROLLING] += max(-z[Z_RHO] * z[E_SPIN], 0.0)
-
-
-@kernel
 def _sample_step(
-    body: Body,
     geometry: tuple[float, float, float],
     feature: int,
     slip: int,
@@ -405,6 +341,72 @@ def _sample_step(
 
 
 @kernel
+def begin_contact(
+    body: Body, pair: Pair, slope: Slope, limits: Limits, state: np.ndarray, z: np.ndarray, steps: int
+) -> None:
+    """Prepare a contact for :func:`follow`; arguments are those of :func:`contact`."""
+    turns = whole_turns(state[PHI])
+    state[PHI] -= turns
+    feature = int(state[FEATURE])
+    # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
+    wrong = (feature == TAIL and state[PHI] < 0.0) or (feature == NOSE and state[PHI] > 0.0)
+    shift_turn = math.copysign(2.0 * math.pi, state[PHI]) if wrong else 0.0
+    turns += shift_turn
+    state[PHI] -= shift_turn
+    size = body.radius + body.eccentricity
+    z[Z_SIZE] = size
+    z[Z_SCALE] = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
+    z[Z_TOLERANCE] = limits.tolerance
+    z[Z_HALF_ANGLE] = body.half_angle if has_corners(body) else math.inf
+    z[Z_LENGTH] = slope.length
+    z[Z_MAX_TIME] = limits.max_time
+    z[Z_MOST_STEPS] = limits.max_steps
+    z[Z_STEPS] = steps
+    z[Z_K_CLOSING], z[Z_K_OPENING] = pair.k_closing, pair.k_opening
+    z[Z_TURNS] = turns
+    z[Z_GAP_RATE], z[Z_SLIP], z[Z_SPIN] = 0.0, 0.0, 0.0
+    z[Z_GAP_ZEROS], z[Z_SLIP_ZEROS], z[Z_SPIN_ZEROS] = 0.0, 0.0, 0.0
+    z[Z_LEFT_GAP], z[Z_LEFT_SLIP], z[Z_LEFT_SPIN] = 0.0, 0.0, 0.0
+    z[Z_AT_EDGE], z[Z_STALLED], z[Z_CHOOSE] = 0.0, 0.0, 1.0
+    geometry = feature_geometry(body, feature)
+    arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
+    _introduce(body, pair, slope, feature, geometry, arm, z)
+
+
+@kernel
+def go_on(event: float, steps: float, z: np.ndarray) -> None:
+    """Prepare a contact for :func:`follow` after steps abreast, up to so many, and the event at their end."""
+    if steps > z[Z_STEPS]:
+        z[Z_STEPS] = steps
+        z[Z_GAP_ZEROS], z[Z_SLIP_ZEROS], z[Z_SPIN_ZEROS] = 0.0, 0.0, 0.0
+        z[Z_LEFT_GAP], z[Z_LEFT_SLIP], z[Z_LEFT_SPIN] = 0.0, 0.0, 0.0
+    z[Z_CHOOSE] = 1.0 if event in (RATE_ZERO, SLIP_ZERO, SPIN_ZERO) else 0.0
+
+
+@kernel
+def choose_free(body: Body, pair: Pair, state: np.ndarray, z: np.ndarray) -> bool:
+    """Choose the branch of a contact in which no velocity has been released; say whether all are free from here on."""
+    orient(z, state)
+    gap_rate, slip, spin = _choose_branch(body, pair, state, z, 0, 0, 0)
+    if gap_rate == 0 or slip == 0 or spin == 0:
+        return False
+    _tell_branch(pair, gap_rate, slip, spin, z)
+    z[Z_GAP_ZEROS] = 1.0 if state[V_N] == 0.0 else 0.0
+    z[Z_SLIP_ZEROS] = 1.0 if state[V_T] == 0.0 else 0.0
+    z[Z_SPIN_ZEROS] = 1.0 if state[OMEGA] == 0.0 else 0.0
+    z[Z_CHOOSE] = 0.0
+    return True
+
+
+@kernel
+def end_contact(pair: Pair, state: np.ndarray, z: np.ndarray) -> None:
+    """Complete the state at the end of a contact."""
+    state[PHI] += z[Z_TURNS]
+    if pair.k_closing < math.inf:
+        state[STORED] = 0.5 * pair.k_closing * state[GAP] * state[GAP]
+
+
+@kernel
 def contact(
     body: Body,
     pair: Pair,
@@ -441,29 +443,48 @@ def contact(
     tuple of int
         Status (RUNNING after a separation, or one of the two above), steps and samples.
     """
-    turns = whole_turns(state[PHI])
-    state[PHI] -= turns
+    begin_contact(body, pair, slope, limits, state, z, steps)
+    return follow(body, pair, slope, limits, state, c, z, NEVER, trajectory, samples)
+
+
+@kernel
+def follow(
+    body: Body,
+    pair: Pair,
+    slope: Slope,
+    limits: Limits,
+    state: np.ndarray,
+    c: np.ndarray,
+    z: np.ndarray,
+    pause: int,
+    trajectory: np.ndarray,
+    samples: int,
+) -> tuple[int, int, int]:
+    """Follow a contact that has begun to its end, or until it may be paused.
+
+    Parameters are those of :func:`contact`, and ``pause``: the number of steps after which the status may be PAUSED,
+    if the next step may be an ordinary one. What it goes on with lies in ``state`` and ``z``.
+    """
     feature = int(state[FEATURE])
-    # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
-    wrong = (feature == TAIL and state[PHI] < 0.0) or (feature == NOSE and state[PHI] > 0.0)
-    shift_turn = math.copysign(2.0 * math.pi, state[PHI]) if wrong else 0.0
-    turns += shift_turn
-    state[PHI] -= shift_turn
-    geometry = feature_geometry(body, feature)
-    arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
-    _introduce(body, pair, slope, feature, geometry, arm, z)
-    size = body.radius + body.eccentricity
+    shift = z[Z_SHIFT]
+    turns = z[Z_TURNS]
+    size, scale = z[Z_SIZE], z[Z_SCALE]
     rigid = pair.k_closing == math.inf
-    scale = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
-    gap_rate, slip, spin = 0, 0, 0
-    gap_zeros, slip_zeros, spin_zeros, at_edge = 0, 0, 0, 0  # leading coefficients that are zero by construction
-    choose = True
-    left_gap, left_slip, left_spin = 0, 0, 0  # signs with which velocities have just been released
-    stalled = 0
+    steps = int(z[Z_STEPS])
+    gap_rate, slip, spin = int(z[Z_GAP_RATE]), int(z[Z_SLIP]), int(z[Z_SPIN])
+    # Leading coefficients that are zero by construction.
+    gap_zeros, slip_zeros, spin_zeros = int(z[Z_GAP_ZEROS]), int(z[Z_SLIP_ZEROS]), int(z[Z_SPIN_ZEROS])
+    # Signs with which velocities have just been released.
+    left_gap, left_slip, left_spin = int(z[Z_LEFT_GAP]), int(z[Z_LEFT_SLIP]), int(z[Z_LEFT_SPIN])
+    at_edge, stalled, choose = int(z[Z_AT_EDGE]), int(z[Z_STALLED]), z[Z_CHOOSE] != 0.0
+    pause += steps
     while True:
-        _orient(geometry[2], state, z)
+        oriented = False
         if choose:
             locked = (gap_rate, slip, spin)
+            oriented = state[V_N] * state[V_T] * state[OMEGA] == 0.0  # else the branch is that of the velocities
+            if oriented:
+                orient(z, state)
             gap_rate, slip, spin = _choose_branch(body, pair, state, z, left_gap, left_slip, left_spin)
             if stalled >= MOST_STALLED - TRIALS and not rigid:
                 gap_rate, slip, spin = _trial(MOST_STALLED - stalled, state)
@@ -474,9 +495,13 @@ def contact(
             slip_zeros = (leaving if left_slip != 0 else 1) if state[V_T] == 0.0 else 0
             spin_zeros = (leaving if left_spin != 0 else 1) if state[OMEGA] == 0.0 else 0
             choose = False
+            _tell_branch(pair, gap_rate, slip, spin, z)
         if gap_rate == 0 and slip == 0 and spin == 0:
             status = JAMMED
             break
+        if not oriented and pause > steps:
+            orient(z, state)
+            oriented = True
         if rigid and gap_rate > 0:
             turning = z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
             pressed = z[Z_INWARD] + turning > 0.0
@@ -485,17 +510,29 @@ def contact(
         if steps >= limits.max_steps or stalled > MOST_STALLED:
             status = STEP_BUDGET
             break
+        if (
+            steps >= pause
+            and gap_rate * slip * spin != 0
+            and max(gap_zeros, slip_zeros, spin_zeros) < 2
+            and at_edge + stalled == 0
+        ):
+            z[Z_STEPS] = steps
+            z[Z_GAP_ZEROS], z[Z_SLIP_ZEROS], z[Z_SPIN_ZEROS] = gap_zeros, slip_zeros, spin_zeros
+            z[Z_LEFT_GAP], z[Z_LEFT_SLIP], z[Z_LEFT_SPIN] = left_gap, left_slip, left_spin
+            z[Z_AT_EDGE], z[Z_STALLED], z[Z_CHOOSE] = 0.0, 0.0, 0.0
+            return PAUSED, steps, samples
         steps += 1
-        _tell(pair, feature, gap_rate, slip, spin, state, z)
-        expected = NOTHING
+        if not oriented:
+            orient(z, state)
+        tell(z, state)
+        z[Z_LEAST] = -pair.k_opening * state[GAP]
+        z[Z_LARGEST] = math.inf if rigid else -pair.k_closing * state[GAP]
         if gap_rate == 0:
+            z[Z_EXPECTED] = NOTHING
             z[Z_UNIT] = _settled_unit(size, slope.gravity, state[OMEGA])
         else:
-            expected = _expect(gap_rate, slip, spin, z)
-        if state[OMEGA] != 0.0 and not abs(state[OMEGA]) * z[Z_UNIT] < 1.0:
-            # Sine and cosine converge fast.
-            expected = NOTHING
-            z[Z_UNIT] = 1.0 / abs(state[OMEGA])
+            expect(z)
+        expected = int(z[Z_EXPECTED])
         expand(gap_rate, slip, spin, z, c)
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
@@ -513,7 +550,6 @@ def contact(
         if not math.isfinite(step):
             status = NON_FINITE
             break
-        depth = -state[GAP]
         z[Z_MOST] = step
         event, sign_after = _take_step(
             body,
@@ -528,8 +564,7 @@ def contact(
         )
         if trajectory.shape[0] > 0:
             samples = _sample_step(
-                body,
-                geometry,
+                (z[Z_H], z[Z_R], shift),
                 feature,
                 slip,
                 spin,
@@ -543,11 +578,8 @@ def contact(
             )
         step = z[Z_STEP] * z[Z_UNIT]
         stalled = 0 if state[TIME] + step > state[TIME] else stalled + 1
-        _advance(slip, spin, z, state)
-        if event == SEPARATION:
-            state[GAP] = 0.0
-        if gap_rate > 0:
-            state[HYSTERESIS] += 0.5 * (pair.k_closing - pair.k_opening) * (depth * depth - state[GAP] * state[GAP])
+        z[Z_EVENT] = event
+        advance(z, state)
         at_edge = 0
         if step > 0.0:
             gap_zeros, slip_zeros, spin_zeros = 0, 0, 0
@@ -606,14 +638,13 @@ def contact(
                 feature = TAIL if state[PHI] > 0.0 else NOSE
             else:
                 feature = ARC
+            state[FEATURE] = feature
             state[PHI] = math.copysign(body.half_angle, state[PHI])
             geometry = feature_geometry(body, feature)
+            shift = geometry[2]
             arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
             _introduce(body, pair, slope, feature, geometry, arm, z)
             at_edge = 1
             choose = True
-    state[PHI] += turns
-    state[FEATURE] = feature
-    if not rigid:
-        state[STORED] = 0.5 * pair.k_closing * state[GAP] * state[GAP]
+    end_contact(pair, state, z)
     return status, steps, samples

@@ -9,6 +9,8 @@ from numba import prange
 
 from sledenv.kernel.chord import NOW_ROWS
 from sledenv.kernel.chord import ROWS as CHORD_ROWS
+from sledenv.kernel.contact import PAUSED, begin_contact, choose_free, end_contact, follow, go_on
+from sledenv.kernel.events import NOTHING, SEPARATION
 from sledenv.kernel.flight import (
     F_DOWNHILL,
     F_GRAVITY,
@@ -24,13 +26,13 @@ from sledenv.kernel.flight import (
     touchdown_time,
     touchdown_times,
 )
-from sledenv.kernel.geometry import arms, feature_at, lowest_support, pulls, whole_turns
+from sledenv.kernel.geometry import arms, feature_at, has_corners, lowest_support, pulls, whole_turns
 from sledenv.kernel.jit import allocating, kernel, parallel_kernel
-from sledenv.kernel.laws import Law, law_of_row, touch
-from sledenv.kernel.params import Body, Limits, Slope, State
+from sledenv.kernel.laws import Law, by_law, law_of_row, pair_of, touch
+from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
 from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.series import ROWS, Z_ROWS
+from sledenv.kernel.series import ROWS, Z_BRANCH, Z_EVENT, Z_MOST_STEPS, Z_ROWS, Z_STEPS, Z_TOLD
 from sledenv.kernel.state import (
     FEATURE,
     GAP,
@@ -50,11 +52,14 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
-from sledenv.kernel.trace import LANES
+from sledenv.kernel.step import LEFT_ALONE, step_abreast
+from sledenv.kernel.trace import ABREAST, LANES
 from sledenv.kernel.trajectory import add_sample
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed
+ARM_A, ARM_B = STATE_SIZE, STATE_SIZE + 1  # behind the state at a touchdown [m]
+BEFORE_SIZE = STATE_SIZE + 2
 
 
 @kernel
@@ -235,7 +240,143 @@ def write_rebound(
 def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that :func:`hop` works in; it may get the same ones again and again."""
     tables, told = np.zeros((ROWS + CHORD_ROWS, WIDTH)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
-    return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+    return tables, told, np.zeros(STATE_SIZE), np.zeros(BEFORE_SIZE)
+
+
+LaneSpace = tuple[
+    np.ndarray,
+    np.ndarray,
+    tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    tuple[np.ndarray, np.ndarray, np.ndarray],
+    tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+]
+
+
+@allocating
+def _lane_space(body: Body, lanes: int, abreast: int) -> LaneSpace:
+    side = np.zeros((Z_ROWS, abreast)), np.zeros((STATE_SIZE, abreast)), np.zeros((ROWS * WIDTH, abreast))
+    own_z = np.zeros((abreast, Z_ROWS + NOW_ROWS))
+    own = own_z, np.zeros((abreast, STATE_SIZE)), np.zeros((abreast, BEFORE_SIZE)), np.zeros(abreast, np.int64)
+    places = 1
+    while places < lanes:
+        places *= 2
+    return pack_of(body), np.zeros(places, np.int64), work_space(), side, own
+
+
+@allocating
+def _space_abreast(body: Body, like: Law, lanes: int) -> LaneSpace:
+    return _lane_space(body, lanes, ABREAST)
+
+
+@allocating
+def _space_alone(body: Body, like: Law, lanes: int) -> LaneSpace:
+    return _lane_space(body, lanes, 0)
+
+
+# Arrays that ``hop_lanes`` works in: a pack of flights, lanes that wait, the space of one contact, and that of contacts
+# abreast.
+lane_space = by_law(_space_abreast, _space_alone)
+
+
+@kernel
+def arrive(
+    body: Body,
+    slope: Slope,
+    limits: Limits,
+    flight: np.void,
+    downhill: float,
+    inward: float,
+    touchdown: float,
+    state: np.ndarray,
+    before: np.ndarray,
+    trajectory: np.ndarray,
+) -> int:
+    """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
+
+    Arguments are those of :func:`land`; the state of the contact is written to ``state`` and, with the arms of what
+    touches, to ``before``.
+    """
+    t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
+    u, v, omega = flight["u"], flight["v"], flight["omega"]
+    status = RUNNING
+    left = limits.max_time - t
+    duration = touchdown
+    finish = finish_time(x, u, downhill, slope.length)
+    if finish <= min(duration, left):
+        duration = finish
+        status = FINISH
+    elif not duration <= left:
+        duration = left
+        status = TIMEOUT
+    if math.isfinite(duration):
+        if trajectory.shape[0] > 0:
+            samples = flight["samples"]
+            flight["samples"] = fly(slope, limits, t, duration, x, y, phi, u, v, omega, trajectory, samples)
+        t += duration
+        x += duration * (u + 0.5 * downhill * duration)
+        y += duration * (v - 0.5 * inward * duration)
+        u += downhill * duration
+        v -= inward * duration
+        phi += omega * duration
+    else:
+        status = NON_FINITE
+    if status == FINISH:
+        x = slope.length
+    flight["t"], flight["x"], flight["y"], flight["phi"] = t, x, y, phi
+    flight["u"], flight["v"], flight["omega"] = u, v, omega
+    if status == RUNNING:
+        # Contact, in its own coordinates; the energy of the rounding error in y is far below that of the ledger.
+        local = phi - whole_turns(phi)
+        feature = feature_at(body, local)
+        a, b = arms(body, feature, local)
+        for i in range(STATE_SIZE):
+            state[i] = 0.0
+        state[TIME] = t
+        state[X] = x
+        state[PHI] = phi
+        state[V_N] = v - a * omega
+        state[V_T] = u + b * omega
+        state[OMEGA] = omega
+        state[FEATURE] = feature
+        for i in range(STATE_SIZE):
+            before[i] = state[i]
+        before[ARM_A], before[ARM_B] = a, b
+    return status
+
+
+@kernel
+def depart(
+    body: Body,
+    flight: np.void,
+    rebound: np.void,
+    log_length: int,
+    status: int,
+    steps: int,
+    samples: int,
+    state: np.ndarray,
+    before: np.ndarray,
+) -> int:
+    """Record a contact and put the flight at its end; return the status of the descent.
+
+    The flight is at the touchdown, ``status``, ``steps`` and ``samples`` are what :func:`touch` returns.
+    """
+    a, b = before[ARM_A], before[ARM_B]
+    if state[PHI] != before[PHI] or state[FEATURE] != before[FEATURE]:
+        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
+    write_rebound(body, rebound, before, state, int(before[FEATURE]), b, a, flight["u"], flight["v"])
+    flight["t"], flight["x"], flight["phi"], flight["omega"] = state[TIME], state[X], state[PHI], state[OMEGA]
+    flight["y"] = b + state[GAP]
+    flight["u"], flight["v"] = rebound["u_after"], rebound["v_after"]
+    flight["rebounds"] += 1
+    flight["steps"] = steps
+    flight["samples"] = samples
+    flight["stored"] = state[STORED]
+    flight["hysteresis"] += state[HYSTERESIS]
+    flight["sliding"] += state[SLIDING]
+    flight["rolling"] += state[ROLLING]
+    if status == RUNNING and flight["rebounds"] == log_length:
+        status = LOG_FULL
+    return status
 
 
 @kernel
@@ -258,73 +399,18 @@ def land(
     ``downhill`` and ``inward`` are those of :func:`sledenv.kernel.geometry.pulls`, ``touchdown`` is the duration [s] of
     the flight, inf if it is longer than ``limits.max_time`` allows; the other arguments are those of :func:`hop`.
     """
-    t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
-    u, v, omega = flight["u"], flight["v"], flight["omega"]
-    samples = flight["samples"]
     c, z, state, before = space
-    status = RUNNING
-
-    # Flight, to whatever comes first.
-    left = limits.max_time - t
-    duration = touchdown
-    finish = finish_time(x, u, downhill, slope.length)
-    if finish <= min(duration, left):
-        duration = finish
-        status = FINISH
-    elif not duration <= left:
-        duration = left
-        status = TIMEOUT
-    if math.isfinite(duration):
-        if trajectory.shape[0] > 0:
-            samples = fly(slope, limits, t, duration, x, y, phi, u, v, omega, trajectory, samples)
-        t += duration
-        x += duration * (u + 0.5 * downhill * duration)
-        y += duration * (v - 0.5 * inward * duration)
-        u += downhill * duration
-        v -= inward * duration
-        phi += omega * duration
-    else:
-        status = NON_FINITE
-    if status == FINISH:
-        x = slope.length
-
+    status = arrive(body, slope, limits, flight, downhill, inward, touchdown, state, before, trajectory)
     if status == RUNNING:
-        # Contact, in its own coordinates; the energy of the rounding error in y is far below that of the ledger.
-        local = phi - whole_turns(phi)
-        feature = feature_at(body, local)
-        a, b = arms(body, feature, local)
-        for i in range(STATE_SIZE):
-            state[i] = 0.0
-        state[TIME] = t
-        state[X] = x
-        state[PHI] = phi
-        state[V_N] = v - a * omega
-        state[V_T] = u + b * omega
-        state[OMEGA] = omega
-        state[FEATURE] = feature
-        for i in range(STATE_SIZE):
-            before[i] = state[i]
+        samples = flight["samples"]
         status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
-        if state[PHI] != phi or state[FEATURE] != feature:
-            a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
-        write_rebound(body, rebound, before, state, feature, b, a, u, v)
-        t, x, phi, omega = state[TIME], state[X], state[PHI], state[OMEGA]
-        y = b + state[GAP]
-        u, v = rebound["u_after"], rebound["v_after"]
-        flight["rebounds"] += 1
-        flight["steps"] = steps
-        flight["stored"] = state[STORED]
-        flight["hysteresis"] += state[HYSTERESIS]
-        flight["sliding"] += state[SLIDING]
-        flight["rolling"] += state[ROLLING]
-        if status == RUNNING and flight["rebounds"] == log_length:
-            status = LOG_FULL
-    if status != RUNNING and trajectory.shape[0] > 0:
-        samples = add_sample(trajectory, samples, t, x, y, phi, u, v, omega, 0.0, 0.0, 0.0, 0, 0, 0)
+        status = depart(body, flight, rebound, log_length, status, steps, samples, state, before)
     flight["status"] = status
-    flight["samples"] = samples
-    flight["t"], flight["x"], flight["y"], flight["phi"] = t, x, y, phi
-    flight["u"], flight["v"], flight["omega"] = u, v, omega
+    if status != RUNNING and trajectory.shape[0] > 0:
+        t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
+        u, v, omega = flight["u"], flight["v"], flight["omega"]
+        samples = flight["samples"]
+        flight["samples"] = add_sample(trajectory, samples, t, x, y, phi, u, v, omega, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @kernel
@@ -422,7 +508,49 @@ def block_size(lanes: int) -> int:
 
 
 @kernel
-def hop_lanes(
+def _around(i: int, waiting: np.ndarray) -> int:
+    """Place of a lane that waits: there is a power of two of them, and one counts around without a division."""
+    return int(i & (waiting.shape[0] - 1))
+
+
+@kernel
+def _seek(
+    body: Body,
+    slopes: np.ndarray,
+    limits: Limits,
+    flights: np.ndarray,
+    waiting: np.ndarray,
+    begin: int,
+    end: int,
+    pack: np.ndarray,
+) -> int:
+    """Find the touchdowns of the lanes ``begin`` to ``end - 1`` that wait, up to LANES; return how many."""
+    count = min(end - begin, LANES)
+    for k in range(count):
+        lane = waiting[_around(begin + k, waiting)]
+        flight = flights[lane]
+        pack[F_LANE, k] = lane
+        pack[F_DOWNHILL, k], pack[F_GRAVITY, k] = pulls(_slope(slopes, lane))
+        pack[F_Y, k], pack[F_PHI, k] = flight["y"], flight["phi"]
+        pack[F_V, k], pack[F_OMEGA, k] = flight["v"], flight["omega"]
+        pack[F_HORIZON, k] = limits.max_time - flight["t"]
+    touchdown_times(body, count, pack)
+    return count
+
+
+@kernel
+def _wait(flights: np.ndarray, first: int, last: int, waiting: np.ndarray) -> int:
+    """Let the lanes that have not ended wait for their hop; return how many they are."""
+    count = 0
+    for lane in range(first, last):
+        if flights[lane]["status"] == RUNNING:
+            waiting[count] = lane
+            count += 1
+    return count
+
+
+@kernel
+def _hop_singly(
     body: Body,
     like: Law,
     laws: np.ndarray,
@@ -433,40 +561,189 @@ def hop_lanes(
     log_length: int,
     first: int,
     last: int,
-    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    pack: np.ndarray,
+    once: bool,
+    space: LaneSpace,
     trajectory: np.ndarray,
-) -> int:
-    """Follow one hop in the lanes ``first`` to ``last - 1`` that have not ended, each as :func:`hop` does.
-
-    The touchdowns are searched for side by side. Return how many lanes have not ended then. Arguments are those of
-    :func:`descend_batch`; ``rebounds`` may have one row for all lanes, and of its columns the last takes what finds no
-    other. ``pack`` is from :func:`sledenv.kernel.flight.pack_of`.
-    """
-    running, lane = 0, first
-    while lane < last:
-        count = 0
-        while lane < last and count < LANES:
-            flight = flights[lane]
-            if flight["status"] == RUNNING:
-                pack[F_LANE, count] = lane
-                pack[F_DOWNHILL, count], pack[F_GRAVITY, count] = pulls(_slope(slopes, lane))
-                pack[F_Y, count], pack[F_PHI, count] = flight["y"], flight["phi"]
-                pack[F_V, count], pack[F_OMEGA, count] = flight["v"], flight["omega"]
-                pack[F_HORIZON, count] = limits.max_time - flight["t"]
-                count += 1
-            lane += 1
-        touchdown_times(body, count, pack)
+) -> None:
+    """Follow contacts one by one: see :func:`hop_lanes`."""
+    pack, waiting, alone = space[0], space[1], space[2]
+    begin, end = 0, _wait(flights, first, last, waiting)
+    while begin < end:
+        count = _seek(body, slopes, limits, flights, waiting, begin, end, pack)
+        begin += count
         for k in range(count):
             i = int(pack[F_LANE, k])
             flight, log = flights[i], rebounds[_row(rebounds, i)]
             rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
             law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
             downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
-            land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
-            if flight["status"] == RUNNING:
-                running += 1
-    return running
+            land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, alone, trajectory)
+            if flight["status"] == RUNNING and not once:
+                waiting[_around(end, waiting)] = i
+                end += 1
+
+
+@kernel
+def _continue_alone(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    limits: Limits,
+    flight: np.void,
+    rebound: np.void,
+    log_length: int,
+    pause: int,
+    c: np.ndarray,
+    z: np.ndarray,
+    state: np.ndarray,
+    before: np.ndarray,
+    trajectory: np.ndarray,
+) -> bool:
+    """Follow a compliant contact to its end, or to where it can go on abreast; say whether it does."""
+    pair = pair_of(law)
+    if pause == 0 and choose_free(body, pair, state, z):
+        return True
+    status, steps, samples = follow(body, pair, slope, limits, state, c, z, pause, trajectory, 0)
+    if status == PAUSED:
+        return True
+    flight["status"] = depart(body, flight, rebound, log_length, status, steps, samples, state, before)
+    return False
+
+
+@kernel
+def _hop_abreast(
+    body: Body,
+    like: ContactLaw,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    limits: Limits,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    log_length: int,
+    first: int,
+    last: int,
+    once: bool,
+    space: LaneSpace,
+    trajectory: np.ndarray,
+) -> None:
+    """Follow ABREAST compliant contacts of a body without corners at a time: see :func:`hop_lanes`.
+
+    Each of them has a place, where it takes ordinary steps with its neighbours; every other step it takes alone.
+    """
+    pack, waiting, (c, _, _, _), (all_z, all_states, all_c), (own_z, own_states, own_before, lanes) = space
+    begin, end = 0, _wait(flights, first, last, waiting)
+    count, taken = 0, 0
+    lanes[:] = -1
+    all_z[Z_EVENT] = LEFT_ALONE
+    all_z[Z_MOST_STEPS] = -1.0  # nobody there takes a step
+    while True:
+        busy = False
+        for k in range(ABREAST):
+            event = all_z[Z_EVENT, k]
+            if event == NOTHING:
+                busy = True
+                continue
+            z, state, before = own_z[k], own_states[k], own_before[k]
+            abreast = False
+            i = lanes[k]
+            told = Z_BRANCH  # rows from here on have changed
+            if i >= 0:
+                flight, log = flights[i], rebounds[_row(rebounds, i)]
+                rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
+                law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+                for row in range(STATE_SIZE):
+                    state[row] = all_states[row, k]
+                if event == SEPARATION:
+                    end_contact(pair_of(law), state, z)
+                    steps = int(all_z[Z_STEPS, k])
+                    flight["status"] = depart(body, flight, rebound, log_length, RUNNING, steps, 0, state, before)
+                else:
+                    steps = all_z[Z_STEPS, k]
+                    go_on(event, steps, z)
+                    pause = 1 if event == LEFT_ALONE else 0
+                    abreast = _continue_alone(
+                        body, law, slope, limits, flight, rebound, log_length, pause, c, z, state, before, trajectory
+                    )
+                    told = Z_BRANCH if z[Z_STEPS] == steps else 0
+                if not abreast and flight["status"] == RUNNING and not once:
+                    waiting[_around(end, waiting)] = i
+                    end += 1
+            while not abreast:
+                told = 0
+                if taken == count:
+                    count, taken = _seek(body, slopes, limits, flights, waiting, begin, end, pack), 0
+                    begin += count
+                    if count == 0:
+                        break
+                i = int(pack[F_LANE, taken])
+                flight, log = flights[i], rebounds[_row(rebounds, i)]
+                rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
+                law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+                downhill, inward, touchdown = pack[F_DOWNHILL, taken], pack[F_GRAVITY, taken], pack[F_TIME, taken]
+                taken += 1
+                flight["status"] = arrive(
+                    body, slope, limits, flight, downhill, inward, touchdown, state, before, trajectory
+                )
+                if flight["status"] == RUNNING:
+                    begin_contact(body, pair_of(law), slope, limits, state, z, flight["steps"])
+                    abreast = _continue_alone(
+                        body, law, slope, limits, flight, rebound, log_length, 0, c, z, state, before, trajectory
+                    )
+                    if not abreast and flight["status"] == RUNNING and not once:
+                        waiting[_around(end, waiting)] = i
+                        end += 1
+            if abreast:
+                busy = True
+                lanes[k] = i
+                for row in range(told, Z_TOLD):
+                    all_z[row, k] = z[row]
+                if told == 0:
+                    for row in range(STATE_SIZE):
+                        all_states[row, k] = state[row]
+            else:
+                lanes[k] = -1
+                all_z[Z_MOST_STEPS, k] = -1.0
+        if not busy:
+            return
+        step_abreast(all_z, all_states, all_c)
+
+
+@kernel
+def _hop_compliant(
+    body: Body,
+    like: ContactLaw,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    limits: Limits,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    log_length: int,
+    first: int,
+    last: int,
+    once: bool,
+    space: LaneSpace,
+    trajectory: np.ndarray,
+) -> None:
+    """Follow compliant contacts: see :func:`hop_lanes`.
+
+    Those of a body with corners are followed one by one: only half of their steps are ordinary, which is too few.
+    """
+    if has_corners(body):
+        _hop_singly(
+            body, like, laws, slopes, limits, flights, rebounds, log_length, first, last, once, space, trajectory
+        )
+    else:
+        _hop_abreast(
+            body, like, laws, slopes, limits, flights, rebounds, log_length, first, last, once, space, trajectory
+        )
+
+
+# Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended, each as ``hop``
+# does. The touchdowns are searched for side by side, and compliant contacts of
+# bodies without corners followed so. Arguments are those of
+# ``descend_batch``; ``rebounds`` may have one row for all lanes, and of its columns the last takes what finds no
+# other. ``space`` is from ``lane_space``.
+hop_lanes = by_law(_hop_compliant, _hop_singly)
 
 
 @parallel_kernel
@@ -505,28 +782,10 @@ def descend_batch(
     for block in prange((lanes + size - 1) // size):
         first, last = block * size, min((block + 1) * size, lanes)
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
-        space, pack, trajectory = work_space(), pack_of(body), np.empty(0, TRAJECTORY)
+        space, trajectory = lane_space(body, like, size), np.empty(0, TRAJECTORY)
         for i in range(first, last):
             begin(_launch(launches, i), outcomes[i])
-        while (
-            hop_lanes(
-                body,
-                like,
-                laws,
-                slopes,
-                limits,
-                outcomes,
-                logs,
-                log_length,
-                first,
-                last,
-                space,
-                pack,
-                trajectory,
-            )
-            > 0
-        ):
-            pass
+        hop_lanes(body, like, laws, slopes, limits, outcomes, logs, log_length, first, last, False, space, trajectory)
         for i in range(first, last):
             close_books(body, _slope(slopes, i), _launch(launches, i), outcomes[i])
 
@@ -566,12 +825,12 @@ def hop_batch(
     logs = rebounds.reshape((lanes, 1))
     for block in prange((lanes + size - 1) // size):
         first, last = block * size, min((block + 1) * size, lanes)
-        space, pack, trajectory = work_space(), pack_of(body), np.empty(0, TRAJECTORY)
+        space, trajectory = lane_space(body, like, size), np.empty(0, TRAJECTORY)
         moved = flights["status"][first:last] == RUNNING
         for i in range(first, last):
             if flights[i]["status"] == RUNNING:
                 trim(body, rotor_inertia, flights[i], trims[i])
-        hop_lanes(body, like, laws, slopes, limits, flights, logs, log_length, first, last, space, pack, trajectory)
+        hop_lanes(body, like, laws, slopes, limits, flights, logs, log_length, first, last, True, space, trajectory)
         for i in range(first, last):
             if moved[i - first]:
                 close_books(body, _slope(slopes, i), _launch(launches, i), flights[i])

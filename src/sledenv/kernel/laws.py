@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import types
@@ -20,11 +21,25 @@ from sledenv.kernel.series import ROWS, Z_ROWS
 from sledenv.kernel.state import ON_CHORD, TIME
 
 Law = ContactLaw | RigidLaw
+_Law = TypeVar("_Law", ContactLaw, RigidLaw, Law)
 
 # Between two corners that hand a body over to each other so often, each time within a share of the time that a contact
 # takes, it lies on its chord: hand-overs accumulate at the moment from which on both touch.
 MOST_IDLE = 30
 BRIEF = 1e-9
+
+
+@kernel
+def pair_of(law: ContactLaw) -> Pair:
+    """How two surfaces meet by a law of two stiffnesses."""
+    return Pair(
+        law.stiffness * (1.0 + law.asymmetry),
+        law.stiffness * (1.0 - law.asymmetry),
+        law.friction,
+        law.rolling_arm,
+        law.corner_rolling_arm,
+        np.inf,
+    )
 
 
 @kernel
@@ -40,14 +55,7 @@ def _compliant_touch(
     trajectory: np.ndarray,
     samples: int,
 ) -> tuple[int, int, int]:
-    pair = Pair(
-        law.stiffness * (1.0 + law.asymmetry),
-        law.stiffness * (1.0 - law.asymmetry),
-        law.friction,
-        law.rolling_arm,
-        law.corner_rolling_arm,
-        np.inf,
-    )
+    pair = pair_of(law)
     brief = BRIEF * math.sqrt(body.mass / pair.k_closing)
     idle = 0
     while True:
@@ -68,48 +76,37 @@ def _compliant_touch(
     return status, steps, samples
 
 
-def touch(
-    body: Body,
-    law: Law,
-    slope: Slope,
-    limits: Limits,
-    state: np.ndarray,
-    c: np.ndarray,
-    z: np.ndarray,
-    steps: int,
-    trajectory: np.ndarray,
-    samples: int,
-) -> tuple[int, int, int]:
-    """Follow one contact by the given law: see :func:`sledenv.kernel.contact.contact`."""
-    follow = strike if isinstance(law, RigidLaw) else _compliant_touch
-    return follow(body, law, slope, limits, state, c, z, steps, trajectory, samples)  # type: ignore[arg-type]
+def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function whose second argument is a law, the type of which chooses the kernel when it is compiled."""
+
+    def choice(*given: Any) -> Any:
+        return (rigid if isinstance(given[1], RigidLaw) else compliant)(*given)
+
+    def chosen(law: Any) -> Any:
+        return types.Dispatcher(rigid if law.instance_class is RigidLaw else compliant)
+
+    # numba hands the names of the arguments to the implementation, which must repeat them.
+    def result_type(context: Any) -> Callable[..., Any]:
+        def result(*given: Any) -> Any:
+            return chosen(given[1]).get_call_type(context, given, {}).return_type
+
+        result.__signature__ = inspect.signature(compliant)  # type: ignore[attr-defined]
+        return result
+
+    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        follow = context.get_function(chosen(signature.args[1]), signature)
+        context.add_linking_libs(follow.libs)
+        return follow(builder, arguments)
+
+    type_callable(choice)(result_type)
+    lower_builtin(choice, types.VarArg(types.Any))(lower)  # type: ignore[no-untyped-call]
+    return choice
 
 
-def _contact_of(law: Any) -> Any:
-    """Type of the kernel that follows a contact by a law of the given type."""
-    return types.Dispatcher(strike if law.instance_class is RigidLaw else _compliant_touch)
+touch = by_law(_compliant_touch, strike)
 
 
-@type_callable(touch)
-def _type_touch(context: Any) -> Callable[..., Any]:
-    # numba hands these names to the implementation, which must repeat them.
-    def result(  # type: ignore[no-untyped-def]
-        body, law, slope, limits, state, c, z, steps, trajectory, samples
-    ) -> Any:
-        given = body, law, slope, limits, state, c, z, steps, trajectory, samples
-        return _contact_of(law).get_call_type(context, given, {}).return_type
-
-    return result
-
-
-@lower_builtin(touch, types.VarArg(types.Any))  # type: ignore[no-untyped-call, untyped-decorator]
-def _lower_touch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    follow = context.get_function(_contact_of(signature.args[1]), signature)
-    context.add_linking_libs(follow.libs)
-    return follow(builder, arguments)
-
-
-def law_of_row(like: Law, row: np.ndarray) -> Law:
+def law_of_row(like: _Law, row: np.ndarray) -> _Law:
     """Return a law of the same kind as ``like`` with the fields of an array of shape (5,)."""
     return type(like)(row[0], row[1], row[2], row[3], row[4])
 

@@ -50,11 +50,36 @@ ROWS = 13
     Z_RATIO,  # [1/m^2] mass over inertia
     Z_H,  # [m] of the feature
     Z_R,  # [m]
+    Z_SHIFT,  # [rad]
+    Z_K_CLOSING,  # [N/m] of the law
+    Z_K_OPENING,
+    Z_INWARD,  # [m/s^2] gravity along the inward normal
+    Z_DOWNHILL,  # [m/s^2] and along the slope
+    # The gap of the corner on the other side is that of the feature, this,
+    Z_OTHER,  # [m]
+    Z_OTHER_SINE,  # [m] and these times sine and cosine of theta.
+    Z_OTHER_COSINE,
+    Z_HALF_ANGLE,  # [rad] where the feature ends, inf if it has no end
+    Z_SIZE,  # [m] of the body
+    Z_SCALE,  # [m/s] of the velocities
+    Z_TOLERANCE,
+    Z_LENGTH,  # [m] of the slope
+    Z_MAX_TIME,  # [s]
+    Z_MOST_STEPS,
     Z_MU,  # [-] tangential force over normal force
     Z_RHO,  # [m] rolling moment over normal force
     Z_STIFFNESS,  # [N/m] of the branch
-    Z_INWARD,  # [m/s^2] gravity along the inward normal
-    Z_DOWNHILL,  # [m/s^2] and along the slope
+    Z_STEPS,  # spent
+    Z_GAP_RATE,  # the branch: signs of v_n, v_t and omega, 0 where locked,
+    Z_SLIP,
+    Z_SPIN,
+    Z_GAP_ZEROS,  # and number of their leading coefficients that are zero by construction
+    Z_SLIP_ZEROS,
+    Z_SPIN_ZEROS,
+) = range(29)
+Z_BRANCH = 19  # rows from here on change with the branch,
+Z_TOLD = 29  # and those before with the feature
+(
     Z_THETA,  # [rad] orientation of the feature,
     Z_SINE,  # [-] its sine
     Z_COSINE,  # and cosine
@@ -65,14 +90,12 @@ ROWS = 13
     Z_V_N,
     Z_V_T,
     Z_OMEGA,
-    # The gap of the corner on the other side is that of the feature, this,
-    Z_OTHER,  # [m]
-    Z_OTHER_SINE,  # [m] and these times sine and cosine of theta.
-    Z_OTHER_COSINE,
-    Z_GUESS,  # [units] where a root is expected,
+    Z_EXPECTED,  # code of the event that is expected,
+    Z_GUESS,  # [units] where its root is,
     Z_MOST,  # up to where it is sought,
     Z_ROOT,  # and where it was found
     Z_STEP,  # [units] length of the step
+    Z_EVENT,  # code of what happens at its end
     E_X,  # the state at its end
     E_PHI,
     E_GAP,
@@ -102,8 +125,22 @@ ROWS = 13
     E_SAFE_NORMAL,
     E_SAFE_FORCE,
     E_SAFE_MOMENT,
-) = range(54)
-Z_ROWS = 54
+    # What a contact that is interrupted between two steps goes on with, besides.
+    Z_TURNS,  # [rad] that its angle leaves out
+    Z_AT_EDGE,
+    Z_LEFT_GAP,  # signs with which velocities have just been released
+    Z_LEFT_SLIP,
+    Z_LEFT_SPIN,
+    Z_STALLED,
+    Z_CHOOSE,
+    # An ordinary step: whether it may be one, whether that needs a better proof, and the search for roots.
+    Z_FINE,
+    Z_DOUBTFUL,
+    Z_SEEKING,
+    Z_FOUND,
+    Z_BEFORE,
+) = range(Z_TOLD, Z_TOLD + 56)
+Z_ROWS = Z_TOLD + 56
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
 E_STATE = E_X - X  # and of that at the end
 
@@ -134,7 +171,7 @@ _NEXT = _KEPT * (rows.COUNT + 1.0)
 _FORCES = np.where(rows.COUNT < ORDER, 1.0, 0.0)  # are known to one order less
 
 
-def _spinning(gap_locked: bool, slip_locked: bool) -> Any:
+def spinning(gap_locked: bool, slip_locked: bool) -> Any:
     """Return the program that fills the table in a branch with spin: docs/physics.md (5.5)-(5.9).
 
     Inside, a velocity is per unit of time, an acceleration per unit squared and a force per mass and unit squared. All
@@ -307,12 +344,12 @@ def _gliding_on(gap_locked: bool, slip_locked: bool) -> Any:
 
 
 # Branches by which of gap rate, slip and spin is locked.
-_free = compiled(_spinning(False, False))
-_sticking = compiled(_spinning(False, True))
+_free = compiled(spinning(False, False))
+_sticking = compiled(spinning(False, True))
 _sliding = compiled(_gliding_on(False, False))
 _stuck = compiled(_gliding_on(False, True))
-_settled = compiled(_spinning(True, False))
-_rolling = compiled(_spinning(True, True))
+_settled = compiled(spinning(True, False))
+_rolling = compiled(spinning(True, True))
 _gliding = compiled(_gliding_on(True, False))
 
 
@@ -340,7 +377,7 @@ def _bound(leading: Any, slope: Any, rest: Any) -> Any:
     return absolute(leading) + smaller(against, 0.0) - rest
 
 
-def _approach(q: Any, s: Any) -> tuple[Any, ...]:
+def approach(q: Any, s: Any) -> tuple[Any, ...]:
     """Come closer to a root of a series by Chebyshev's method, of third order.
 
     Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
@@ -355,7 +392,7 @@ def _approach(q: Any, s: Any) -> tuple[Any, ...]:
     return s - fma(0.5 * step, bent, step), step, absolute(step) * fma(step, step, bent * bent)
 
 
-def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
+def certificate(q: Any, s: Any) -> tuple[Any, ...]:
     """Number that is positive if a root of a series is known to be its first: docs/physics.md, 10.1.
 
     The series is (t - s) B, and its root is the first if B has none in [0, s]. There the coefficients of B, times the
@@ -367,7 +404,7 @@ def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
     return (_bound(first, second, rest - absolute(second)),)
 
 
-_closer, _certainty = scalar(_approach), scalar(_certificate)
+_closer, _certainty = scalar(approach), scalar(certificate)
 
 
 @kernel
@@ -391,7 +428,7 @@ _HEEDED = np.array([ORDER - 3, ORDER - 1, ORDER, ORDER])  # orders of the terms 
 _ALLOWED = np.array([EARLIER, 1.0, 1.0, 1.0])
 
 
-def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[Any, ...]:
+def longest(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[Any, ...]:
     """Program of :func:`longest_step`."""
     count = len(_HEEDED)
     heeded = []
@@ -423,10 +460,11 @@ def _length(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[A
 _MOTION = (X, GAP, V_N, V_T, OMEGA)
 
 
-def _completion(z: Any, c: Any) -> None:
+def completion(z: Any, c: Any, corners: bool = True) -> None:
     """State and work at the end of a step of Z_STEP units, and whether anything changes its sign on the way.
 
-    Integrals are taken by Gauss's rule with eight nodes, whose error is below that of the series.
+    Integrals are taken by Gauss's rule with eight nodes, whose error is below that of the series. A body without
+    corners has no other one.
     """
     s, unit = z[Z_STEP], z[Z_UNIT]
     time = s * unit
@@ -434,14 +472,17 @@ def _completion(z: Any, c: Any) -> None:
     nodes = repeated(s, rows.EIGHT) * _NODES
     normal, slip, spin = (rows.values(c, row, TERMS, nodes) for row in (R_NORMAL, V_T, OMEGA))
     load = normal * _WEIGHTS
-    terms = {row: rows.times(rows.read(c, row), powers) for row in (*_MOTION, R_SINE, R_COSINE)}
-    sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
-    around = zip(terms[R_SINE], terms[R_COSINE], terms[GAP], strict=True)
-    other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
+    terms = {row: rows.times(rows.read(c, row), powers) for row in (*_MOTION, *((R_SINE, R_COSINE) if corners else ()))}
+    other = []
+    if corners:
+        sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
+        around = zip(terms[R_SINE], terms[R_COSINE], terms[GAP], strict=True)
+        other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
     *ends, turned, impulse, slid = sums(
         [*(rows.added(terms[row]) for row in _MOTION), spin * _WEIGHTS, load, load * slip]
     )
-    rolled, *rests, other_rest = sums([load * spin, *(rows.sizes(terms[row]) for row in _MOTION), rows.sizes(other)])
+    others = [rows.sizes(other)] if corners else []
+    rolled, *rests = sums([load * spin, *(rows.sizes(terms[row]) for row in _MOTION), *others])
     for row, end in zip(_MOTION, ends, strict=True):
         z[E_STATE + row] = c[row * WIDTH] + end
     z[E_PHI] = fma(time, turned, z[Z_PHI])
@@ -450,7 +491,7 @@ def _completion(z: Any, c: Any) -> None:
     z[E_SPIN] = time * rolled
     leading = {row: c[row * WIDTH] for row in terms}
     linear = {row: c[row * WIDTH + 1] * s for row in terms}
-    rest = dict(zip(_MOTION, rests, strict=True))
+    rest = dict(zip(_MOTION, rests[: len(_MOTION)], strict=True))
     z[E_TRAVEL] = absolute(linear[X]) + rest[X]
     # |phi| grows by no more than the spin and its changes do.
     z[E_TURN] = time * (absolute(leading[OMEGA]) + absolute(linear[OMEGA]) + rest[OMEGA])
@@ -463,11 +504,13 @@ def _completion(z: Any, c: Any) -> None:
         z[safe] = _bound(leading[row], linear[row], rest[row])
         second = c[row * WIDTH + 2] * (s * s)
         z[left] = _bound(linear[row], second, rest[row] - absolute(second))
+    if not corners:
+        return
     start, slope = (
         fma(z[Z_OTHER_SINE], of[R_SINE], fma(z[Z_OTHER_COSINE], of[R_COSINE], of[GAP])) for of in (leading, linear)
     )
     start = start + z[Z_OTHER]
-    z[E_SAFE_OTHER] = where_less(0.0, start, _bound(start, slope, other_rest), -1.0)
+    z[E_SAFE_OTHER] = where_less(0.0, start, _bound(start, slope, rests[-1]), -1.0)
 
 
 def _above(leading: Any, slope: Any, rest: Any) -> Any:
@@ -510,8 +553,8 @@ def _slack(z: Any, c: Any) -> None:
     z[E_SAFE_NORMAL] = smaller(low, high)
 
 
-_complete = compiled(_completion)
-_longest = scalar(_length)
+_complete = compiled(lambda z, c: completion(z, c))
+_longest = scalar(longest)
 _complete_locked = compiled(_slack)
 
 

@@ -13,9 +13,11 @@ With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is th
 
 from __future__ import annotations
 
+import copy
 import inspect
 import math
-from collections.abc import Callable, Sequence
+import operator
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -24,11 +26,12 @@ from numba import types
 from numba.core import cgutils, config
 from numba.extending import intrinsic
 
-Program = Callable[[Any, Any], None]
+Program = Callable[..., None]
 
 _LINE = 64  # bytes of cache
 _ROOM = 4096  # places of an array that a function of numbers may use
 LANES = 16  # two AVX-512 registers: while one of them waits for a result the other goes on
+ABREAST = 8  # lanes of a program of arrays: what a long recurrence keeps in registers leaves room for one
 
 
 class _Value:
@@ -53,7 +56,7 @@ class _Value:
         return ir.Constant(kind, float(other))
 
     def _make(self, value: ir.Value) -> _Value:
-        return _Value(self.builder, value)
+        return type(self)(self.builder, value)
 
     def __add__(self, other: Any) -> _Value:
         return self._make(self.builder.fadd(self.value, self.lift(other)))
@@ -101,17 +104,82 @@ class _Value:
         return self._make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
 
 
+class _Lanes(_Value):
+    """A number of each of the lanes, or a mask."""
+
+    __slots__ = ()
+
+
+class _Row:
+    """A vector in each of the lanes: the numbers at its places, each of all lanes."""
+
+    __slots__ = ("numbers",)
+    __array_ufunc__ = None
+
+    def __init__(self, numbers: Iterable[Any]) -> None:
+        self.numbers = list(numbers)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __add__(self, other: Any) -> _Row:
+        return _each(operator.add, self, other)
+
+    def __radd__(self, other: Any) -> _Row:
+        return _each(operator.add, other, self)
+
+    def __sub__(self, other: Any) -> _Row:
+        return _each(operator.sub, self, other)
+
+    def __rsub__(self, other: Any) -> _Row:
+        return _each(operator.sub, other, self)
+
+    def __mul__(self, other: Any) -> _Row:
+        return _each(operator.mul, self, other)
+
+    def __rmul__(self, other: Any) -> _Row:
+        return _each(operator.mul, other, self)
+
+    def __truediv__(self, other: Any) -> _Row:
+        return _each(operator.truediv, self, other)
+
+    def __neg__(self) -> _Row:
+        return _each(operator.neg, self)
+
+
+def _each(function: Callable[..., Any], *operands: Any) -> _Row:
+    """Apply a function place by place to rows, arrays and numbers that stand for a row of the same."""
+    count = next(len(operand) for operand in operands if isinstance(operand, _Row))
+    columns = [
+        _numbers_of(operand) if isinstance(operand, _Row | np.ndarray) else [operand] * count for operand in operands
+    ]
+    return _Row(function(*numbers) for numbers in zip(*columns, strict=True))
+
+
+def _numbers_of(vector: _Row | np.ndarray) -> list[Any]:
+    return vector.numbers if isinstance(vector, _Row) else vector.tolist()
+
+
 def fma(a: Any, b: Any, c: Any) -> Any:
     """``a * b + c``, rounded once."""
+    if any(isinstance(value, _Row) for value in (a, b, c)):
+        return _each(fma, a, b, c)
     for value in (a, b, c):
         if isinstance(value, _Value):
-            return _Value(value.builder, value.lift(a)).call("llvm.fma", b, c)
+            return value._make(value.lift(a)).call("llvm.fma", b, c)
     return a * b + c
 
 
 def absolute(a: Any) -> Any:
     """Absolute value."""
+    if isinstance(a, _Row):
+        return _each(absolute, a)
     return a.call("llvm.fabs") if isinstance(a, _Value) else np.abs(a)
+
+
+def with_sign(a: Any, b: Any) -> Any:
+    """``a`` with the sign of ``b``."""
+    return a.call("llvm.copysign", b) if isinstance(a, _Value) else np.copysign(a, b)
 
 
 def nearest(a: Any) -> Any:
@@ -126,28 +194,34 @@ def root(a: Any) -> Any:
 
 def _compare(relation: str, a: Any, b: Any) -> Any:
     value = a if isinstance(a, _Value) else b
-    return _Value(value.builder, value.builder.fcmp_ordered(relation, value.lift(a), value.lift(b)))
+    return value._make(value.builder.fcmp_ordered(relation, value.lift(a), value.lift(b)))
 
 
 def less(a: Any, b: Any) -> Any:
     """Mask of ``a < b``; false where one of them is not a number."""
+    if isinstance(a, _Row) or isinstance(b, _Row):
+        return _each(less, a, b)
     return _compare("<", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less(a, b)
 
 
 def not_more(a: Any, b: Any) -> Any:
     """Mask of ``a <= b``; false where one of them is not a number."""
+    if isinstance(a, _Row) or isinstance(b, _Row):
+        return _each(not_more, a, b)
     return _compare("<=", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less_equal(a, b)
 
 
 def where(mask: Any, then: Any, otherwise: Any) -> Any:
     """``then`` where a mask is true, else ``otherwise``."""
+    if isinstance(mask, _Row):
+        return _each(where, mask, then, otherwise)
     if not isinstance(mask, _Value):
         return np.where(mask, then, otherwise)[()]
     kind: Any = ir.DoubleType()
     if isinstance(mask.value.type, ir.VectorType):
         kind = ir.VectorType(kind, mask.value.type.count)
     zero = _Value(mask.builder, ir.Constant(kind, None))
-    return _Value(mask.builder, mask.builder.select(mask.value, zero.lift(then), zero.lift(otherwise)))
+    return mask._make(mask.builder.select(mask.value, zero.lift(then), zero.lift(otherwise)))
 
 
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
@@ -171,6 +245,8 @@ _BIAS = 1023
 
 def rough_root(a: Any, n: Any) -> Any:
     """Root of order ``n`` > 13 of a positive number, less than .2 per cent too small; NaN for what is not finite."""
+    if isinstance(a, _Row):
+        return _each(rough_root, a, n)
     logarithm = _bits(a) * 2.0**-_MANTISSA - _BIAS
     # Between powers of two the logarithm is that straight line and a parabola, its inverse a cubic polynomial.
     part = logarithm - nearest(logarithm - 0.5)
@@ -191,7 +267,7 @@ def _bits(a: Any) -> Any:
     if not isinstance(a, _Value):
         return np.asarray(a).view(np.int64).astype(float)
     kind = a.value.type
-    return _Value(a.builder, a.builder.sitofp(a.builder.bitcast(a.value, _whole(kind)), kind))
+    return a._make(a.builder.sitofp(a.builder.bitcast(a.value, _whole(kind)), kind))
 
 
 def _of_bits(a: Any) -> Any:
@@ -199,11 +275,13 @@ def _of_bits(a: Any) -> Any:
     if not isinstance(a, _Value):
         return np.where(np.isfinite(a), a, 0.0).astype(np.int64).view(float)
     kind = a.value.type
-    return _Value(a.builder, a.builder.bitcast(a.builder.fptosi(a.value, _whole(kind)), kind))
+    return a._make(a.builder.bitcast(a.builder.fptosi(a.value, _whole(kind)), kind))
 
 
 def side_by_side(*numbers: Any) -> Any:
     """Vector of some numbers."""
+    if any(isinstance(number, _Lanes) for number in numbers):
+        return _Row(numbers)
     if not any(isinstance(number, _Value) for number in numbers):
         return np.array(numbers)
     builder = next(number.builder for number in numbers if isinstance(number, _Value))
@@ -223,6 +301,9 @@ def repeated(number: Any, count: int) -> Any:
 
 def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
     """Vector of the elements of ``a`` and then ``b`` at some places; ``b`` may be None."""
+    if isinstance(a, _Row) or isinstance(b, _Row):
+        numbers = [number for vector in (a, b) if vector is not None for number in _numbers_of(vector)]
+        return _Row(numbers[i] for i in places)
     if isinstance(b, _Value):
         a = _Value(b.builder, b.lift(a))
     if not isinstance(a, _Value):
@@ -234,6 +315,8 @@ def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
 
 def element(vector: Any, i: int) -> Any:
     """Number at a place of a vector."""
+    if isinstance(vector, _Row):
+        return vector.numbers[i]
     if not isinstance(vector, _Value):
         return vector[i]
     return _Value(vector.builder, vector.builder.extract_element(vector.value, ir.Constant(ir.IntType(32), i)))
@@ -241,16 +324,47 @@ def element(vector: Any, i: int) -> Any:
 
 def block(numbers: Any, first: int, count: int) -> Any:
     """Vector of consecutive numbers of an array."""
+    if isinstance(numbers, _Section):
+        return block(numbers.numbers, numbers.first + first, count)
     if not isinstance(numbers, _Numbers):
         return numbers[first : first + count].copy()
+    if isinstance(numbers.kind, ir.VectorType):
+        return _Row(numbers[i] for i in range(first, first + count))
     kind = ir.VectorType(ir.DoubleType(), count)
     place = numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind))
     return _Value(numbers.builder, numbers.builder.load(place, align=8, typ=kind))
 
 
+def without(numbers: Any, places: Iterable[int]) -> Any:
+    """Array of lanes of which some places need not be written, because nobody reads them."""
+    if isinstance(numbers, _Numbers):
+        numbers = copy.copy(numbers)
+        numbers.unread = frozenset(places)
+    return numbers
+
+
+class _Section:
+    """What lies behind a place of an array."""
+
+    def __init__(self, numbers: Any, first: int) -> None:
+        self.numbers = numbers
+        self.first = first
+
+    def __getitem__(self, i: int) -> Any:
+        return self.numbers[self.first + i]
+
+
+def section(numbers: Any, first: int) -> Any:
+    """Array that begins at a place of another."""
+    return _Section(numbers, first) if isinstance(numbers, _Numbers) else numbers[first:]
+
+
 def set_block(numbers: Any, first: int, vector: Any) -> None:
     """Write a vector to consecutive places of an array."""
-    if isinstance(numbers, _Numbers):
+    if isinstance(numbers, _Numbers) and isinstance(numbers.kind, ir.VectorType):
+        for i, number in enumerate(_numbers_of(vector)):
+            numbers[first + i] = number
+    elif isinstance(numbers, _Numbers):
         kind = ir.VectorType(
             ir.DoubleType(), len(vector) if isinstance(vector, np.ndarray) else vector.value.type.count
         )
@@ -290,7 +404,9 @@ class _Numbers:
         self.builder = builder
         self.data = data if isinstance(kind, ir.DoubleType) else builder.bitcast(data, ir.PointerType(kind))
         self.kind = kind
+        self.of: type[_Value] = _Lanes if isinstance(kind, ir.VectorType) else _Value
         self.known: dict[int, _Value] = {}
+        self.unread: frozenset[int] = frozenset()
 
     def place(self, i: int) -> ir.Value:
         """Pointer to an entry."""
@@ -298,55 +414,107 @@ class _Numbers:
 
     def __getitem__(self, i: int) -> _Value:
         if i not in self.known:
-            self.known[i] = _Value(self.builder, self.builder.load(self.place(i), align=8, typ=self.kind))
+            self.known[i] = self.of(self.builder, self.builder.load(self.place(i), align=8, typ=self.kind))
         return self.known[i]
 
     def __setitem__(self, i: int, value: Any) -> None:
         zero = _Value(self.builder, ir.Constant(self.kind, None))
-        self.known[i] = _Value(self.builder, zero.lift(value))
+        self.known[i] = self.of(self.builder, zero.lift(value))
+        if i in self.unread:
+            return
         self.builder.store(self.known[i].value, self.place(i), align=8)
 
 
-def _numbers(context: Any, builder: Any, of: Any, argument: Any) -> _Numbers:
+def _numbers(context: Any, builder: Any, of: Any, argument: Any, kind: ir.Type | None = None) -> _Numbers:
     """Array that a kernel hands to a program."""
-    return _Numbers(builder, context.make_array(of)(context, builder, argument).data, ir.DoubleType())
+    return _Numbers(builder, context.make_array(of)(context, builder, argument).data, kind or ir.DoubleType())
 
 
-def compiled(program: Program) -> Callable[[np.ndarray, np.ndarray], None]:
-    """Return a function ``f(z, c)`` that runs a program, for use in kernels, which compile it.
+def compiled(program: Program) -> Callable[..., None]:
+    """Return a function of arrays that runs a program, for use in kernels, which compile it.
 
     Each call in a kernel writes the program into it: call it in one kernel of its own.
 
     Parameters
     ----------
     program : callable
-        Of two indexed objects: it reads and writes numbers of ``z`` and of ``c``, counted in the order of memory.
+        Of indexed objects: it reads and writes numbers of ``z`` and of ``c``, say, counted in the order of memory.
 
     Returns
     -------
     callable
-        Of two contiguous arrays of any shape.
+        Of as many contiguous arrays of any shape.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-        def interpreted(z: np.ndarray, c: np.ndarray) -> None:
+        def interpreted(*arrays: np.ndarray) -> None:
             with np.errstate(all="ignore"):
-                program(z.reshape(-1), c.reshape(-1))
+                program(*(array.reshape(-1) for array in arrays))
 
         return interpreted
 
-    @intrinsic
-    def straight(typing_context: Any, z: Any, c: Any) -> Any:
+    return _straight(program, ir.DoubleType())
+
+
+def abreast(program: Program) -> Callable[..., None]:
+    """Return what :func:`compiled` does, but of arrays with ABREAST lanes: shape (numbers, ABREAST) each.
+
+    A vector of the program is one number after the other here, and each number a vector of the lanes.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(*arrays: np.ndarray) -> None:
+            with np.errstate(all="ignore"):
+                for lane in range(ABREAST):
+                    columns = [array[:, lane].copy() for array in arrays]
+                    program(*columns)
+                    for array, column in zip(arrays, columns, strict=True):
+                        array[:, lane] = column
+
+        return interpreted
+
+    return _straight(program, ir.VectorType(ir.DoubleType(), ABREAST))
+
+
+def _straight(program: Program, kind: ir.Type) -> Callable[..., None]:
+    def straight(typing_context: Any, *arrays: Any) -> Any:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             # Or vectors that are kept on the stack would lie across two lines.
             builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
             builder.function.attributes.alignstack = _LINE
-            program(*(_numbers(context, builder, *given) for given in zip(signature.args, arguments, strict=True)))
+            given = zip(signature.args, arguments, strict=True)
+            program(*(_numbers(context, builder, *array, kind) for array in given))
             return context.get_dummy_value()
 
-        return types.void(z, c), write
+        return types.void(*arrays), write
 
-    return cast(Callable[[np.ndarray, np.ndarray], None], straight)
+    return cast(Callable[..., None], _intrinsic_like(program, straight))
+
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+    def set_apart() -> None:
+        """Keep the kernel that calls this out of its callers."""
+
+else:
+
+    @intrinsic
+    def set_apart(typing_context: Any) -> Any:
+        """Keep the kernel that calls this out of its callers."""
+
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.function.attributes.add("noinline")
+            return context.get_dummy_value()
+
+        return types.void(), write
+
+
+def _intrinsic_like(function: Callable[..., Any], straight: Any) -> Any:
+    """Return an intrinsic function with the arguments of a program: numba looks for their names."""
+    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = (context, *inspect.signature(function).parameters.values())
+    straight.__signature__ = inspect.Signature(names)
+    return intrinsic(straight)
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
@@ -375,11 +543,7 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
         returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
         return returned(*kinds), write
 
-    # numba looks for names of the arguments.
-    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    names = (context, *inspect.signature(function).parameters.values())
-    straight.__signature__ = inspect.Signature(names)  # type: ignore[attr-defined]
-    return cast(Callable[..., tuple[float, ...]], intrinsic(straight))
+    return cast(Callable[..., tuple[float, ...]], _intrinsic_like(function, straight))
 
 
 def packed(

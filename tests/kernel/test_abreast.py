@@ -1,0 +1,141 @@
+"""Compliant contacts abreast: each lane is the contact alone, bit for bit, whatever the state and its neighbours."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv.kernel import series
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.series import ROWS, Z_ROWS
+from sledenv.kernel.trace import ABREAST, abreast, compiled, with_sign
+
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+SLOPE = Slope(math.radians(10.0), length=40.0)
+LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
+
+
+def _expansion(z: Any, c: Any) -> None:
+    series.spinning(False, False)(z, c)
+    z[series.Z_MOST] = series.longest(z[series.Z_SIZE], z[series.Z_SCALE], 1e-15, 2.0, c)[0]
+    series.completion(z, c)
+    z[series.Z_ROOT] = series.approach(c, z[series.Z_STEP])[0]
+    z[series.Z_BEFORE] = series.certificate(c, z[series.Z_STEP])[0]
+    z[series.Z_FOUND] = with_sign(z[series.Z_V_T], z[series.Z_OMEGA])
+
+
+_one, _many = compiled(_expansion), abreast(_expansion)
+
+
+@kernel
+def _alone(z: np.ndarray, c: np.ndarray) -> None:
+    _one(z, c)
+
+
+@kernel
+def _side_by_side(z: np.ndarray, c: np.ndarray) -> None:
+    _many(z, c)
+
+
+def test_a_program_abreast_computes_what_it_does_for_one() -> None:
+    """Vectors, their sums and masks included; a lane of NaN does not disturb the others."""
+    rng = np.random.default_rng(5)
+    z = rng.uniform(0.5, 1.5, (Z_ROWS, ABREAST))
+    z[series.Z_STIFFNESS] *= 1e6
+    z[series.Z_UNIT] *= 1e-3
+    z[series.Z_OMEGA] *= rng.choice((-1.0, 1.0), ABREAST)
+    z[series.Z_OTHER, 1] = math.inf
+    z[series.Z_V_N, 2] = math.nan
+    z[series.Z_H, 3] = 0.0
+    c = np.zeros((ROWS * WIDTH, ABREAST))
+    expected = []
+    for lane in range(ABREAST):
+        told, table = z[:, lane].copy(), np.zeros((ROWS, WIDTH))
+        _alone(told, table)
+        expected.append((told, table.reshape(-1)))
+    _side_by_side(z, c)
+    for lane, (told, table) in enumerate(expected):
+        assert np.array_equal(z[:, lane], told, equal_nan=True)
+        assert np.array_equal(c[:, lane], table, equal_nan=True)
+
+
+def ugly(rng: np.random.Generator, body: Body, lanes: int) -> np.ndarray:
+    """Launches of which many have a velocity or an angle that is exactly zero, or an edge."""
+    phi = rng.uniform(-math.pi, math.pi, lanes)
+    edges = np.array([0.0, -0.0, math.pi, -math.pi, body.half_angle, -body.half_angle, 0.5 * math.pi, 20.0])
+    phi = np.where(rng.random(lanes) < 0.4, rng.choice(edges, lanes), phi)
+    states = np.stack(
+        [
+            np.where(rng.random(lanes) < 0.1, 39.9, 0.0),
+            2.0 * body.radius + body.eccentricity + rng.uniform(0.0, 0.5, lanes),
+            phi,
+            rng.uniform(-3.0, 3.0, lanes),
+            rng.uniform(-3.0, 1.0, lanes),
+            rng.uniform(-20.0, 20.0, lanes),
+        ],
+        axis=-1,
+    )
+    for column in (3, 5):
+        states[rng.random(lanes) < 0.3, column] = 0.0
+    states[rng.random(lanes) < 0.05, 5] = 1e-9
+    states[rng.random(lanes) < 0.05, 5] = 5e3
+    states[rng.random(lanes) < 0.02, 4] = -1e5
+    return states
+
+
+def same_bits(one: Any, other: Any) -> None:
+    """Field by field, for there may be anything between them; the sign of a zero counts."""
+    for name in one.dtype.names:
+        assert one[name].tobytes() == other[name].tobytes(), name
+
+
+BODIES = {
+    "disc": DISC,
+    "balanced disc": Body(1.0, 0.1, 0.0, 7.5e-3),
+    "segment": circular_segment(1.0, 0.5, math.radians(60.0)),
+    "deep segment": circular_segment(1.0, 0.1, math.radians(140.0)),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_lane_equals_the_descent_alone(name: str) -> None:
+    """Random laws and slopes, exact zeros, edges, limits that cut contacts short: outcomes and logs bit for bit."""
+    body = BODIES[name]
+    rng = np.random.default_rng(len(name))
+    lanes = 96
+    states = ugly(rng, body, lanes)
+    laws = np.stack(
+        [
+            10.0 ** rng.uniform(3.0, 7.0, lanes),
+            rng.choice((0.0, 0.3, 0.9), lanes),
+            rng.choice((0.0, 0.1, 0.8), lanes),
+            rng.choice((0.0, 1e-3, 1e-2), lanes),
+            rng.choice((0.0, 1e-3), lanes),
+        ],
+        axis=-1,
+    )
+    slopes = np.stack(
+        [rng.choice((0.0, 0.2, -0.1), lanes), rng.choice((40.0, math.inf), lanes), np.full(lanes, 9.81)], axis=-1
+    )
+    for options in ({"max_time": 0.8}, {"max_time": 3.0}, {"max_rebounds": 3, "tolerance": 1e-8}):
+        options = {"max_rebounds": 40, **options}
+        batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+        for i in range(lanes):
+            one = simulate(body, ContactLaw(*laws[i]), Slope(*slopes[i]), State(*states[i]), **options)
+            same_bits(batch.outcomes[i], one.outcome)
+            same_bits(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
+
+
+def test_a_lane_does_not_see_its_neighbours() -> None:
+    """Other order, other neighbours: the same outcomes."""
+    states = ugly(np.random.default_rng(1), DISC, 300)
+    outcomes = simulate_batch(DISC, LAW, SLOPE, states, max_rebounds=7).outcomes
+    order = np.random.default_rng(2).permutation(300)[:123]
+    assert (
+        simulate_batch(DISC, LAW, SLOPE, states[order], max_rebounds=7).outcomes.tobytes() == outcomes[order].tobytes()
+    )
