@@ -1,4 +1,4 @@
-"""Policies of SAC and TD3 that take the launch which their critic rates best of many."""
+"""Policies of SAC and TD3 that take the action which their critic rates best of many."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
-COARSE: Final = 96  # launches tried anywhere in the box
-FINE: Final = 16  # launches tried around the best so far, once for each of the widths
+COARSE: Final = 96  # actions tried anywhere in the box
+FINE: Final = 16  # actions tried around the best so far, once for each of the widths
 WIDTHS: Final = (0.1, 0.03)  # standard deviations, where the box is 2 wide
 
 
 class _Searching(BasePolicy):
     """What both policies share: the search.
 
-    An actor climbs its critic from where it stands, but the reward of a launch has many maxima with cliffs between
+    An actor climbs its critic from where it stands, but the reward of a landing has many maxima with cliffs between
     them. Where an episode has one step the critic is a regression of the reward over the whole box, so that its best
-    launch can be looked up. The candidates are quasi-random and always the same: a policy that acts deterministically
+    landing can be looked up. The candidates are quasi-random and always the same: a policy that acts deterministically
     stays a function of what it sees.
     """
 
@@ -39,7 +39,7 @@ class _Searching(BasePolicy):
 
     @torch.no_grad()
     def searched(self, observation: torch.Tensor, proposed: torch.Tensor) -> torch.Tensor:
-        """Return the best of what the actor proposes, of launches anywhere and of launches around the best of these.
+        """Return the best of what the actor proposes, of actions anywhere and of actions around the best of these.
 
         Parameters
         ----------

@@ -157,9 +157,10 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(solver):
+@pytest.mark.parametrize("name", ["brake_mat", "talus"])  # the contacts of a disc are followed abreast
+def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
-    problems = [problem("brake_mat", seed) for seed in range(200)]
+    problems = [problem(name, seed) for seed in range(200)]
     options = {"solver": solver, "max_rebounds": 50}
     trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
     for trimmed in (False, True):

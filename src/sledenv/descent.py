@@ -848,7 +848,7 @@ class RideBatch:
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
         """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
         # Records are copied whole by take, but field by field through an index.
-        return self._flights.copy() if lanes is None else self._flights.take(lanes)
+        return self._flights.copy() if lanes is None else self._flights.take(np.arange(len(self._flights))[lanes])
 
     def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
         """Return the descents so far, those of all lanes or of some; later hops do not change them."""

@@ -7,7 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sledenv.benchmark.oracle import GRID, actions_of, best_launches, jam_map, map_table, oracle, rewards_again
+from sledenv.benchmark.oracle import (
+    GRID,
+    STARTS,
+    _maxima,
+    actions_of,
+    best_launches,
+    jam_map,
+    map_table,
+    oracle,
+    rewards_again,
+)
 from sledenv.benchmark.problem import Problem
 from sledenv.scenario import Context
 
@@ -81,6 +91,17 @@ def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
         problem.descend(contexts[:1], table[["orientation", "spin"]].to_numpy()[99:100]).jam.reward[0]
         == table["reward"].iloc[99]
     )
+
+
+@pytest.mark.parametrize("control", ["both", "orientation", "spin"])
+def test_no_cell_is_refined_twice(control):
+    """Where a grid has few cells, neighbours are refined once there is nothing else."""
+    problem = Problem("ice_drop", control=control)
+    shape = {"both": GRID, "orientation": GRID[:1], "spin": GRID[1:]}[control]
+    rewards = np.random.default_rng(0).random(shape)
+    starts = _maxima(problem, rewards)
+    assert len(set(starts.tolist())) == STARTS
+    assert starts[0] == rewards.argmax()
 
 
 def test_what_is_not_chosen_is_not_searched():

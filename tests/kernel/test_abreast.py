@@ -97,6 +97,7 @@ def same_bits(one: Any, other: Any) -> None:
 BODIES = {
     "disc": DISC,
     "balanced disc": Body(1.0, 0.1, 0.0, 7.5e-3),
+    "rod": Body(1.0, 0.0, 0.1, 7.5e-3),
     "segment": circular_segment(1.0, 0.5, math.radians(60.0)),
     "deep segment": circular_segment(1.0, 0.1, math.radians(140.0)),
 }
@@ -125,6 +126,7 @@ def test_a_lane_equals_the_descent_alone(name: str) -> None:
     for options in ({"max_time": 0.8}, {"max_time": 3.0}, {"max_rebounds": 3, "tolerance": 1e-8}):
         options = {"max_rebounds": 40, **options}
         batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+        same_bits(simulate_batch(body, laws, slopes, states, **options).outcomes, batch.outcomes)
         for i in range(lanes):
             one = simulate(body, ContactLaw(*laws[i]), Slope(*slopes[i]), State(*states[i]), **options)
             same_bits(batch.outcomes[i], one.outcome)

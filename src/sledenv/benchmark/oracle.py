@@ -210,16 +210,17 @@ def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _maxima(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the indices of the highest cells of a grid, no two of them neighbours, shape (STARTS,), flat."""
-    left = rewards.copy()
+    """Return the flat indices of the highest cells of a grid, shape (STARTS,): no neighbours while there are others."""
+    left, every = rewards.copy(), rewards.copy()
     chosen = []
     for _ in range(STARTS):
-        best = np.unravel_index(left.argmax(), left.shape)
+        best = np.unravel_index((left if left.max() >= 0.0 else every).argmax(), left.shape)
         chosen.append(np.ravel_multi_index(best, left.shape))
         near = []
         for i, index in enumerate(best):
             cells = index + np.array([-1, 0, 1])
             near.append(cells % left.shape[i] if _turns(problem, i) else np.clip(cells, 0, left.shape[i] - 1))
+        every[best] = -1.0
         left[np.ix_(*near)] = -1.0
     return np.array(chosen)
 

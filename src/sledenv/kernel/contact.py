@@ -32,7 +32,7 @@ from sledenv.kernel.events import (
     other_corner,
 )
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import feature_geometry, has_corners, pulls, whole_turns
+from sledenv.kernel.geometry import feature_geometry, pulls, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, Slope
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
@@ -55,7 +55,6 @@ from sledenv.kernel.series import (
     Z_GAP_ZEROS,
     Z_GUESS,
     Z_H,
-    Z_HALF_ANGLE,
     Z_INWARD,
     Z_K_CLOSING,
     Z_K_OPENING,
@@ -357,7 +356,6 @@ def begin_contact(
     z[Z_SIZE] = size
     z[Z_SCALE] = max(abs(state[V_N]), abs(state[V_T]), size * abs(state[OMEGA]), math.sqrt(slope.gravity * size), 1e-12)
     z[Z_TOLERANCE] = limits.tolerance
-    z[Z_HALF_ANGLE] = body.half_angle if has_corners(body) else math.inf
     z[Z_LENGTH] = slope.length
     z[Z_MAX_TIME] = limits.max_time
     z[Z_MOST_STEPS] = limits.max_steps
@@ -482,7 +480,7 @@ def follow(
         oriented = False
         if choose:
             locked = (gap_rate, slip, spin)
-            oriented = state[V_N] * state[V_T] * state[OMEGA] == 0.0  # else the branch is that of the velocities
+            oriented = state[V_N] == 0.0 or state[V_T] == 0.0 or state[OMEGA] == 0.0  # else the branch is theirs
             if oriented:
                 orient(z, state)
             gap_rate, slip, spin = _choose_branch(body, pair, state, z, left_gap, left_slip, left_spin)

@@ -265,7 +265,7 @@ def _lane_space(body: Body, lanes: int, abreast: int) -> LaneSpace:
 
 @allocating
 def _space_abreast(body: Body, like: Law, lanes: int) -> LaneSpace:
-    return _lane_space(body, lanes, ABREAST)
+    return _lane_space(body, lanes, 0 if has_corners(body) else ABREAST)
 
 
 @allocating
@@ -739,10 +739,9 @@ def _hop_compliant(
 
 
 # Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended, each as ``hop``
-# does. The touchdowns are searched for side by side, and compliant contacts of
-# bodies without corners followed so. Arguments are those of
-# ``descend_batch``; ``rebounds`` may have one row for all lanes, and of its columns the last takes what finds no
-# other. ``space`` is from ``lane_space``.
+# does. The touchdowns are searched for side by side, and compliant contacts of bodies without corners followed so.
+# Arguments are those of ``descend_batch``; ``rebounds`` may have one row for all lanes, and of its columns the last
+# takes what finds no other. ``space`` is from ``lane_space``.
 hop_lanes = by_law(_hop_compliant, _hop_singly)
 
 

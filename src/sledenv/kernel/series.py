@@ -59,7 +59,6 @@ ROWS = 13
     Z_OTHER,  # [m]
     Z_OTHER_SINE,  # [m] and these times sine and cosine of theta.
     Z_OTHER_COSINE,
-    Z_HALF_ANGLE,  # [rad] where the feature ends, inf if it has no end
     Z_SIZE,  # [m] of the body
     Z_SCALE,  # [m/s] of the velocities
     Z_TOLERANCE,
@@ -76,9 +75,9 @@ ROWS = 13
     Z_GAP_ZEROS,  # and number of their leading coefficients that are zero by construction
     Z_SLIP_ZEROS,
     Z_SPIN_ZEROS,
-) = range(29)
-Z_BRANCH = 19  # rows from here on change with the branch,
-Z_TOLD = 29  # and those before with the feature
+) = range(28)
+Z_BRANCH = Z_MU  # rows from here on change with the branch,
+Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
 (
     Z_THETA,  # [rad] orientation of the feature,
     Z_SINE,  # [-] its sine

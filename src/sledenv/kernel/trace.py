@@ -4,9 +4,10 @@ A program may use arithmetic, the functions below and loops whose bounds are kno
 values that write LLVM instructions instead of computing: an unrolled recurrence of thousands of instructions then costs
 no type inference, which is what takes numba long, and no loop stands between the processor and its order of execution.
 
-:func:`compiled` makes a function of two arrays of numbers; :func:`scalar` and :func:`packed` make one of numbers, or of
-arrays of them, and one that handles LANES of numbers side by side with vector instructions. Each lane then goes
-through the same sequence of correctly rounded operations as a single number does, so the results agree bit for bit.
+:func:`compiled` makes a function of arrays of numbers, and :func:`abreast` one of arrays that hold ABREAST of each;
+:func:`scalar` and :func:`packed` make one of numbers, or of arrays of them, and one that handles LANES of numbers side
+by side. With vector instructions each lane goes through the same sequence of correctly rounded operations as a single
+number does, so the results agree bit for bit.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
