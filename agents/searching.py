@@ -57,11 +57,11 @@ class _Searching(BasePolicy):
             best = self._best(observation, torch.cat([best[:, None], around], dim=1))
         return best
 
-    def _best(self, observation: torch.Tensor, launches: torch.Tensor) -> torch.Tensor:
-        lanes, tried, _ = launches.shape
-        ratings = torch.stack(self.critic(observation.repeat_interleave(tried, dim=0), launches.flatten(0, 1)))
+    def _best(self, observation: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        lanes, tried, _ = actions.shape
+        ratings = torch.stack(self.critic(observation.repeat_interleave(tried, dim=0), actions.flatten(0, 1)))
         best = ratings.amin(dim=0).view(lanes, tried).argmax(dim=1)
-        return launches[torch.arange(lanes), best]
+        return actions[torch.arange(lanes), best]
 
 
 class SearchingSAC(_Searching, SACPolicy):

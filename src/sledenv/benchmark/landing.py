@@ -15,7 +15,6 @@ from sledenv.scenario import Context
 
 Floats = NDArray[np.float64]
 
-_TURN: Final = 2.0 * np.pi
 _HALVINGS: Final = 60  # of the time of flight: down to rounding
 
 
@@ -36,12 +35,10 @@ class Landing:
     """
 
     def __init__(self, problem: Problem) -> None:
-        task = problem.task
-        section = problem.scenario.control
-        self._task = task
+        self._task = problem.task
         self._gravity = problem.scenario.slope_section.gravity_m_s2
-        self._low, high = np.radians(section.orientation_deg)
-        self._applies = "orientation" in task.controlled and np.ptp(section.orientation_deg) == 360.0
+        self._low, high = np.radians(problem.scenario.control.orientation_deg)
+        self._applies = problem.turns
         self._half = 0.5 * (high - self._low)
 
     def launches(self, contexts: Contexts, landings: Floats) -> Floats:

@@ -183,8 +183,7 @@ def _expect(
 
 def _turns(problem: Problem, axis: int) -> bool:
     """Whether the bounds of what is chosen are a full turn apart, so that both are the same launch."""
-    low, high = problem.scenario.control.orientation_deg
-    return problem.task.controlled[axis] == "orientation" and high - low == 360.0
+    return problem.turns and problem.task.controlled[axis] == "orientation"
 
 
 def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64], ...]:

@@ -68,6 +68,13 @@ class Problem:
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
 
+    Attributes
+    ----------
+    noisy : bool
+        Whether the launch misses what was chosen.
+    turns : bool
+        Whether the orientation is chosen out of a full turn, so that both bounds are the same launch.
+
     Raises
     ------
     ScenarioError, ValueError
@@ -94,6 +101,8 @@ class Problem:
         self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
         self.actions: int = self.action_space.shape[0]
         self.noisy = bool(self.task.noise.any())
+        low, high = self.scenario.control.orientation_deg
+        self.turns = "orientation" in self.task.controlled and high - low == 360.0
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""

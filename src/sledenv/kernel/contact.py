@@ -464,7 +464,6 @@ def follow(
     if the next step may be an ordinary one. What it goes on with lies in ``state`` and ``z``.
     """
     feature = int(state[FEATURE])
-    shift = z[Z_SHIFT]
     turns = z[Z_TURNS]
     size, scale = z[Z_SIZE], z[Z_SCALE]
     rigid = pair.k_closing == math.inf
@@ -562,7 +561,7 @@ def follow(
         )
         if trajectory.shape[0] > 0:
             samples = _sample_step(
-                (z[Z_H], z[Z_R], shift),
+                (z[Z_H], z[Z_R], z[Z_SHIFT]),
                 feature,
                 slip,
                 spin,
@@ -639,7 +638,6 @@ def follow(
             state[FEATURE] = feature
             state[PHI] = math.copysign(body.half_angle, state[PHI])
             geometry = feature_geometry(body, feature)
-            shift = geometry[2]
             arm = pair.rolling_arm if feature == ARC else pair.corner_rolling_arm
             _introduce(body, pair, slope, feature, geometry, arm, z)
             at_edge = 1
