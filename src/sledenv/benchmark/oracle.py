@@ -18,8 +18,9 @@ from sledenv.envs.task import Contexts
 from sledenv.files import replacing
 from sledenv.scenario import Context, Split
 
-GRID: Final = (72, 33)  # orientations and spins of the dense search; the former alone if it is all that is chosen
-STARTS: Final = 24  # local maxima of the grid that are refined
+GRID: Final = (72, 33)  # orientations and spins of the dense search
+FINE: Final = 32  # cells for each of these on the bounds of the box, where many optima lie, or if one alone is chosen
+STARTS: Final = 36  # local maxima of the grid that are refined, and as many of the bounds together
 KEPT: Final = 8  # of these, after half of the levels
 LEVELS: Final = 12  # of refinement, each with half the width
 NEIGHBOURS: Final = 60  # launches tried around each start at each level
@@ -125,9 +126,10 @@ def rewards_again(problem: Problem, table: pd.DataFrame) -> NDArray[np.float64]:
 def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the best launches found, shape (n, k), and what they earn, shape (n,).
 
-    A grid of landings, see :class:`sledenv.benchmark.landing.Landing`, then local refinement from its highest maxima:
-    points of a Sobol sequence in a box around each, which halves its width at every level. The landscape is made of
-    plateaus with cliffs, so no gradient is used; told by launches, the plateaus would be oblique and thin.
+    A grid of landings, see :class:`sledenv.benchmark.landing.Landing`, and finer ones of the bounds of the box, then
+    local refinement from their highest maxima: points of a Sobol sequence in a box around each, which halves its width
+    at every level. The landscape is made of plateaus with cliffs, so no gradient is used; told by launches, the
+    plateaus would be oblique and thin.
     """
     landing = Landing(problem)
     lanes = np.arange(len(contexts))
@@ -138,18 +140,22 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
         launches = landing.launches(np.repeat(contexts, landings.shape[1], axis=0), flat)
         return _expect(problem, contexts, launches.reshape(landings.shape))
 
-    axes = _axes(problem, GRID)
-    grid = _points(axes)
-    values = earned(np.broadcast_to(grid, (len(contexts), *grid.shape)))
-    starts = np.array([_maxima(problem, row.reshape([len(axis) for axis in axes])) for row in values])
-    points, values = grid[starts], values[lanes[:, np.newaxis], starts]
-    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(axes)])
+    starts, heights = [], []
+    for axes, count in _grids(problem):
+        cells = _points(axes)
+        found = earned(np.broadcast_to(cells, (len(contexts), *cells.shape)))
+        shape = [len(axis) for axis in axes]
+        highest = np.array([_maxima(problem, row.reshape(shape), count) for row in found])
+        starts.append(cells[highest])
+        heights.append(found[lanes[:, np.newaxis], highest])
+    points, values = np.concatenate(starts, axis=1), np.concatenate(heights, axis=1)
+    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(_axes(problem, GRID))])
     # An even number of points in pairs that mirror each other, so that a mirror image has a mirror-image optimum.
-    cloud = 2.0 * qmc.Sobol(len(axes), scramble=False).random_base2(5)[1 : NEIGHBOURS // 2 + 1] - 1.0
+    cloud = 2.0 * qmc.Sobol(problem.actions, scramble=False).random_base2(5)[1 : NEIGHBOURS // 2 + 1] - 1.0
     cloud = np.concatenate([cloud, -cloud])
     for level in range(LEVELS):
         tried = _inside(problem, points[:, :, np.newaxis] + 0.5**level * width * cloud)
-        found = earned(tried.reshape(len(contexts), -1, len(axes))).reshape(*values.shape, -1)
+        found = earned(tried.reshape(len(contexts), -1, problem.actions)).reshape(*values.shape, -1)
         best = found.argmax(axis=2)
         better = np.take_along_axis(found, best[..., np.newaxis], 2)[..., 0]
         nearby = np.take_along_axis(tried, best[..., np.newaxis, np.newaxis], 2)[:, :, 0]
@@ -163,7 +169,7 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
 
 def _key(problem: Problem, contexts: Contexts) -> str:
     settings = [problem.scenario.hash, problem.control, problem.task.solver, *problem.task.noise.tolist()]
-    settings += [GRID, STARTS, KEPT, LEVELS, NEIGHBOURS]
+    settings += [GRID, FINE, STARTS, KEPT, LEVELS, NEIGHBOURS]
     digest = hashlib.sha256(json.dumps(settings).encode())
     digest.update(np.ascontiguousarray(contexts).tobytes())
     return digest.hexdigest()[:16]
@@ -194,6 +200,16 @@ def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64],
     )
 
 
+def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int]]:
+    """Return the axes of the grids that are searched, and how many maxima of each are refined."""
+    fine = _axes(problem, (FINE * GRID[0], FINE * GRID[1]))
+    if len(fine) == 1:
+        return [(fine, STARTS)]
+    bounds = [(i, np.array([bound])) for i in range(2) if not _turns(problem, i) for bound in (-1.0, 1.0)]
+    edges = [(bound, fine[1]) if i == 0 else (fine[0], bound) for i, bound in bounds]
+    return [(_axes(problem, GRID), STARTS), *((edge, STARTS // len(edges)) for edge in edges)]
+
+
 def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
     """Return the cells of a grid, shape (m, axes)."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
@@ -208,11 +224,11 @@ def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64
     return np.stack(columns, axis=-1)
 
 
-def _maxima(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the flat indices of the highest cells of a grid, shape (STARTS,): no neighbours while there are others."""
+def _maxima(problem: Problem, rewards: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+    """Return the flat indices of the highest cells of a grid, shape (count,): no neighbours while there are others."""
     left, every = rewards.copy(), rewards.copy()
     chosen = []
-    for _ in range(STARTS):
+    for _ in range(count):
         best = np.unravel_index((left if left.max() >= 0.0 else every).argmax(), left.shape)
         chosen.append(np.ravel_multi_index(best, left.shape))
         near = []
