@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
-from sledenv.descent import _touching
 from sledenv.kernel.descend import descend, work_space
 from sledenv.kernel.jit import allocating
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
+from sledenv.launches import touching_law
 
 
 # The cache notices changes of the kernel, not of this loop.
@@ -51,7 +51,7 @@ def scalar_loop(
 ) -> Callable[[], np.ndarray]:
     """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
     launches = np.array(states, dtype=float, ndmin=2)
-    touching: Law = _touching(body, law, slope, solver, None)
+    touching: Law = touching_law(body, law, slope, solver, None)
     limits = Limits(max_time=max_time)
     log, trajectory = np.zeros(max_rebounds, REBOUND), np.zeros(0, TRAJECTORY)
     outcomes = np.zeros(len(launches), OUTCOME)

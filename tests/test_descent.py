@@ -782,7 +782,7 @@ def test_velocities_are_the_rates_of_the_positions() -> None:
 def test_a_long_trajectory_is_complete() -> None:
     """Oracle: the rows of a coarser recording lie on it, though it outgrows the first buffer."""
     fine = traced(sample_interval=1e-4)
-    assert len(fine.trajectory) > descent_module._FIRST_TRAJECTORY
+    assert len(fine.trajectory) > descent_module.FIRST_TRAJECTORY
     coarse = traced()
     assert len(coarse.trajectory) < len(fine.trajectory)
     assert fine.state == coarse.state

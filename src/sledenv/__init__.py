@@ -4,8 +4,6 @@ from sledenv.descent import (
     Descent,
     DescentBatch,
     Energy,
-    Ride,
-    RideBatch,
     simulate,
     simulate_batch,
     simulate_blocks,
@@ -14,6 +12,7 @@ from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Mode, Status
+from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.wheel import WheelImpact, collide_wheel
 

@@ -19,12 +19,14 @@ import numpy as np
 from numba.core.event import install_recorder
 from numba.core.registry import cpu_target
 
-from sledenv.descent import BatchSolver, Ride, Solver, simulate, simulate_batch
+from sledenv.descent import simulate, simulate_batch
 from sledenv.impact import rigid_impact
 from sledenv.kernel.descend import begin, hop_batch
 from sledenv.kernel.jit import cache_folder
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import OUTCOME, REBOUND
+from sledenv.launches import BatchSolver, Solver
+from sledenv.ride import Ride
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
 

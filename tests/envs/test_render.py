@@ -14,12 +14,13 @@ import pygame
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.descent import Descent, Ride, simulate
+from sledenv.descent import Descent, simulate
 from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer
 from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Mode, Status
 from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
+from sledenv.ride import Ride
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))

@@ -9,10 +9,11 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent, Ride
+from sledenv.descent import Descent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
+from sledenv.ride import Ride
 from sledenv.scenario import Control, Scenario, Split
 
 

@@ -15,7 +15,7 @@ from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent, DescentBatch, Record, Ride, RideBatch, simulate, simulate_batch
+from sledenv.descent import Descent, DescentBatch, Record, simulate, simulate_batch
 from sledenv.kernel.geometry import directions, support_heights
 from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.kernel.records import (
@@ -28,6 +28,7 @@ from sledenv.kernel.records import (
     STEP_BUDGET,
     TIMEOUT,
 )
+from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Control, Scenario, Split, check_split, load_scenario
 
 Solver = Literal["compliant", "rigid"]

@@ -1,0 +1,157 @@
+"""What a descent is simulated with, checked and completed before the kernel sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.kernel.geometry import support_heights
+from sledenv.kernel.laws import Law
+from sledenv.kernel.params import (
+    NOT_NEGATIVE,
+    Body,
+    ContactLaw,
+    RigidLaw,
+    Rule,
+    Slope,
+    State,
+    checked,
+    checked_rows,
+    restitution_of,
+)
+
+Solver = Literal["compliant", "rigid", "euler"]
+BatchSolver = Literal["compliant", "rigid"]
+Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
+Slopes = Slope | Sequence[Slope] | np.ndarray
+
+_SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
+_SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
+_SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
+
+
+def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
+    """Return one of the words that are allowed, or raise ValueError."""
+    if value not in allowed:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
+    return value
+
+
+def checked_count(name: str, value: int) -> int:
+    """Return a number of things, at least one, or raise TypeError or ValueError."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
+    if value < 1:
+        raise ValueError(f"{name} = {value!r}: must be an integer >= 1")
+    return int(value)
+
+
+def launched(body: Body, slope: Slope, state: State) -> State:
+    """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
+    launches = np.array([state])
+    _on_the_surface("State", body, np.array([slope]), launches)
+    return State._make(launches[0].tolist())
+
+
+def touching_law(body: Body, law: ContactLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
+    """Return the law that the kernel follows."""
+    if solver != "rigid":
+        return law
+    return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
+
+
+def law_like(laws: np.ndarray, solver: str) -> Law:
+    """Return any law of the kind that the rows of ``laws`` are."""
+    return RigidLaw(*laws[0]) if solver == "rigid" else ContactLaw(*laws[0])
+
+
+def checked_lanes(
+    body: Body,
+    law: Laws,
+    slope: Slopes,
+    states: ArrayLike,
+    solver: str,
+    settle_speed: float | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Laws that the kernel follows, slopes and launches of N lanes, new arrays of one row a lane or one for all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+    launches = checked_table("states", states, State._fields)
+    checked_choice("solver", solver, get_args(BatchSolver))
+    laws = _rows("law", ContactLaw, law, len(launches))
+    slopes = _rows("slope", Slope, slope, len(launches))
+    if solver == "rigid":
+        laws = _rigid(body, laws, slopes, settle_speed)
+    checked_rows("states[{lane}]", State, launches)
+    _on_the_surface("states[{lane}]", body, slopes, launches)
+    return laws, slopes, launches
+
+
+def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
+    """Return a new array of floats, shape (N, fields), of N tuples, or of one."""
+    try:
+        table = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        table = np.asarray(given, dtype=object)
+    if table.dtype.kind not in "biuf":
+        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
+    table = np.array(table, dtype=float, ndmin=2, order="C")
+    if table.ndim != 2 or table.shape[1] != len(fields):
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
+    return table
+
+
+def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
+    """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
+    if isinstance(given, kind):
+        return np.array([kind(*given)])
+    if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
+        raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
+    if len(given) != lanes:
+        raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
+    rows = checked_table(name, given, kind._fields)
+    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    return rows
+
+
+def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
+    """Stiff limits of contact laws, shape (1 or N, 5): fields of RigidLaw."""
+    _, asymmetry, friction, rolling_arm, corner_rolling_arm = laws.T
+    if settle_speed is None:
+        settle = _SETTLE * np.sqrt(slopes[:, 2] * (body.radius + body.eccentricity))
+    else:
+        settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
+    fields = np.broadcast_arrays(restitution_of(asymmetry), friction, rolling_arm, corner_rolling_arm, settle)
+    return np.stack(fields, axis=-1)
+
+
+def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
+    """Put launches, shape (N, 6), that lie on the surface up to rounding exactly there, in place.
+
+    Raises
+    ------
+    ValueError
+        If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
+    """
+    x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
+    lowest = support_heights(body, phi)
+    below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)
+    if below.any():
+        i = int(np.argmax(below))
+        raise ValueError(
+            f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
+            f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
+        )
+    beyond = x >= slopes[:, 1]
+    if beyond.any():
+        i = int(np.argmax(beyond))
+        length = float(slopes[i if len(slopes) > 1 else 0, 1])
+        raise ValueError(f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
+    np.maximum(y, lowest, out=y)

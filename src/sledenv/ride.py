@@ -1,0 +1,301 @@
+"""Descents that are followed hop by hop, one or a batch of them."""
+
+from __future__ import annotations
+
+import copy
+from typing import Self, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.jam import descent_jam
+from sledenv.kernel.descend import begin, close_books, hop, hop_batch, trim, work_space
+from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
+from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.launches import (
+    BatchSolver,
+    Laws,
+    Slopes,
+    checked_choice,
+    checked_count,
+    checked_lanes,
+    checked_table,
+    launched,
+    law_like,
+    touching_law,
+)
+
+
+class Ride:
+    """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
+
+    A ride that is never trimmed ends with the very :class:`sledenv.Descent` that :func:`sledenv.simulate` returns, bit
+    for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, state, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
+        As for :func:`sledenv.simulate`, but for the Euler solver.
+    rotor_inertia : float, optional
+        Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: ContactLaw,
+        slope: Slope,
+        state: State,
+        *,
+        solver: BatchSolver = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        record: Record = "rebounds",
+        sample_interval: float = 0.01,
+        tolerance: float = TOLERANCE,
+        settle_speed: float | None = None,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        checked_choice("solver", solver, get_args(BatchSolver))
+        checked_choice("record", record, get_args(Record))
+        self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
+        self.launch = launched(self.body, self.slope, State(*state))
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._touching = touching_law(self.body, self.law, self.slope, solver, settle_speed)
+        self._limits = Limits(max_time=max_time, tolerance=tolerance, sample_interval=sample_interval)
+        self._space = work_space()
+        self._rebounds = np.zeros(checked_count("max_rebounds", max_rebounds), REBOUND)
+        self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+        self._flight = np.zeros(1, OUTCOME)
+        begin(self.launch, self._flight[0])
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    @property
+    def status(self) -> Status:
+        """Why the descent has ended; "running" until then."""
+        return STATUS_OF_CODE[int(self._flight[0]["status"])]
+
+    @property
+    def time(self) -> float:
+        """Time [s] since the launch."""
+        return float(self._flight[0]["t"])
+
+    @property
+    def state(self) -> State:
+        """Where the body is: at the launch, at a rebound or at the end."""
+        return state_of(fields_of(self._flight[0]))
+
+    @property
+    def lent(self) -> float:
+        """Spin [rad/s] that the rider's rotor lends to the body."""
+        return float(self._flight[0]["trim"])
+
+    def trim(self, spin: float) -> None:
+        """Let the rider's rotor lend ``spin`` [rad/s] to the body from here on: docs/physics.md, section 9.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended or the ride has no rotor.
+        TypeError, ValueError
+            If ``spin`` is not a finite number.
+        """
+        self._check_running()
+        if self.rotor_inertia is None:
+            raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
+        lent = checked("Ride.trim", "spin", spin, FINITE)
+        trim(self.body, self.rotor_inertia, self._flight[0], lent)
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+
+    def hop(self) -> Status:
+        """Follow one hop, to the next rebound or to the end of the descent, and return the status.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended.
+        """
+        self._check_running()
+        start = self._flight.copy()
+        self._hop()
+        if 0 < len(self._trajectory) < self._flight[0]["samples"]:
+            longer = np.zeros(2 * self._flight[0]["samples"], TRAJECTORY)
+            longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
+            self._trajectory, self._flight = longer, start
+            self._hop()
+        close_books(self.body, self.slope, self.launch, self._flight[0])
+        return self.status
+
+    def run(self) -> Descent:
+        """Follow the descent to its end and return it."""
+        while self.status == Status.RUNNING:
+            self.hop()
+        return self.descent()
+
+    def descent(self) -> Descent:
+        """Return the descent so far, of status "running" until it has ended; later hops do not change it."""
+        outcome = self._flight.copy()[0]
+        trajectory = self._trajectory[: outcome["samples"]]
+        if self.status == Status.RUNNING and len(self._trajectory) > 0:
+            here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
+            for name in ("t", *State._fields):
+                here[name] = outcome[name]
+            trajectory = np.append(trajectory, here)
+            outcome["samples"] += 1
+        return descent_of(self.body, self.law, self.slope, self.launch, outcome, self._rebounds, trajectory.copy())
+
+    def copy(self) -> Self:
+        """Return an independent ride that stands where this one stands."""
+        return copy.deepcopy(self)
+
+    def _hop(self) -> None:
+        flight = self._flight[0]
+        rebound = self._rebounds[flight["rebounds"]]
+        log_length = len(self._rebounds)
+        limits, space = self._limits, self._space
+        hop(self.body, self._touching, self.slope, limits, flight, rebound, log_length, space, self._trajectory)
+
+    def _check_running(self) -> None:
+        if self.status != Status.RUNNING:
+            raise RuntimeError(f"the descent has ended with status {str(self.status)!r}")
+
+
+class RideBatch:
+    """Many descents of one body, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
+
+    A lane can be launched anew whatever the others do. Pickles and copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+        As for :func:`sledenv.simulate_batch`.
+    keep_rebounds : bool
+        Keep the logs, N * max_rebounds records of 144 bytes.
+    rotor_inertia : float, optional
+        Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: Laws,
+        slope: Slopes,
+        states: ArrayLike,
+        *,
+        solver: BatchSolver = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        keep_rebounds: bool = False,
+        tolerance: float = TOLERANCE,
+        settle_speed: float | None = None,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        self.body = Body(*body)
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._solver: BatchSolver = solver
+        self._settle_speed = settle_speed
+        self._limits = Limits(max_time=max_time, tolerance=tolerance)
+        self._log_length = checked_count("max_rebounds", max_rebounds)
+        launches = checked_table("states", states, State._fields)
+        lanes = len(launches)
+        self._laws = np.empty((lanes, len(ContactLaw._fields)))
+        self._slopes = np.empty((lanes, len(Slope._fields)))
+        self._launches = np.empty_like(launches)
+        self._flights = np.zeros(lanes, OUTCOME)
+        self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
+        self._rebounds = np.zeros((lanes, self._log_length) if keep_rebounds else (0, 0), REBOUND)
+        self.launch(np.arange(lanes), law, slope, launches)
+
+    def launch(
+        self,
+        lanes: np.ndarray,
+        law: Laws,
+        slope: Slopes,
+        states: ArrayLike,
+    ) -> None:
+        """Begin new descents; their ledgers are empty until the first hop.
+
+        Parameters
+        ----------
+        lanes : ndarray of int, shape (n,)
+            In which lanes, no two alike.
+        law, slope, states
+            As for :func:`sledenv.simulate_batch`, of n descents.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming the argument or the lane, counted in ``states``; no lane has changed then.
+        """
+        laws, slopes, launches = checked_lanes(self.body, law, slope, states, self._solver, self._settle_speed)
+        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = laws, slopes, launches
+        flights = np.zeros(len(launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        for name, column in zip(State._fields, launches.T, strict=True):
+            flights[name] = column
+        self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)
+
+    def hop(self, trims: np.ndarray) -> None:
+        """Follow one hop in every lane that has not ended.
+
+        Parameters
+        ----------
+        trims : ndarray, shape (N,)
+            Spin [rad/s] that the rotor lends to each body during the hop: docs/physics.md, section 9.
+
+        Raises
+        ------
+        ValueError
+            For another shape, a trim that is not finite, or one without a rotor; no lane has moved then.
+        """
+        spins = np.asarray(trims, dtype=float)
+        if spins.shape != self._flights.shape or not np.isfinite(spins).all():
+            raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
+        if self.rotor_inertia is None and spins.any():
+            raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
+        before = self._flights["rebounds"].copy() if self._rebounds.size else None
+        hop_batch(
+            self.body,
+            law_like(self._laws, self._solver),
+            self._laws,
+            self._slopes,
+            self._launches,
+            self._limits,
+            self.rotor_inertia or 1.0,
+            spins,
+            self._flights,
+            self._touched,
+            self._log_length,
+        )
+        if before is not None:
+            touching = np.flatnonzero(self._flights["rebounds"] > before)
+            self._rebounds[touching, before[touching]] = self._touched[touching]
+
+    def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
+        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
+        # Records are copied whole by take, but field by field through an index.
+        return self._flights.copy() if lanes is None else self._flights.take(np.arange(len(self._flights))[lanes])
+
+    def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
+        """Return the descents so far, those of all lanes or of some; later hops do not change them."""
+        chosen = np.arange(len(self._flights)) if lanes is None else lanes
+        outcomes, rebounds = self.outcomes(lanes), self._rebounds
+        if rebounds.size:
+            rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
+        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
