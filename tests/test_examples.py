@@ -1,0 +1,46 @@
+"""The Python code of the documentation runs as it stands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def blocks(page: str) -> list[str]:
+    """Python code of a page, in order."""
+    return re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def run(codes: list[str]) -> dict[str, object]:
+    names: dict[str, object] = {}
+    for code in codes:
+        exec(code, names)
+    return names
+
+
+def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    """Its figures and its table are written, and its numbers are those of the simulator."""
+    monkeypatch.chdir(tmp_path)
+    names = run(blocks("docs/simulation.md"))
+    assert {file.name for file in tmp_path.iterdir()} == {"rebounds.csv", "strobe.png", "descent.png", "impact.png"}
+    assert names["descent"].status == "finish"
+    assert len((tmp_path / "rebounds.csv").read_text().splitlines()) == 1 + len(names["descent"].rebounds)
+    assert names["theory"].static_jam(names["body"], names["sticky"], names["slope"], 0.0).shape == ()
+    assert "finish" in names["batch"].status
+    assert "SLIDE" in capsys.readouterr().out
+
+
+def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(blocks("README.md")[:1])
+    assert (tmp_path / "descent.png").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_training_of_the_readme_runs(number):
+    run([blocks("README.md")[number].replace("progress_bar=True", "progress_bar=False")])
