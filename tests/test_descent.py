@@ -968,3 +968,25 @@ def test_statuses_are_strings() -> None:
     words = ["running", "finish", "jammed", "tumbled", "timeout", "log_full", "step_budget", "non_finite", "buried"]
     assert [str(status) for status in STATUS_OF_CODE] == words
     assert simulate(DISC, LAW, INCLINE, LAUNCH).status == "finish"
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces(solver):
+    """Oracle: the law. The stiffness drops at the deepest point; the impulse of the rows is that of the record."""
+    body = circular_segment(100.0, 0.5, math.radians(110.0))
+    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.03, rolling_arm=0.005)
+    launch = State(0.0, 1.0, 0.3, 3.0, 0.0, -1.0)
+    descent = simulate(body, law, Slope(math.radians(10.0), 10.0), launch, solver=solver, record="trajectory")
+    rows = descent.trajectory
+    assert (np.diff(rows["t"]) >= 0.0).all()
+    assert np.diff(rows["t"]).max() <= 0.01 * (1 + 1e-9)
+    if solver == "rigid":
+        return
+    first = descent.rebounds[0]
+    touching = rows[(rows["t"] <= first["t"]) & (rows["feature"] != Feature.NONE)]
+    jumps = np.flatnonzero((np.diff(touching["t"]) == 0.0) & (np.diff(touching["normal"]) < 0.0))
+    (deepest,) = jumps[touching["normal"][jumps] > 0.9 * touching["normal"].max()]
+    before, after = touching["normal"][deepest : deepest + 2]
+    assert after == pytest.approx(0.25 * before, rel=1e-9)  # e squared
+    impulse = np.trapezoid(touching["normal"], touching["t"])
+    assert impulse == pytest.approx(first["normal_impulse"], rel=3e-3)

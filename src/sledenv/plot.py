@@ -665,7 +665,8 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     work = np.diff(rows["t"]) * 0.5 * (power[:, 1:] + power[:, :-1])
     total = np.zeros(power.shape)
     for rebound in descent.rebounds:
-        first, last = np.searchsorted(rows["t"], [rebound["t"] - rebound["duration"], rebound["t"]])
+        first = np.searchsorted(rows["t"], rebound["t"] - rebound["duration"])
+        last = np.searchsorted(rows["t"], rebound["t"], side="right") - 1
         losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
         done = np.cumsum(work[:, first:last], axis=1)
         if done.size == 0:  # an impact without duration

@@ -62,7 +62,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
-from sledenv.kernel.trajectory import add_sample
+from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
 TOGETHER = 1e-12  # of the speed scale: gap rates of the two sides that are equal but for rounding
 TOUCHING = 1e-9  # of the size: gap of the second corner where it starts to touch
@@ -411,8 +411,9 @@ def chord_contact(
 
         if trajectory.shape[0] > 0:
             middle = _mean(one, two)
-            for i in range(3):
-                t = step * i / 3
+            rows = max(CONTACT_ROWS, math.ceil(step / limits.sample_interval))
+            for i in range(rows + 1):
+                t = step * i / rows
                 turn = horner(c[PHI], t)
                 spin_now = horner(c[OMEGA], t)
                 samples = add_sample(

@@ -111,7 +111,7 @@ from sledenv.kernel.state import (
 )
 from sledenv.kernel.step import MOST_UNITS, SOUGHT, advance, expect, orient, paced, tell
 from sledenv.kernel.trace import scalar, set_apart
-from sledenv.kernel.trajectory import add_sample
+from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
 BOTH_CORNERS = -2  # status: the second corner has come down
@@ -308,11 +308,11 @@ def _sample_step(
     trajectory: np.ndarray,
     samples: int,
 ) -> int:
-    """Add rows over one step, its start included, close enough to draw the contact."""
+    """Add rows over one step, both its ends included: forces may jump between it and the next."""
     h, r, shift = geometry
     unit, step = z[Z_UNIT], z[Z_STEP]
-    rows = max(3, math.ceil(step * unit / interval))
-    for i in range(rows):
+    rows = max(CONTACT_ROWS, math.ceil(step * unit / interval))
+    for i in range(rows + 1):
         t = step * i / rows
         phi = horner(c[PHI], t)
         omega = horner(c[OMEGA], t)

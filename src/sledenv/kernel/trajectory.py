@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from sledenv.kernel.jit import kernel
+
+CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
 
 
 @kernel
