@@ -20,8 +20,16 @@ class Agent(Learned):
 
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
-        """Take the policy that searches, and make the noise of deviation ``noise_std`` as rl-baselines3-zoo does."""
-        sigma = settings.pop("noise_std")
+        """Take the policy that searches, and make normal noise of deviation ``noise_std`` as rl-baselines3-zoo does.
+
+        Raises
+        ------
+        ValueError
+            For another ``noise_type``.
+        """
+        kind, sigma = settings.pop("noise_type"), settings.pop("noise_std")
+        if kind != "normal":
+            raise ValueError(f"noise_type = {kind!r}: must be 'normal'")
         return settings | {
             "policy": SearchingTD3,
             "action_noise": NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma)),

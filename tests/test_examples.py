@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+import torch
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,4 +44,5 @@ def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2])
 def test_the_training_of_the_readme_runs(number):
+    torch.set_num_threads(1)  # more wait for each other on a busy machine
     run([blocks("README.md")[number].replace("progress_bar=True", "progress_bar=False")])

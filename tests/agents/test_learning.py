@@ -127,3 +127,10 @@ def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
         assert np.abs(chosen[:, 0] - told[:, 0]).max() > 0.1
         (seen, rewards, *_), (_, earned, *_) = launches.step(chosen), wrapped.step(told)
         np.testing.assert_array_equal(rewards, earned)
+
+
+def test_the_noise_of_td3_is_normal():
+    from agents.td3 import Agent
+
+    with pytest.raises(ValueError, match="noise_type = 'ornstein-uhlenbeck': must be 'normal'"):
+        Agent.prepared(Problem("ice_drop"), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO, SAC, TD3
 
 import sledenv  # noqa: F401  # registers what the saved models are tried on
 from sledenv.envs.sb3 import make_vec_env
@@ -22,7 +22,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of torc
 
 @pytest.mark.parametrize(
     ("algorithm", "given"),
-    [(SAC, ["learning_starts:64", "batch_size:32"]), (PPO, ["n_steps:16", "n_epochs:2"])],
+    [
+        (SAC, ["learning_starts:64", "batch_size:32"]),
+        (TD3, ["learning_starts:64", "batch_size:32"]),
+        (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"]),
+    ],
 )
 def test_the_zoo_trains_evaluates_and_saves_a_model_that_acts(algorithm, given, tmp_path):
     """Oracle: the files that the zoo documents; the saved policy on the native batch."""
@@ -31,7 +35,7 @@ def test_the_zoo_trains_evaluates_and_saves_a_model_that_acts(algorithm, given, 
         *(sys.executable, "-m", "rl_zoo3.train", "--algo", name, "--env", "sledenv/SledLaunch-v0"),
         *("--gym-packages", "sledenv", "--conf-file", str(CONFIGS / f"{name}.yaml"), "--num-threads", "1"),
         *("--env-kwargs", "scenario:'ice_drop'", "--n-timesteps", "256", "--eval-freq", "128", "--seed", "0"),
-        *("--hyperparams", *given),
+        *("--hyperparams", "n_envs:1", *given),
     ]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True)
     folder = tmp_path / "logs" / name / "sledenv-SledLaunch-v0_1"
