@@ -24,7 +24,7 @@ def run(codes: list[str]) -> dict[str, object]:
 
 
 def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
-    """Its figures and its table are written, and its numbers are those of the simulator."""
+    """Its figures and its table are written."""
     monkeypatch.chdir(tmp_path)
     names = run(blocks("docs/simulation.md"))
     assert {file.name for file in tmp_path.iterdir()} == {"rebounds.csv", "strobe.png", "descent.png", "impact.png"}

@@ -81,7 +81,8 @@ class Descent:
     rebounds : ndarray of REBOUND, shape (n,)
         One row a contact, in order; the last may be a contact in which the descent ended.
     trajectory : ndarray of TRAJECTORY, shape (m,)
-        Empty unless simulated with ``record="trajectory"``.
+        Empty unless simulated with ``record="trajectory"``. Times never decrease; two rows share one where forces may
+        jump.
     energy : Energy
         The ledger.
     body, law, slope, launch

@@ -669,11 +669,11 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
         last = np.searchsorted(rows["t"], rebound["t"], side="right") - 1
         losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
         done = np.cumsum(work[:, first:last], axis=1)
-        if done.size == 0:  # an impact without duration
+        if done.size == 0:  # an impact whose rows were left out
             total[:, last + 1 :] += losses[:, None]
             continue
         struck = np.arange(done.shape[1]) >= np.argmax(falls[first:last])
-        forced = done[:, -1:] > 0.1 * losses[:, None]
+        forced = done[:, -1:] > np.maximum(0.1 * losses[:, None], 0.0)
         spread = np.divide(done, done[:, -1:], out=np.tile(1.0 * struck, (3, 1)), where=forced)
         total[:, first + 1 : last + 1] += losses[:, None] * spread
         total[:, last + 1 :] += losses[:, None]

@@ -20,6 +20,7 @@ from sledenv.scenario import Context, Split
 
 GRID: Final = (72, 33)  # orientations and spins of the dense search
 FINE: Final = 32  # cells for each of these on the bounds of the box, where many optima lie, or if one alone is chosen
+APART: Final = 16  # of these fine cells lie at least between two that are refined
 STARTS: Final = 36  # local maxima of the grid that are refined, and as many of the bounds together
 KEPT: Final = 8  # of these, after half of the levels
 LEVELS: Final = 12  # of refinement, each with half the width
@@ -141,11 +142,11 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
         return _expect(problem, contexts, launches.reshape(landings.shape))
 
     starts, heights = [], []
-    for axes, count in _grids(problem):
+    for axes, count, apart in _grids(problem):
         cells = _points(axes)
         found = earned(np.broadcast_to(cells, (len(contexts), *cells.shape)))
         shape = [len(axis) for axis in axes]
-        highest = np.array([_maxima(problem, row.reshape(shape), count) for row in found])
+        highest = np.array([_maxima(problem, row.reshape(shape), count, apart) for row in found])
         starts.append(cells[highest])
         heights.append(found[lanes[:, np.newaxis], highest])
     points, values = np.concatenate(starts, axis=1), np.concatenate(heights, axis=1)
@@ -169,7 +170,7 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
 
 def _key(problem: Problem, contexts: Contexts) -> str:
     settings = [problem.scenario.hash, problem.control, problem.task.solver, *problem.task.noise.tolist()]
-    settings += [GRID, FINE, STARTS, KEPT, LEVELS, NEIGHBOURS]
+    settings += [GRID, FINE, APART, STARTS, KEPT, LEVELS, NEIGHBOURS]
     digest = hashlib.sha256(json.dumps(settings).encode())
     digest.update(np.ascontiguousarray(contexts).tobytes())
     return digest.hexdigest()[:16]
@@ -200,14 +201,14 @@ def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64],
     )
 
 
-def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int]]:
-    """Return the axes of the grids that are searched, and how many maxima of each are refined."""
+def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int, int]]:
+    """Return the grids that are searched: axes, how many maxima are refined, and how many cells they keep apart."""
     fine = _axes(problem, (FINE * GRID[0], FINE * GRID[1]))
     if len(fine) == 1:
-        return [(fine, STARTS)]
+        return [(fine, STARTS, APART)]
     bounds = [(i, np.array([bound])) for i in range(2) if not _turns(problem, i) for bound in (-1.0, 1.0)]
     edges = [(bound, fine[1]) if i == 0 else (fine[0], bound) for i, bound in bounds]
-    return [(_axes(problem, GRID), STARTS), *((edge, STARTS // len(edges)) for edge in edges)]
+    return [(_axes(problem, GRID), STARTS, 1), *((edge, STARTS // len(edges), APART) for edge in edges)]
 
 
 def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
@@ -224,8 +225,11 @@ def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64
     return np.stack(columns, axis=-1)
 
 
-def _maxima(problem: Problem, rewards: NDArray[np.float64], count: int) -> NDArray[np.intp]:
-    """Return the flat indices of the highest cells of a grid, shape (count,): no neighbours while there are others."""
+def _maxima(problem: Problem, rewards: NDArray[np.float64], count: int, apart: int) -> NDArray[np.intp]:
+    """Return the flat indices of the highest cells of a grid, shape (count,).
+
+    While there are others, none lies within ``apart`` cells of a higher one.
+    """
     left, every = rewards.copy(), rewards.copy()
     chosen = []
     for _ in range(count):
@@ -233,7 +237,7 @@ def _maxima(problem: Problem, rewards: NDArray[np.float64], count: int) -> NDArr
         chosen.append(np.ravel_multi_index(best, left.shape))
         near = []
         for i, index in enumerate(best):
-            cells = index + np.array([-1, 0, 1])
+            cells = index + np.arange(-apart, apart + 1)
             near.append(cells % left.shape[i] if _turns(problem, i) else np.clip(cells, 0, left.shape[i] - 1))
         every[best] = -1.0
         left[np.ix_(*near)] = -1.0

@@ -409,11 +409,11 @@ def chord_contact(
             if at < math.inf:
                 step, event = at, 10
 
-        if trajectory.shape[0] > 0:
+        if trajectory.shape[0] > 0 and step > 0.0:
             middle = _mean(one, two)
             rows = max(CONTACT_ROWS, math.ceil(step / limits.sample_interval))
             for i in range(rows + 1):
-                t = step * i / rows
+                t = step * (i / rows)
                 turn = horner(c[PHI], t)
                 spin_now = horner(c[OMEGA], t)
                 samples = add_sample(

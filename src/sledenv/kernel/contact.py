@@ -313,7 +313,7 @@ def _sample_step(
     unit, step = z[Z_UNIT], z[Z_STEP]
     rows = max(CONTACT_ROWS, math.ceil(step * unit / interval))
     for i in range(rows + 1):
-        t = step * i / rows
+        t = step * (i / rows)  # never beyond the step
         phi = horner(c[PHI], t)
         omega = horner(c[OMEGA], t)
         normal = horner(c[R_NORMAL], t)
@@ -559,7 +559,7 @@ def follow(
             z,
             c,
         )
-        if trajectory.shape[0] > 0:
+        if trajectory.shape[0] > 0 and z[Z_STEP] > 0.0:
             samples = _sample_step(
                 (z[Z_H], z[Z_R], z[Z_SHIFT]),
                 feature,

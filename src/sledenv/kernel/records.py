@@ -99,6 +99,7 @@ PHASE = np.dtype(
     align=True,
 )
 
+# Times never decrease. Two rows share one where a step of a contact ends: the state goes on, the forces may jump.
 TRAJECTORY = np.dtype(
     [
         ("t", "f8"),  # [s]
