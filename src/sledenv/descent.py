@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, get_args
 
 import numpy as np
-from numba import parallel_chunksize
 from numpy.typing import ArrayLike
 
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
@@ -312,8 +311,7 @@ class _Lanes(NamedTuple):
         laws = self.laws[part] if len(self.laws) > 1 else self.laws
         slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
         launches, log_length = self.launches[part], self.max_rebounds
-        with parallel_chunksize(1):  # blocks of lanes take different times: a thread that is done takes the next
-            descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, log_length, outcomes)
+        descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, log_length, outcomes)
         return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
 
 

@@ -51,8 +51,19 @@ def allocating(function: _F) -> _F:
 
 
 def parallel_kernel(function: _F) -> _F:
-    """Compile a kernel whose outer ``prange`` loop is shared between threads."""
-    return _compiled(function, parallel=True)
+    """Compile a kernel, for Python to call, whose outer ``prange`` loop is shared between threads.
+
+    Its turns take different times, so a thread that has done one takes the next.
+    """
+    compiled = _compiled(function, parallel=True)
+
+    # Set in the kernel itself, the chunk size would be an address that no cache can keep.
+    @functools.wraps(function)
+    def shared(*arguments: Any) -> Any:
+        with numba.parallel_chunksize(1):
+            return compiled(*arguments)
+
+    return cast(_F, shared)
 
 
 def _compiled(function: _F, **options: Any) -> _F:
