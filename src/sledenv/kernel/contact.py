@@ -71,6 +71,7 @@ from sledenv.kernel.series import (
     Z_OTHER,
     Z_OTHER_COSINE,
     Z_OTHER_SINE,
+    Z_PACE,
     Z_PER_MASS,
     Z_R,
     Z_RATIO,
@@ -109,8 +110,8 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
-from sledenv.kernel.step import MOST_UNITS, SOUGHT, advance, expect, orient, paced, tell
-from sledenv.kernel.trace import scalar, set_apart
+from sledenv.kernel.step import MOST_UNITS, SOUGHT, UNIT_ANGLE, advance, expect, orient, tell
+from sledenv.kernel.trace import set_apart
 from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
 INCONSISTENT = -1  # status: a rigid sliding contact admits no finite normal force
@@ -123,8 +124,6 @@ TRIALS = 27  # of them the last ones, in which every branch is tried
 NO_DEPTH = 1e-12
 NO_LOAD = 1e-9
 NEVER = 1 << 60
-
-_paced = scalar(lambda unit, omega: (paced(unit, omega),))
 
 
 class Pair(NamedTuple):
@@ -221,14 +220,16 @@ def _tell_branch(pair: Pair, gap_rate: int, slip: int, spin: int, z: np.ndarray)
     z[Z_MU] = -slip * z[Z_FRICTION]
     z[Z_RHO] = -spin * z[Z_ARM]
     z[Z_STIFFNESS] = pair.k_closing if gap_rate < 0 else pair.k_opening
+    if z[Z_STIFFNESS] > 0.0:
+        # The spring moves less than the mass where it turns the body.
+        z[Z_PACE] = UNIT_ANGLE / math.sqrt(z[Z_STIFFNESS] * z[Z_PER_MASS] * (1.0 + z[Z_RATIO] * z[Z_H] * z[Z_H]))
 
 
 @kernel
 def _settled_unit(size: float, gravity: float, omega: float) -> float:
     """Unit of time [s] of a step with a locked gap, in which nothing oscillates."""
     rate = max(abs(omega), math.sqrt(gravity / size))
-    unit = 0.5 / rate if rate > 0.0 else 1.0
-    return _paced(unit, omega)[0]
+    return 0.5 / rate if rate > 0.0 else 1.0
 
 
 @kernel
@@ -525,12 +526,12 @@ def follow(
         z[Z_LEAST] = -pair.k_opening * state[GAP]
         z[Z_LARGEST] = math.inf if rigid else -pair.k_closing * state[GAP]
         if gap_rate == 0:
-            z[Z_EXPECTED] = NOTHING
             z[Z_UNIT] = _settled_unit(size, slope.gravity, state[OMEGA])
-        else:
-            expect(z)
-        expected = int(z[Z_EXPECTED])
         expand(gap_rate, slip, spin, z, c)
+        expected = NOTHING
+        if gap_rate != 0:
+            expect(z)
+            expected = int(z[Z_EXPECTED])
         if rigid and not 0.0 <= c[R_NORMAL, 0] <= pair.most_normal:
             status = INCONSISTENT
             break

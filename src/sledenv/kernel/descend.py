@@ -31,9 +31,11 @@ from sledenv.kernel.jit import allocating, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, by_law, law_of_row, pair_of, touch
 from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, REBOUND, RUNNING, TIMEOUT, TRAJECTORY
-from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.rows import WIDTH, table
 from sledenv.kernel.series import ROWS, Z_BRANCH, Z_EVENT, Z_MOST_STEPS, Z_ROWS, Z_STEPS, Z_TOLD
 from sledenv.kernel.state import (
+    ARM_A,
+    ARM_B,
     FEATURE,
     GAP,
     HYSTERESIS,
@@ -58,8 +60,6 @@ from sledenv.kernel.trajectory import add_sample
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed
-ARM_A, ARM_B = STATE_SIZE, STATE_SIZE + 1  # behind the state at a touchdown [m]
-BEFORE_SIZE = STATE_SIZE + 2
 
 
 @kernel
@@ -239,8 +239,8 @@ def write_rebound(
 @allocating
 def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that :func:`hop` works in; it may get the same ones again and again."""
-    tables, told = np.zeros((ROWS + CHORD_ROWS, WIDTH)), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
-    return tables, told, np.zeros(STATE_SIZE), np.zeros(BEFORE_SIZE)
+    tables, told = table(ROWS + CHORD_ROWS, WIDTH), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
+    return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
 
 
 LaneSpace = tuple[
@@ -254,9 +254,9 @@ LaneSpace = tuple[
 
 @allocating
 def _lane_space(body: Body, lanes: int, abreast: int) -> LaneSpace:
-    side = np.zeros((Z_ROWS, abreast)), np.zeros((STATE_SIZE, abreast)), np.zeros((ROWS * WIDTH, abreast))
+    side = table(Z_ROWS, abreast), table(STATE_SIZE, abreast), table(ROWS * WIDTH, abreast)
     own_z = np.zeros((abreast, Z_ROWS + NOW_ROWS))
-    own = own_z, np.zeros((abreast, STATE_SIZE)), np.zeros((abreast, BEFORE_SIZE)), np.zeros(abreast, np.int64)
+    own = own_z, np.zeros((abreast, STATE_SIZE)), np.zeros((abreast, STATE_SIZE)), np.zeros(abreast, np.int64)
     places = 1
     while places < lanes:
         places *= 2
@@ -293,8 +293,7 @@ def arrive(
 ) -> int:
     """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
 
-    Arguments are those of :func:`land`; the state of the contact is written to ``state`` and, with the arms of what
-    touches, to ``before``.
+    Arguments are those of :func:`land`; the state of the contact is written to ``state`` and to ``before``.
     """
     t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
     u, v, omega = flight["u"], flight["v"], flight["omega"]
@@ -338,9 +337,9 @@ def arrive(
         state[V_T] = u + b * omega
         state[OMEGA] = omega
         state[FEATURE] = feature
+        state[ARM_A], state[ARM_B] = a, b
         for i in range(STATE_SIZE):
             before[i] = state[i]
-        before[ARM_A], before[ARM_B] = a, b
     return status
 
 

@@ -13,9 +13,6 @@ from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.series import (
-    E_LEFT_OMEGA,
-    E_LEFT_V_N,
-    E_LEFT_V_T,
     E_SAFE_FORCE,
     E_SAFE_GAP,
     E_SAFE_MOMENT,
@@ -173,9 +170,9 @@ def slope_end(length: float, c: np.ndarray, step: float) -> float:
 
 
 @kernel
-def _keeps(safe: float, left: float, vanishing: int) -> bool:
+def _keeps(safe: float, vanishing: int) -> bool:
     """Whether a velocity keeps its sign over the step, by what has been answered for it."""
-    return safe > 0.0 or (vanishing == 1 and left > 0.0)
+    return safe > 0.0 and vanishing < 2
 
 
 @kernel
@@ -232,7 +229,7 @@ def first_event(
             if at < math.inf:
                 step, event, released = at, RATE_RELEASED, 1
     else:
-        if event != RATE_ZERO and not _keeps(z[E_SAFE_V_N], z[E_LEFT_V_N], vanishing[0]):
+        if event != RATE_ZERO and not _keeps(z[E_SAFE_V_N], vanishing[0]):
             at = series_root(c, V_N, gap_rate, step, vanishing[0])
             if at < math.inf:
                 step, event = at, RATE_ZERO
@@ -247,7 +244,7 @@ def first_event(
                 at = bound_root(c, R_NORMAL, R_FORCE, sign, z[Z_FRICTION], step)
                 if at < before:
                     step, event, released = at, SLIP_RELEASED, -sign
-    elif event != SLIP_ZERO and not _keeps(z[E_SAFE_V_T], z[E_LEFT_V_T], vanishing[1]):
+    elif event != SLIP_ZERO and not _keeps(z[E_SAFE_V_T], vanishing[1]):
         at = series_root(c, V_T, slip, step, vanishing[1])
         if at < math.inf:
             step, event = at, SLIP_ZERO
@@ -257,7 +254,7 @@ def first_event(
                 at = bound_root(c, R_NORMAL, R_MOMENT, sign, z[Z_ARM], step)
                 if at < before:
                     step, event, released = at, SPIN_RELEASED, -sign
-    elif event != SPIN_ZERO and not _keeps(z[E_SAFE_OMEGA], z[E_LEFT_OMEGA], vanishing[2]):
+    elif event != SPIN_ZERO and not _keeps(z[E_SAFE_OMEGA], vanishing[2]):
         at = series_root(c, OMEGA, spin, step, vanishing[2])
         if at < math.inf:
             step, event = at, SPIN_ZERO

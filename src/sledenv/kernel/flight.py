@@ -1,6 +1,7 @@
 """Ballistic flight up to the first touchdown, which is never stepped over: docs/physics.md, section 7.
 
-A search is a few steps of one program, :func:`_march`, for a single flight or for many side by side.
+A search is a few steps of one program, for a single flight or for many side by side. The first one goes straight for a
+root and proves that none comes before. Where that fails, the second one passes none, however many there are.
 """
 
 from __future__ import annotations
@@ -22,19 +23,38 @@ from sledenv.kernel.geometry import (
 )
 from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.params import Body
-from sledenv.kernel.trace import LANES, absolute, larger, less, nearest, not_more, packed, root, scalar, smaller, where
+from sledenv.kernel.rows import table
+from sledenv.kernel.trace import (
+    LANES,
+    absolute,
+    fma,
+    larger,
+    less,
+    nearest,
+    not_more,
+    packed,
+    root,
+    scalar,
+    smaller,
+    where,
+)
 
 ROUNDING = 4e-16
 EDGE = 1e-9  # [rad]
 
-SEARCHING, LANDED, RESTING = 0.0, 1.0, 2.0  # RESTING: on the surface without a gap rate, to be looked at by itself
+# Phases of a flight. RESTING: on the surface without a gap rate, to be looked at by itself.
+FALLING, SEARCHING, LANDED, RESTING = -1.0, 0.0, 1.0, 2.0
 
-FEW = 3  # flights of a pack from which it is worth while
+SLOW = 0.9  # share of gravity up to which centrifugal accelerations leave the gap concave,
+SLOWER = 0.5  # and up to which it is much like a parabola
+CLOSE = 0.3  # [rad] of a step in which the body turns little
+
+FEW = 3  # flights of a pack from which to follow them side by side
 
 # Rows of a pack of flights.
 (
     F_TIME,  # [s] reached by the search; of the touchdown in the end, inf if there is none
-    F_PHASE,  # SEARCHING, LANDED or RESTING
+    F_PHASE,
     F_Y,  # state at the start of the flight
     F_PHI,
     F_V,
@@ -44,7 +64,11 @@ FEW = 3  # flights of a pack from which it is worth while
     F_MARGIN,  # of the speeds: gap rates below do not tell whether the body lifts off
     F_BOUND,  # [m/s^2] gap'' >= -bound
     F_NOISE,  # [m] rounding error of the gap
-    F_FALL,  # [s] until the body is in reach of the slope
+    F_FALL,  # [s] until the body is in reach of the slope, for good
+    F_CLEAR,  # [s] up to which the gap is known to be open
+    F_BEFORE,  # [s] length of the step before
+    F_ROOT,  # [s] a root of the gap,
+    F_GOAL,  # [s] and since when there is no other
     F_TOP,  # [m] no part of the body reaches further from the mass centre
     F_RADIUS,  # of the body
     F_ECCENTRICITY,
@@ -54,17 +78,34 @@ FEW = 3  # flights of a pack from which it is worth while
     F_FURTHEST,  # [m] h of the feature with the largest
     F_LANE,  # for the caller: whose flight it is,
     F_DOWNHILL,  # [m/s^2] and gravity along the slope
-) = range(21)
-F_ROWS = 21
+) = range(25)
+F_ROWS = 25
 
 
-def _take_off(y: Any, v: Any, omega: Any, gravity: Any, top: Any, furthest: Any) -> tuple[Any, Any, Any]:
-    """Program of what does not change in the search: bound, noise and fall."""
-    bound = gravity + furthest * omega * omega
-    noise = ROUNDING * (top + absolute(y))
-    thrown = (v + root(v * v + 2.0 * gravity * (y - top))) / gravity
-    drifting = where(less(v, 0.0), (top - y) / v, math.inf)
-    return bound, noise, where(less(0.0, gravity), thrown, drifting)
+def _local(phi: Any) -> Any:
+    """Angle less its whole turns."""
+    return phi - TURN * nearest(phi * (1.0 / TURN))
+
+
+def _before_kink(phi: Any, turn: Any) -> Any:
+    """Whether a body turns from an angle without passing +-pi, where one corner takes over from the other.
+
+    There the gap has a kink, and its second derivative no bound.
+    """
+    before, behind = nearest(phi * (1.0 / TURN)), nearest((phi + turn) * (1.0 / TURN))
+    return not_more(before, behind) & not_more(behind, before)
+
+
+def _support(
+    local: Any, radius: Any, eccentricity: Any, half_angle: Any, along: Any, across: Any, corners: bool
+) -> tuple[Any, Any, Any]:
+    """Arms of the feature that is lowest, and the radius of its curvature."""
+    if not corners:
+        return *arms_of(eccentricity, 0.0, radius, local), radius
+    on_arc = not_more(absolute(local), half_angle)
+    side = where(on_arc, 0.0, where(less(0.0, local), across, -across))
+    curved = where(on_arc, radius, 0.0)
+    return *arms_of(where(on_arc, eccentricity, along), side, curved, local), curved
 
 
 def _safe_step(gap: Any, rate: Any, bound: Any) -> tuple[Any, Any]:
@@ -73,6 +114,124 @@ def _safe_step(gap: Any, rate: Any, bound: Any) -> tuple[Any, Any]:
     square = root(rate * rate + bound * twice)
     closing = less(rate, 0.0)
     return where(closing, twice, rate + square), where(closing, square - rate, bound)
+
+
+def _taking_off(corners: bool) -> Any:
+    """Return the program of what does not change in a search, and of its first step."""
+
+    def take_off(
+        y: Any,
+        phi: Any,
+        v: Any,
+        omega: Any,
+        gravity: Any,
+        top: Any,
+        radius: Any,
+        eccentricity: Any,
+        half_angle: Any,
+        along: Any,
+        across: Any,
+        furthest: Any,
+    ) -> tuple[Any, ...]:
+        square = omega * omega
+        bound = gravity + furthest * square
+        noise = ROUNDING * (top + absolute(y))
+        thrown = (v + root(v * v + 2.0 * gravity * (y - top))) / gravity
+        drifting = where(less(v, 0.0), (top - y) / v, math.inf)
+        fall = where(less(0.0, gravity), thrown, drifting)
+        a, b, curved = _support(_local(phi), radius, eccentricity, half_angle, along, across, corners)
+        gap, rate = y - b, v - a * omega
+        dividend, divisor = _safe_step(gap, rate, bound)
+        clear = dividend / divisor
+        if corners:
+            clear = where(_before_kink(phi, omega * clear), clear, 0.0)
+        # A slow body lands about where its parabola does, and one that flies high about where it comes in reach.
+        slow = less(bound, (1.0 + SLOWER) * gravity)
+        bend = where(slow, gravity + (curved - b) * square, gravity)
+        far = (rate + root(rate * rate + 2.0 * gap * bend)) / bend
+        first = where(~slow & less(0.0, fall), fall, far)
+        still = ROUNDING * (absolute(v) + top * absolute(omega))
+        begins = less(0.0, first) & less(first, math.inf) & (less(noise, gap) | less(still, rate))
+        time = where(begins, first, 0.0)
+        phase = where(begins, FALLING, SEARCHING)
+        return phase, time, bound, noise, fall, where(begins, clear, 0.0), time
+
+    return take_off
+
+
+def _falling(corners: bool) -> Any:
+    """Return the program of a step towards a root of the gap, for bodies with corners or without.
+
+    It goes to the root of the parabola that osculates the gap, and corrects that by the next two derivatives.
+    """
+
+    def fall(
+        time: Any,
+        phase: Any,
+        y: Any,
+        phi: Any,
+        v: Any,
+        omega: Any,
+        gravity: Any,
+        horizon: Any,
+        bound: Any,
+        noise: Any,
+        in_reach: Any,
+        clear: Any,
+        before: Any,
+        known: Any,
+        goal: Any,
+        radius: Any,
+        eccentricity: Any,
+        half_angle: Any,
+        along: Any,
+        across: Any,
+        furthest: Any,
+    ) -> tuple[Any, ...]:
+        local = _local(phi + omega * time)
+        a, b, curved = _support(local, radius, eccentricity, half_angle, along, across, corners)
+        gap, rate = y + time * (v - 0.5 * gravity * time) - b, v - gravity * time - a * omega
+        square, lever = omega * omega, curved - b
+        # Where the parabola has no root, its lowest point.
+        steep = root(larger(rate * rate + 2.0 * gap * (gravity + lever * square), 0.0))
+        step = 2.0 * gap / (steep - rate)
+        turn = omega * step
+        more = step * step * square * fma(turn, a * (1.0 / 6.0), lever * turn * turn * (1.0 / 24.0))
+        turn = absolute(turn)
+        later = where(less(turn, CLOSE), more / steep, 0.0)
+        # The error of the gap is that of the slopes over the correction, and of the derivatives beyond.
+        slope = absolute(later) * bound + furthest * absolute(omega) * turn * turn
+        found = fma(absolute(later), slope, furthest * (1.0 / 120.0) * turn * turn * turn * turn * turn)
+        found = not_more(found, noise)
+        if corners:
+            # Beyond the end of the feature the derivatives are others.
+            size = absolute(local)
+            found = found & less(turn, smaller(absolute(size - half_angle), math.pi - size))
+        found = found | not_more(absolute(gap), noise)
+        step = step + later
+        reached = time + step
+        going = less(rate, 0.0) & less(absolute(step), before) & less(0.0, reached)
+        # No root comes before the one of a concave gap, while the body is out of reach, or for some time before a root.
+        last = reached - 2.0 * steep / bound
+        upward = 2.0 * v / gravity - in_reach
+        alone = not_more(last, clear) | (not_more(upward, clear) & not_more(last, in_reach))
+        if corners:
+            plain = _before_kink(phi, omega * reached)
+            alone, last = alone & plain, where(plain, last, math.inf)
+        alone = alone | less(bound, (1.0 + SLOW) * gravity)
+        landed = going & found & alone
+        lost = ~going | (found & ~alone)
+        falling = not_more(phase, FALLING)
+        late = landed & ~not_more(reached, horizon)
+        return (
+            where(falling, where(lost, clear, where(late, math.inf, reached)), time),
+            where(falling, where(lost, SEARCHING, where(landed, LANDED, FALLING)), phase),
+            absolute(step),
+            where(falling & going, reached, known),
+            where(falling & going & found, last, goal),
+        )
+
+    return fall
 
 
 def _marching(corners: bool) -> Any:
@@ -91,6 +250,8 @@ def _marching(corners: bool) -> Any:
         bound: Any,
         noise: Any,
         fall: Any,
+        known: Any,
+        goal: Any,
         top: Any,
         radius: Any,
         eccentricity: Any,
@@ -103,14 +264,8 @@ def _marching(corners: bool) -> Any:
         t = where(above, larger(fall, time), time)
         height = where(above, top, height)
         speed = v - gravity * t
-        turned = phi + omega * t
-        local = turned - TURN * nearest(turned * (1.0 / TURN))
-        if corners:
-            on_arc = not_more(absolute(local), half_angle)
-            side = where(on_arc, 0.0, where(less(0.0, local), across, -across))
-            a, b = arms_of(where(on_arc, eccentricity, along), side, where(on_arc, radius, 0.0), local)
-        else:
-            a, b = arms_of(eccentricity, 0.0, radius, local)
+        local = _local(phi + omega * t)
+        a, b, _ = _support(local, radius, eccentricity, half_angle, along, across, corners)
         gap, rate = height - b, speed - a * omega
         touching = not_more(gap, noise)
         starting = touching & not_more(t, 0.0)
@@ -137,10 +292,13 @@ def _marching(corners: bool) -> Any:
             step = where(landed, step, heeded)
         reached = where(landed, larger(t - step, 0.0), t + step)
         reached = where(pressing | resting, 0.0, reached)
+        # No root lies between the goal and the one that is known.
+        ahead = ~not_more(reached, goal) & not_more(goal, horizon)
+        reached = where(ahead, known, reached)
         over = ~not_more(t, horizon) | ~(landed | not_more(reached, horizon))
-        landing = landed | settled | pressing | not_more(reached, t)
+        landing = landed | settled | pressing | not_more(reached, t) | ahead
         ended = where(resting, RESTING, where(landing, LANDED, SEARCHING))
-        going = not_more(phase, SEARCHING)
+        going = not_more(absolute(phase), SEARCHING)
         return (
             where(going, where(over, math.inf, reached), time),
             where(going, where(over, LANDED, ended), phase),
@@ -149,9 +307,21 @@ def _marching(corners: bool) -> Any:
     return march
 
 
-_TOLD = (F_Y, F_V, F_OMEGA, F_GRAVITY, F_TOP, F_FURTHEST), (F_BOUND, F_NOISE, F_FALL)
-_SEEN = range(F_ACROSS + 1), (F_TIME, F_PHASE)
-_take_off_one, _take_off_all = scalar(_take_off), packed(_take_off, *_TOLD)
+_SHAPE = (F_RADIUS, F_ECCENTRICITY, F_HALF_ANGLE, F_ALONG, F_ACROSS)
+_TOLD = (
+    (F_Y, F_PHI, F_V, F_OMEGA, F_GRAVITY, F_TOP, *_SHAPE, F_FURTHEST),
+    (F_PHASE, F_TIME, F_BOUND, F_NOISE, F_FALL, F_CLEAR, F_BEFORE),
+)
+_KNOWN = (F_TIME, F_PHASE, F_Y, F_PHI, F_V, F_OMEGA, F_GRAVITY, F_HORIZON)
+_FELT = (
+    (*_KNOWN, F_BOUND, F_NOISE, F_FALL, F_CLEAR, F_BEFORE, F_ROOT, F_GOAL, *_SHAPE, F_FURTHEST),
+    (F_TIME, F_PHASE, F_BEFORE, F_ROOT, F_GOAL),
+)
+_SEEN = (*_KNOWN, F_MARGIN, F_BOUND, F_NOISE, F_FALL, F_ROOT, F_GOAL, F_TOP, *_SHAPE), (F_TIME, F_PHASE)
+_take_off_disc, _take_off_discs = scalar(_taking_off(False)), packed(_taking_off(False), *_TOLD)
+_take_off_sled, _take_off_sleds = scalar(_taking_off(True)), packed(_taking_off(True), *_TOLD)
+_fall_disc, _fall_discs = scalar(_falling(False)), packed(_falling(False), *_FELT)
+_fall_sled, _fall_sleds = scalar(_falling(True)), packed(_falling(True), *_FELT)
 _march_disc, _march_discs = scalar(_marching(False)), packed(_marching(False), *_SEEN)
 _march_sled, _march_sleds = scalar(_marching(True)), packed(_marching(True), *_SEEN)
 
@@ -190,11 +360,55 @@ def _lift(body: Body, furthest: float, gravity: float, noise: float, phi: float,
 
 
 @kernel
+def _extent(body: Body) -> tuple[float, float, float]:
+    """Lengths of a corner, and distance [m] from the mass centre of what is furthest of all that may touch."""
+    along, across = corner_lengths(body)
+    h = body.eccentricity
+    return along, across, max(h, math.hypot(along, across)) if has_corners(body) else h
+
+
+@kernel
+def _search(
+    body: Body,
+    t: float,
+    phase: float,
+    y: float,
+    phi: float,
+    v: float,
+    omega: float,
+    gravity: float,
+    horizon: float,
+    bound: float,
+    noise: float,
+    fall: float,
+    known: float,
+    goal: float,
+    along: float,
+    across: float,
+    furthest: float,
+) -> float:
+    """Go on from ``t`` to the first root."""
+    top = body.radius + body.eccentricity
+    shape = (body.radius, body.eccentricity, body.half_angle, along, across)
+    margin = ROUNDING
+    while phase == SEARCHING:
+        seen = (t, phase, y, phi, v, omega, gravity, horizon, margin, bound, noise, fall, known, goal, top, *shape)
+        t, phase = _march_sled(*seen) if has_corners(body) else _march_disc(*seen)
+        if phase == RESTING:
+            t = _lift(body, furthest, gravity, noise, phi, v, omega)
+            if t < 0.0:
+                return 0.0
+            phase, margin = SEARCHING, 0.0
+    return t
+
+
+@kernel
 def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float) -> float:
     """First time [s] at which the body meets the slope in free flight: docs/physics.md (7.1).
 
-    The gap obeys ``gap'' >= -(gravity + h omega^2)``; each step goes to the first root of the parabola with that
-    curvature, so it cannot pass a root, a grazing one included, and converges quadratically to a plain one.
+    The gap obeys ``gap'' >= -(gravity + h omega^2)``. That often proves of a root that it is the first. Where it does
+    not, each step goes to the first root of the parabola with that curvature, so it cannot pass a root, a grazing one
+    included, and converges quadratically to a plain one.
 
     Parameters
     ----------
@@ -211,42 +425,38 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
     float
         Time of touchdown, inf if there is none up to ``horizon``.
     """
-    r, h, edge = body.radius, body.eccentricity, body.half_angle
-    top = r + h
+    top = body.radius + body.eccentricity
+    along, across, furthest = _extent(body)
+    shape = (body.radius, body.eccentricity, body.half_angle, along, across)
+    flight = (y, phi, v, omega, gravity)
     corners = has_corners(body)
-    along, across = corner_lengths(body)
-    furthest = max(h, math.hypot(along, across)) if corners else h
-    bound, noise, fall = _take_off_one(y, v, omega, gravity, top, furthest)
-    t, phase, margin = 0.0, SEARCHING, ROUNDING
-    while phase == SEARCHING:
-        if corners:
-            t, phase = _march_sled(
-                t, phase, y, phi, v, omega, gravity, horizon, margin, bound, noise, fall, top, r, h, edge, along, across
-            )
-        else:
-            t, phase = _march_disc(
-                t, phase, y, phi, v, omega, gravity, horizon, margin, bound, noise, fall, top, r, h, edge, along, across
-            )
-        if phase == RESTING:
-            t = _lift(body, furthest, gravity, noise, phi, v, omega)
-            if t < 0.0:
-                return 0.0
-            phase, margin = SEARCHING, 0.0
-    return t
+    told = (*flight, top, *shape, furthest)
+    phase, t, bound, noise, fall, clear, before = _take_off_sled(*told) if corners else _take_off_disc(*told)
+    known, goal = 0.0, math.inf
+    while phase == FALLING:
+        felt = (t, phase, *flight, horizon, bound, noise, fall, clear, before, known, goal, *shape, furthest)
+        t, phase, before, known, goal = _fall_sled(*felt) if corners else _fall_disc(*felt)
+    return _search(body, t, phase, *flight, horizon, bound, noise, fall, known, goal, along, across, furthest)
 
 
 @allocating
 def pack_of(body: Body) -> np.ndarray:
     """Return a pack of flights of a body, shape (F_ROWS, LANES), for :func:`touchdown_times`."""
-    z = np.zeros((F_ROWS, LANES))
-    along, across = corner_lengths(body)
+    z = table(F_ROWS, LANES)
     for k in range(LANES):
         z[F_RADIUS, k], z[F_ECCENTRICITY, k], z[F_HALF_ANGLE, k] = body.radius, body.eccentricity, body.half_angle
         z[F_TOP, k] = body.radius + body.eccentricity
-        z[F_ALONG, k], z[F_ACROSS, k] = along, across
-        furthest = max(body.eccentricity, math.hypot(along, across)) if has_corners(body) else body.eccentricity
-        z[F_FURTHEST, k] = furthest
+        z[F_ALONG, k], z[F_ACROSS, k], z[F_FURTHEST, k] = _extent(body)
     return z
+
+
+@kernel
+def _number(phase: float, z: np.ndarray) -> int:
+    """Number of the flights of a pack that are in a phase."""
+    count = 0
+    for k in range(LANES):
+        count += z[F_PHASE, k] == phase
+    return count
 
 
 @kernel
@@ -264,24 +474,34 @@ def touchdown_times(body: Body, count: int, z: np.ndarray) -> None:
     """
     if count >= FEW:
         corners = has_corners(body)
+        if corners:
+            _take_off_sleds(z)
+        else:
+            _take_off_discs(z)
         for k in range(LANES):
-            z[F_TIME, k] = 0.0
-            z[F_PHASE, k] = SEARCHING if k < count else LANDED
-            z[F_MARGIN, k] = ROUNDING
-        _take_off_all(z)
-        searching = count
-        while searching > 0:
+            z[F_MARGIN, k], z[F_GOAL, k] = ROUNDING, math.inf
+            if k >= count:
+                z[F_PHASE, k] = LANDED
+        while _number(FALLING, z) > 0:
             if corners:
-                _march_sleds(z)
+                _fall_sleds(z)
             else:
-                _march_discs(z)
-            searching = 0
-            for k in range(LANES):
-                searching += z[F_PHASE, k] == SEARCHING
+                _fall_discs(z)
+        if _number(SEARCHING, z) >= FEW:
+            while _number(SEARCHING, z) > 0:
+                if corners:
+                    _march_sleds(z)
+                else:
+                    _march_discs(z)
     for k in range(count):
-        if count < FEW or z[F_PHASE, k] == RESTING:
-            y, phi, v, omega = z[F_Y, k], z[F_PHI, k], z[F_V, k], z[F_OMEGA, k]
-            z[F_TIME, k] = touchdown_time(body, z[F_GRAVITY, k], y, phi, v, omega, z[F_HORIZON, k])
+        y, phi, v, omega, gravity = z[F_Y, k], z[F_PHI, k], z[F_V, k], z[F_OMEGA, k], z[F_GRAVITY, k]
+        if count < FEW:
+            z[F_TIME, k] = touchdown_time(body, gravity, y, phi, v, omega, z[F_HORIZON, k])
+        elif z[F_PHASE, k] != LANDED:
+            flight = (y, phi, v, omega, gravity, z[F_HORIZON, k])
+            known = (z[F_BOUND, k], z[F_NOISE, k], z[F_FALL, k], z[F_ROOT, k], z[F_GOAL, k])
+            extent = (z[F_ALONG, k], z[F_ACROSS, k], z[F_FURTHEST, k])
+            z[F_TIME, k] = _search(body, z[F_TIME, k], SEARCHING, *flight, *known, *extent)
 
 
 @kernel

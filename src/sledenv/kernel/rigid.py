@@ -12,11 +12,13 @@ import numpy as np
 
 from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
 from sledenv.kernel.friction import branch_forces, mobility, rates, resolve
-from sledenv.kernel.geometry import arms, pulls, whole_turns
+from sledenv.kernel.geometry import arms, corner_lengths, pulls, straight_sine_cosine, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
 from sledenv.kernel.records import ARC, NOSE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
 from sledenv.kernel.state import (
+    ARM_A,
+    ARM_B,
     FEATURE,
     HYSTERESIS,
     IMPULSE_N,
@@ -304,13 +306,13 @@ def strike(
         law.corner_rolling_arm,
         MOST_NORMAL * body.mass * (gravity + size * state[OMEGA] * state[OMEGA] + state[V_T] * state[V_T] / size),
     )
+    a, b = state[ARM_A], state[ARM_B]
     for _ in range(MOST_STRIKES):
         local = state[PHI] - whole_turns(state[PHI])
         feature = int(state[FEATURE])
-        a, b = arms(body, feature, local)
         radius = body.radius if feature == ARC else 0.0
         pressed = gravity + (radius - b) * state[OMEGA] * state[OMEGA] > 0.0
-        if feature != ARC and 2.0 * body.radius * math.sin(body.half_angle) * abs(math.sin(local)) <= FLAT * size:
+        if feature != ARC and 2.0 * corner_lengths(body)[1] * abs(straight_sine_cosine(local)[0]) <= FLAT * size:
             state[ON_CHORD] = 1.0
             state[PHI] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
             status, feature = strike_chord(body, law, feature, pressed, state)
@@ -326,4 +328,5 @@ def strike(
         status, steps, samples = contact(body, pair, slope, limits, state, c, z, steps, trajectory, samples)
         if status != INCONSISTENT and status != BOTH_CORNERS:
             return status, steps, samples
+        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
     return STEP_BUDGET, steps, samples

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.kernel.jit import allocating
 from sledenv.kernel.trace import absolute, block, element, fma, repeated, set_block, shuffled, side_by_side
 
 EIGHT = 8
@@ -16,6 +17,14 @@ COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
 _EVEN, _ODD = range(0, 2 * EIGHT, 2), range(1, 2 * EIGHT, 2)
+
+
+@allocating
+def table(count: int, width: int) -> np.ndarray:
+    """Zeros, shape (count, width), that begin at a line of cache: no vector of eight of them lies across two."""
+    numbers = np.zeros(count * width + EIGHT)
+    first = (-numbers.ctypes.data % (EIGHT * numbers.itemsize)) // numbers.itemsize
+    return numbers[first : first + count * width].reshape((count, width))
 
 
 def powers(s: Any) -> list[Any]:

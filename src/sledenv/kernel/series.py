@@ -21,6 +21,7 @@ from sledenv.kernel.trace import (
     element,
     fma,
     larger,
+    less,
     not_more,
     repeated,
     rough_root,
@@ -68,6 +69,7 @@ ROWS = 13
     Z_MU,  # [-] tangential force over normal force
     Z_RHO,  # [m] rolling moment over normal force
     Z_STIFFNESS,  # [N/m] of the branch
+    Z_PACE,  # [s] unit of time as long as the spin is slow
     Z_STEPS,  # spent
     Z_GAP_RATE,  # the branch: signs of v_n, v_t and omega, 0 where locked,
     Z_SLIP,
@@ -75,7 +77,7 @@ ROWS = 13
     Z_GAP_ZEROS,  # and number of their leading coefficients that are zero by construction
     Z_SLIP_ZEROS,
     Z_SPIN_ZEROS,
-) = range(28)
+) = range(29)
 Z_BRANCH = Z_MU  # rows from here on change with the branch,
 Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
 (
@@ -108,14 +110,11 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     E_SPIN,  # [N] and times the spin
     E_TRAVEL,  # [m] most that x changes by on the way
     E_TURN,  # [rad] and phi
-    E_SAFE_GAP,  # > 0 if a quantity keeps its sign on the way,
+    E_SAFE_GAP,  # > 0 if a quantity keeps the sign of the branch on the way, or does so once it has left zero
     E_SAFE_V_N,
     E_SAFE_V_T,
     E_SAFE_OMEGA,
     E_SAFE_OTHER,
-    E_LEFT_V_N,  # or if it does after it has left zero at the start of the step
-    E_LEFT_V_T,
-    E_LEFT_OMEGA,
     # For locked velocities: bounds of the forces, and > 0 if these stay within.
     Z_FRICTION,  # [-]
     Z_ARM,  # [m]
@@ -138,8 +137,8 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_SEEKING,
     Z_FOUND,
     Z_BEFORE,
-) = range(Z_TOLD, Z_TOLD + 56)
-Z_ROWS = Z_TOLD + 56
+) = range(Z_TOLD, Z_TOLD + 53)
+Z_ROWS = Z_TOLD + 53
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
 E_STATE = E_X - X  # and of that at the end
 
@@ -457,6 +456,22 @@ def longest(size: Any, scale: Any, tolerance: Any, most: Any, c: Any) -> tuple[A
 
 
 _MOTION = (X, GAP, V_N, V_T, OMEGA)
+# A power t^k on [0, 1] lies below its chord t by so much at most.
+_ORDERS = np.maximum(rows.COUNT, 2.0)
+_SAGS = np.where(rows.COUNT > 1.0, (_ORDERS - 1.0) * _ORDERS ** (-_ORDERS / (_ORDERS - 1.0)), 0.0)
+_SAGS_TO_ONE = np.where(rows.COUNT > 1.0, 1.0 - _SAGS, 0.0)
+
+
+def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
+    """How far a polynomial may sag below the chord between its ends, in eight parts: docs/physics.md (10.3).
+
+    Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below a line from there to its end.
+    """
+    sags: Sequence[Any] = _SAGS
+    if leaving is not None:
+        leave = repeated(leaving, rows.EIGHT)
+        sags = [fma(leave, rest, sag) for rest, sag in zip(_SAGS_TO_ONE, _SAGS, strict=True)]
+    return rows.added(rows.times([larger(part, np.zeros(rows.EIGHT)) for part in terms], sags))
 
 
 def completion(z: Any, c: Any, corners: bool = True) -> None:
@@ -472,6 +487,15 @@ def completion(z: Any, c: Any, corners: bool = True) -> None:
     normal, slip, spin = (rows.values(c, row, TERMS, nodes) for row in (R_NORMAL, V_T, OMEGA))
     load = normal * _WEIGHTS
     terms = {row: rows.times(rows.read(c, row), powers) for row in (*_MOTION, *((R_SINE, R_COSINE) if corners else ()))}
+    starts = {row: c[row * WIDTH] for row in _MOTION}
+    velocities = ((V_N, E_SAFE_V_N, z[Z_GAP_RATE]), (V_T, E_SAFE_V_T, z[Z_SLIP]), (OMEGA, E_SAFE_OMEGA, z[Z_SPIN]))
+    sagging = [_sagging([-part for part in terms[GAP]])]
+    leaving = {row: where(less(0.0, absolute(starts[row])), 0.0, 1.0) for row, _, _ in velocities}
+    for row, _, sign in velocities:
+        signs = repeated(sign, rows.EIGHT)
+        # The spin also bounds the turn, whose sign does not matter.
+        sizes = [absolute(part) if row == OMEGA else signs * part for part in terms[row]]
+        sagging.append(_sagging(sizes, leaving[row]))
     other = []
     if corners:
         sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
@@ -480,41 +504,24 @@ def completion(z: Any, c: Any, corners: bool = True) -> None:
     *ends, turned, impulse, slid = sums(
         [*(rows.added(terms[row]) for row in _MOTION), spin * _WEIGHTS, load, load * slip]
     )
-    others = [rows.sizes(other)] if corners else []
-    rolled, *rests = sums([load * spin, *(rows.sizes(terms[row]) for row in _MOTION), *others])
+    others = [_sagging(other), rows.added(other)] if corners else []
+    rolled, rest, gap_sags, *sags = sums([load * spin, rows.sizes(terms[X]), *sagging, *others])
     for row, end in zip(_MOTION, ends, strict=True):
-        z[E_STATE + row] = c[row * WIDTH] + end
+        z[E_STATE + row] = starts[row] + end
     z[E_PHI] = fma(time, turned, z[Z_PHI])
     z[E_NORMAL] = time * impulse
     z[E_SLIP] = time * slid
     z[E_SPIN] = time * rolled
-    leading = {row: c[row * WIDTH] for row in terms}
-    linear = {row: c[row * WIDTH + 1] * s for row in terms}
-    rest = dict(zip(_MOTION, rests[: len(_MOTION)], strict=True))
-    z[E_TRAVEL] = absolute(linear[X]) + rest[X]
-    # |phi| grows by no more than the spin and its changes do.
-    z[E_TURN] = time * (absolute(leading[OMEGA]) + absolute(linear[OMEGA]) + rest[OMEGA])
-    z[E_SAFE_GAP] = _bound(leading[GAP], linear[GAP], rest[GAP])
-    for safe, left, row in (
-        (E_SAFE_V_N, E_LEFT_V_N, V_N),
-        (E_SAFE_V_T, E_LEFT_V_T, V_T),
-        (E_SAFE_OMEGA, E_LEFT_OMEGA, OMEGA),
-    ):
-        z[safe] = _bound(leading[row], linear[row], rest[row])
-        second = c[row * WIDTH + 2] * (s * s)
-        z[left] = _bound(linear[row], second, rest[row] - absolute(second))
-    if not corners:
-        return
-    start, slope = (
-        fma(z[Z_OTHER_SINE], of[R_SINE], fma(z[Z_OTHER_COSINE], of[R_COSINE], of[GAP])) for of in (leading, linear)
-    )
-    start = start + z[Z_OTHER]
-    z[E_SAFE_OTHER] = where_less(0.0, start, _bound(start, slope, rests[-1]), -1.0)
-
-
-def _above(leading: Any, slope: Any, rest: Any) -> Any:
-    """Lower bound of a polynomial over a step; see :func:`_bound`."""
-    return leading + smaller(slope, 0.0) - rest
+    z[E_TRAVEL] = absolute(c[X * WIDTH + 1] * s) + rest
+    z[E_TURN] = time * (larger(absolute(starts[OMEGA]), absolute(z[E_OMEGA])) + sags[2])
+    z[E_SAFE_GAP] = smaller(-starts[GAP], -z[E_GAP]) - gap_sags
+    for (row, safe, sign), sag in zip(velocities, sags, strict=False):
+        end = sign * z[E_STATE + row]
+        z[safe] = where_less(0.5, leaving[row], end, smaller(sign * starts[row], end)) - sag
+    if corners:
+        start = fma(z[Z_OTHER_SINE], c[R_SINE * WIDTH], fma(z[Z_OTHER_COSINE], c[R_COSINE * WIDTH], starts[GAP]))
+        start = start + z[Z_OTHER]
+        z[E_SAFE_OTHER] = smaller(start, start + sags[4]) - sags[3]
 
 
 def _slack(z: Any, c: Any) -> None:
@@ -523,32 +530,27 @@ def _slack(z: Any, c: Any) -> None:
     time = s * z[Z_UNIT]
     powers = rows.without_constant(rows.powers(s))
     nodes = repeated(s, rows.EIGHT) * _NODES
-    normal, force, moment = (rows.times(rows.read(c, row), powers) for row in (R_NORMAL, R_FORCE, R_MOMENT))
-    cases = [
-        (E_SAFE_FORCE, R_FORCE, force, z[Z_FRICTION], 1.0),
-        (E_SAFE_FORCE, R_FORCE, force, z[Z_FRICTION], -1.0),
-        (E_SAFE_MOMENT, R_MOMENT, moment, z[Z_ARM], 1.0),
-        (E_SAFE_MOMENT, R_MOMENT, moment, z[Z_ARM], -1.0),
-    ]
-    parts = [rows.sizes(normal)]
-    for _, _, bounded, factor, sign in cases:
-        factors = repeated(factor, rows.EIGHT)
-        parts.append(rows.sizes([fma(factors, n, f * sign) for n, f in zip(normal, bounded, strict=True)]))
-    forced, driven = (rows.values(c, row, TERMS, nodes) * _WEIGHTS for row in (R_FORCE, R_MOMENT))
-    rest, *rests, impulse, twist = sums([*parts, forced, driven])
-    found: dict[int, Any] = {}
-    for (answer, row, _, factor, sign), sizes in zip(cases, rests, strict=True):
-        leading = fma(factor, c[R_NORMAL * WIDTH], c[row * WIDTH] * sign)
-        slope = fma(factor, c[R_NORMAL * WIDTH + 1], c[row * WIDTH + 1] * sign) * s
-        bound = _above(leading, slope, sizes)
-        found[answer] = smaller(found[answer], bound) if answer in found else bound
-    for answer, bound in found.items():
-        z[answer] = bound
+    tables = (R_NORMAL, R_FORCE, R_MOMENT)
+    terms = {row: rows.times(rows.read(c, row), powers) for row in tables}
+    sizes = ([absolute(part) for part in terms[row]] for row in (R_FORCE, R_MOMENT))
+    less_load = [-part for part in terms[R_NORMAL]]
+    sagging = [_sagging(row) for row in (terms[R_NORMAL], less_load, *sizes)]
+    pushes = [rows.values(c, row, TERMS, nodes) * _WEIGHTS for row in (R_FORCE, R_MOMENT)]
+    *changes, impulse, twist, sag, rise, force_sag, moment_sag = sums(
+        [*(rows.added(terms[row]) for row in tables), *pushes, *sagging]
+    )
+    starts = {row: c[row * WIDTH] for row in tables}
+    ends = {row: starts[row] + change for row, change in zip(tables, changes, strict=True)}
+    for answer, row, factor, sags in (
+        (E_SAFE_FORCE, R_FORCE, z[Z_FRICTION], force_sag),
+        (E_SAFE_MOMENT, R_MOMENT, z[Z_ARM], moment_sag),
+    ):
+        slacks = [fma(factor, of[R_NORMAL], -absolute(of[row])) for of in (starts, ends)]
+        z[answer] = smaller(*slacks) - fma(factor, sag, sags)
     z[E_FORCE] = time * impulse
     z[E_MOMENT] = time * twist
-    leading, slope = c[R_NORMAL * WIDTH], c[R_NORMAL * WIDTH + 1] * s
-    low = _above(leading - z[Z_LEAST], slope, rest)
-    high = _above(z[Z_LARGEST] - leading, -slope, rest)
+    low = smaller(starts[R_NORMAL], ends[R_NORMAL]) - z[Z_LEAST] - sag
+    high = z[Z_LARGEST] - larger(starts[R_NORMAL], ends[R_NORMAL]) - rise
     z[E_SAFE_NORMAL] = smaller(low, high)
 
 
