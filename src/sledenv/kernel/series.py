@@ -91,6 +91,9 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_V_N,
     Z_V_T,
     Z_OMEGA,
+    Z_PER_PULSATION,  # [s] of the contact oscillation,
+    Z_ABEAM,  # [m] direction of the phase angle up to what ends it,
+    Z_AHEAD,
     Z_EXPECTED,  # code of the event that is expected,
     Z_GUESS,  # [units] where its root is,
     Z_MOST,  # up to where it is sought,
@@ -137,8 +140,8 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_SEEKING,
     Z_FOUND,
     Z_BEFORE,
-) = range(Z_TOLD, Z_TOLD + 53)
-Z_ROWS = Z_TOLD + 53
+) = range(Z_TOLD, Z_TOLD + 56)
+Z_ROWS = Z_TOLD + 56
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
 E_STATE = E_X - X  # and of that at the end
 
@@ -467,7 +470,7 @@ def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
 
     Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below a line from there to its end.
     """
-    sags: Sequence[Any] = _SAGS
+    sags: Any = _SAGS
     if leaving is not None:
         leave = repeated(leaving, rows.EIGHT)
         sags = [fma(leave, rest, sag) for rest, sag in zip(_SAGS_TO_ONE, _SAGS, strict=True)]

@@ -42,6 +42,8 @@ from sledenv.kernel.series import (
     R_SCRATCH,
     R_SINE,
     TERMS,
+    Z_ABEAM,
+    Z_AHEAD,
     Z_BEFORE,
     Z_COSINE,
     Z_DOUBTFUL,
@@ -49,7 +51,6 @@ from sledenv.kernel.series import (
     Z_EXPECTED,
     Z_FINE,
     Z_FOUND,
-    Z_GAP,
     Z_GAP_RATE,
     Z_GAP_ZEROS,
     Z_GUESS,
@@ -66,6 +67,7 @@ from sledenv.kernel.series import (
     Z_OTHER_SINE,
     Z_PACE,
     Z_PER_MASS,
+    Z_PER_PULSATION,
     Z_R,
     Z_RATIO,
     Z_RHO,
@@ -86,7 +88,6 @@ from sledenv.kernel.series import (
     Z_THETA,
     Z_TOLERANCE,
     Z_UNIT,
-    Z_V_N,
     Z_V_T,
     approach,
     certificate,
@@ -149,19 +150,35 @@ def orientation(z: Any, state: Any) -> None:
     z[Z_SINE], z[Z_COSINE] = sine_cosine(z[Z_THETA])
 
 
-def telling(z: Any, state: Any) -> None:
-    """Write where a step starts, and its unit of time."""
-    for i in (X, PHI, GAP, V_N, V_T, OMEGA):
-        z[Z_STATE + i] = state[i]
-    z[Z_UNIT] = paced(z[Z_PACE], state[OMEGA])
-    # Of the two ends of the arc the one that is further away.
-    reach = z[Z_OTHER_SINE]
-    z[Z_OTHER_SINE] = where(not_more(state[FEATURE], ARC), with_sign(reach, state[PHI]), reach)
-
-
 def paced(unit: Any, omega: Any) -> Any:
     """Unit of time in which sine and cosine converge fast."""
     return where(not_more(1.0, absolute(omega) * unit), 1.0 / absolute(omega), unit)
+
+
+def telling(z: Any, state: Any) -> None:
+    """Write where a step starts, its unit of time, and where it is in the contact oscillation with frozen arms."""
+    for i in (X, PHI, GAP, V_N, V_T, OMEGA):
+        z[Z_STATE + i] = state[i]
+    z[Z_UNIT] = paced(z[Z_PACE], state[OMEGA])
+    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
+    slipping, spinning = _nonzero(z[Z_SLIP]), _nonzero(z[Z_SPIN])
+    lever = z[Z_RHO] - a + where(slipping, z[Z_MU] * b, 0.0)
+    share = z[Z_RATIO] / where(slipping, 1.0, 1.0 + z[Z_RATIO] * b * b)
+    yielding = where(spinning, larger(1.0 - a * lever * share, 0.05), 1.0)
+    z[Z_PER_PULSATION] = per_pulsation = 1.0 / root(z[Z_STIFFNESS] * z[Z_PER_MASS] * yielding)
+    turning = z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
+    gap, speed = state[GAP], state[V_N] * per_pulsation
+    rest = -(z[Z_INWARD] + turning) * per_pulsation * per_pulsation  # the gap in balance
+    # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
+    beyond = speed * speed + gap * (gap - 2.0 * rest)
+    separating = less(0.0, z[Z_GAP_RATE]) & less(0.0, beyond)
+    z[Z_EXPECTED] = where(separating, SEPARATION, RATE_ZERO)
+    # and turns back where the tangent is speed / apart.
+    z[Z_ABEAM] = where(separating, -gap, speed)
+    z[Z_AHEAD] = where(separating, speed + root(beyond), gap - rest)
+    # Of the two ends of the arc the one that is further away.
+    reach = z[Z_OTHER_SINE]
+    z[Z_OTHER_SINE] = where(not_more(state[FEATURE], ARC), with_sign(reach, state[PHI]), reach)
 
 
 def expectation(z: Any) -> None:
@@ -170,26 +187,13 @@ def expectation(z: Any) -> None:
     The contact is taken for a harmonic oscillator with frozen arms, and its angles to a thousandth: the event is found
     exactly, only faster if the guess is good. Nothing is expected of a body that turns as fast.
     """
-    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
-    turning = z[Z_H] * z[Z_COSINE] * z[Z_OMEGA] * z[Z_OMEGA]
-    slipping, spinning, closing = _nonzero(z[Z_SLIP]), _nonzero(z[Z_SPIN]), less(z[Z_GAP_RATE], 0.0)
-    lever = z[Z_RHO] - a + where(slipping, z[Z_MU] * b, 0.0)
-    share = z[Z_RATIO] / where(slipping, 1.0, 1.0 + z[Z_RATIO] * b * b)
-    yielding = where(spinning, larger(1.0 - a * lever * share, 0.05), 1.0)
-    per_pulsation = 1.0 / root(z[Z_STIFFNESS] * z[Z_PER_MASS] * yielding)
-    gap, speed = z[Z_GAP], z[Z_V_N] * per_pulsation
-    rest = -(z[Z_INWARD] + turning) * per_pulsation * per_pulsation  # the gap in balance
-    # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
-    beyond = speed * speed + gap * (gap - 2.0 * rest)
-    separating = less(0.0, z[Z_GAP_RATE]) & less(0.0, beyond)
-    # and turns back where the tangent is speed / apart.
-    sine = where(separating, -gap, speed)
-    angle = rough_angle(sine, where(separating, speed + root(beyond), gap - rest))
+    separating, closing = not_more(z[Z_EXPECTED], SEPARATION), less(z[Z_GAP_RATE], 0.0)
+    angle = rough_angle(z[Z_ABEAM], z[Z_AHEAD])
     later = where(closing & less(angle, 0.0), angle + math.pi, angle)
     angle = where(separating, 2.0 * angle, later)
-    z[Z_GUESS] = angle * per_pulsation / z[Z_UNIT]
+    z[Z_GUESS] = angle * z[Z_PER_PULSATION] / z[Z_UNIT]
     kept = less(absolute(angle), math.inf) & not_more(z[Z_PACE], z[Z_UNIT])
-    z[Z_EXPECTED] = where(kept, where(separating, SEPARATION, RATE_ZERO), NOTHING)
+    z[Z_EXPECTED] = where(kept, z[Z_EXPECTED], NOTHING)
 
 
 def progress(z: Any, state: Any) -> None:
@@ -352,7 +356,7 @@ def orient(z: np.ndarray, state: np.ndarray) -> None:
 
 @kernel
 def tell(z: np.ndarray, state: np.ndarray) -> None:
-    """Write where a step starts, and its unit of time."""
+    """Write where a step starts, its unit of time, and where it is in the contact oscillation with frozen arms."""
     _telling(z, state)
 
 
