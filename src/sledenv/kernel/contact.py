@@ -110,7 +110,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
-from sledenv.kernel.step import MOST_UNITS, SOUGHT, UNIT_ANGLE, advance, expect, orient, tell
+from sledenv.kernel.step import MOST_UNITS, SOUGHT, STRETCHED, UNIT_ANGLE, advance, expect, orient, tell
 from sledenv.kernel.trace import set_apart
 from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
@@ -255,17 +255,16 @@ def _take_step(
     z: np.ndarray,
     c: np.ndarray,
 ) -> tuple[int, int]:
-    """Complete a step of at most Z_MOST units up to its first event; see :func:`first_event`.
+    """Complete a step of Z_STEP units up to its first event; see :func:`first_event`.
 
-    What is likely to end the step is sought first, where it is expected. If the series prove that nothing else comes
-    before, that was all.
+    What is likely to end the step is sought first, where it is expected and up to Z_MOST. If the series prove that
+    nothing else comes before, that was all.
     """
     _, slip, spin = branch
     event = NOTHING
-    z[Z_STEP] = z[Z_MOST]
     # A gap rate that starts from zero has a root there, which the search might find.
     sought = expected == SEPARATION or (expected == RATE_ZERO and vanishing[0] == 0)
-    if sought and z[Z_GUESS] < SOUGHT * z[Z_MOST] and locate(GAP if expected == SEPARATION else V_N, z, c):
+    if sought and z[Z_GUESS] < SOUGHT * z[Z_STEP] and locate(GAP if expected == SEPARATION else V_N, z, c):
         z[Z_STEP], event = z[Z_ROOT], expected
     complete(z, c)
     if slip != 0 and vanishing[1] == 0 and _sooner(V_T, z[E_V_T], z) and locate(V_T, z, c):
@@ -548,7 +547,7 @@ def follow(
         if not math.isfinite(step):
             status = NON_FINITE
             break
-        z[Z_MOST] = step
+        z[Z_STEP], z[Z_MOST] = step, STRETCHED * step if STRETCHED * step < left else step
         event, sign_after = _take_step(
             body,
             feature,

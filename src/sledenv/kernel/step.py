@@ -135,7 +135,8 @@ from sledenv.kernel.trace import (
 
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
-SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
+SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step,
+STRETCHED = 1.08  # which may be longer by this factor to end there: its last terms are four times larger then
 CLEAR = 1e-9  # share of its terms by which a series is clear of zero
 LEFT_ALONE = -1.0  # event of a step that was not taken
 
@@ -229,20 +230,20 @@ def _beginning(z: Any, state: Any, c: Any) -> None:
     expectation(z)
     (most,) = longest(z[Z_SIZE], z[Z_SCALE], z[Z_TOLERANCE], MOST_UNITS, c)
     left = larger(z[Z_MAX_TIME] - state[TIME], 0.0) / z[Z_UNIT]
-    fine = less(most, left) & less(z[Z_STEPS], z[Z_MOST_STEPS])
+    fine = less(STRETCHED * most, left) & less(z[Z_STEPS], z[Z_MOST_STEPS])
     z[Z_FINE] = where(fine, 1.0, 0.0)
     separating = not_more(z[Z_EXPECTED], SEPARATION)
     sought = less(NOTHING, z[Z_EXPECTED]) & (separating | not_more(z[Z_GAP_ZEROS], 0.0))
     z[Z_STEP], z[Z_EVENT] = most, NOTHING
-    _seek(z, c, fine & sought & less(z[Z_GUESS], SOUGHT * most), separating, GAP, V_N)
+    _seek(z, c, fine & sought & less(z[Z_GUESS], SOUGHT * most), STRETCHED * most, separating, GAP, V_N)
 
 
-def _seek(z: Any, c: Any, sought: Any, one: Any, row: int, other: int) -> None:
-    """Let the event that is expected up to the end of the step be sought: the root of one row of the table or other."""
+def _seek(z: Any, c: Any, sought: Any, most: Any, one: Any, row: int, other: int) -> None:
+    """Let the event that is expected be sought up to some time: the root of one row of the table or other."""
     z[Z_SEEKING] = where(sought, 1.0, 0.0)
     z[Z_FOUND] = 0.0
     z[Z_ROOT] = z[Z_GUESS]
-    z[Z_MOST] = z[Z_BEFORE] = z[Z_STEP]
+    z[Z_MOST] = z[Z_BEFORE] = most
     rows.write(c, R_SCRATCH, rows.of([where(one, c[row * WIDTH + k], c[other * WIDTH + k]) for k in range(TERMS)]))
 
 
@@ -282,7 +283,7 @@ def _turning(z: Any, c: Any) -> None:
     slip = not_more(z[Z_EXPECTED], SLIP_ZERO)
     before, end = where(slip, z[Z_V_T], z[Z_OMEGA]), where(slip, z[E_V_T], z[E_OMEGA])
     z[Z_GUESS] = z[Z_STEP] * before / (before - end)
-    _seek(z, c, less(0.0, z[Z_SEEKING]), slip, V_T, OMEGA)
+    _seek(z, c, less(0.0, z[Z_SEEKING]), z[Z_STEP], slip, V_T, OMEGA)
 
 
 def _happens(z: Any, event: int) -> Any:
