@@ -547,6 +547,7 @@ def follow(
         if not math.isfinite(step):
             status = NON_FINITE
             break
+        z[Z_GAP_ZEROS], z[Z_SLIP_ZEROS], z[Z_SPIN_ZEROS] = gap_zeros, slip_zeros, spin_zeros
         z[Z_STEP], z[Z_MOST] = step, STRETCHED * step if STRETCHED * step < left else step
         event, sign_after = _take_step(
             body,

@@ -14,9 +14,12 @@ from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.series import (
     E_SAFE_FORCE,
+    E_SAFE_FORCE_BACK,
     E_SAFE_GAP,
+    E_SAFE_LARGEST,
+    E_SAFE_LEAST,
     E_SAFE_MOMENT,
-    E_SAFE_NORMAL,
+    E_SAFE_MOMENT_BACK,
     E_SAFE_OMEGA,
     E_SAFE_OTHER,
     E_SAFE_V_N,
@@ -170,12 +173,6 @@ def slope_end(length: float, c: np.ndarray, step: float) -> float:
 
 
 @kernel
-def _keeps(safe: float, vanishing: int) -> bool:
-    """Whether a velocity keeps its sign over the step, by what has been answered for it."""
-    return safe > 0.0 and vanishing < 2
-
-
-@kernel
 def first_event(
     body: Body,
     feature: int,
@@ -220,16 +217,16 @@ def first_event(
     released = 0
     # Each event found shortens the interval in which the next one is sought.
     if gap_rate == 0:
-        if not z[E_SAFE_NORMAL] > 0.0:
-            if z[Z_LARGEST] < math.inf:
-                at = _normal_root(c, 1, z[Z_LARGEST], step)
-                if at < math.inf:
-                    step, event, released = at, RATE_RELEASED, -1
+        if z[Z_LARGEST] < math.inf and not z[E_SAFE_LARGEST] > 0.0:
+            at = _normal_root(c, 1, z[Z_LARGEST], step)
+            if at < math.inf:
+                step, event, released = at, RATE_RELEASED, -1
+        if not z[E_SAFE_LEAST] > 0.0:
             at = _normal_root(c, -1, z[Z_LEAST], step)
             if at < math.inf:
                 step, event, released = at, RATE_RELEASED, 1
     else:
-        if event != RATE_ZERO and not _keeps(z[E_SAFE_V_N], vanishing[0]):
+        if event != RATE_ZERO and not z[E_SAFE_V_N] > 0.0:
             at = series_root(c, V_N, gap_rate, step, vanishing[0])
             if at < math.inf:
                 step, event = at, RATE_ZERO
@@ -239,22 +236,22 @@ def first_event(
                 step, event = at, SEPARATION
     before = before_separation(step) if event == SEPARATION else math.inf
     if slip == 0:
-        if not z[E_SAFE_FORCE] > 0.0:
-            for sign in both_signs(c[R_FORCE, 0]):
+        for sign in both_signs(c[R_FORCE, 0]):
+            if not z[E_SAFE_FORCE if sign > 0 else E_SAFE_FORCE_BACK] > 0.0:
                 at = bound_root(c, R_NORMAL, R_FORCE, sign, z[Z_FRICTION], step)
                 if at < before:
                     step, event, released = at, SLIP_RELEASED, -sign
-    elif event != SLIP_ZERO and not _keeps(z[E_SAFE_V_T], vanishing[1]):
+    elif event != SLIP_ZERO and not z[E_SAFE_V_T] > 0.0:
         at = series_root(c, V_T, slip, step, vanishing[1])
         if at < math.inf:
             step, event = at, SLIP_ZERO
     if spin == 0:
-        if not z[E_SAFE_MOMENT] > 0.0:
-            for sign in both_signs(c[R_MOMENT, 0]):
+        for sign in both_signs(c[R_MOMENT, 0]):
+            if not z[E_SAFE_MOMENT if sign > 0 else E_SAFE_MOMENT_BACK] > 0.0:
                 at = bound_root(c, R_NORMAL, R_MOMENT, sign, z[Z_ARM], step)
                 if at < before:
                     step, event, released = at, SPIN_RELEASED, -sign
-    elif event != SPIN_ZERO and not _keeps(z[E_SAFE_OMEGA], vanishing[2]):
+    elif event != SPIN_ZERO and not z[E_SAFE_OMEGA] > 0.0:
         at = series_root(c, OMEGA, spin, step, vanishing[2])
         if at < math.inf:
             step, event = at, SPIN_ZERO

@@ -21,7 +21,6 @@ from sledenv.kernel.trace import (
     element,
     fma,
     larger,
-    less,
     not_more,
     repeated,
     rough_root,
@@ -123,9 +122,12 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_ARM,  # [m]
     Z_LEAST,  # [N]
     Z_LARGEST,
-    E_SAFE_NORMAL,
-    E_SAFE_FORCE,
+    E_SAFE_LEAST,
+    E_SAFE_LARGEST,
+    E_SAFE_FORCE,  # below its bound,
+    E_SAFE_FORCE_BACK,  # and above the negative of that
     E_SAFE_MOMENT,
+    E_SAFE_MOMENT_BACK,
     # What a contact that is interrupted between two steps goes on with, besides.
     Z_TURNS,  # [rad] that its angle leaves out
     Z_AT_EDGE,
@@ -140,8 +142,8 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_SEEKING,
     Z_FOUND,
     Z_BEFORE,
-) = range(Z_TOLD, Z_TOLD + 56)
-Z_ROWS = Z_TOLD + 56
+) = range(Z_TOLD, Z_TOLD + 59)
+Z_ROWS = Z_TOLD + 59
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
 E_STATE = E_X - X  # and of that at the end
 
@@ -468,7 +470,7 @@ _SAGS_TO_ONE = np.where(rows.COUNT > 1.0, 1.0 - _SAGS, 0.0)
 def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
     """How far a polynomial may sag below the chord between its ends, in eight parts: docs/physics.md (10.3).
 
-    Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below a line from there to its end.
+    Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below the line from there to its end.
     """
     sags: Any = _SAGS
     if leaving is not None:
@@ -491,14 +493,15 @@ def completion(z: Any, c: Any, corners: bool = True) -> None:
     load = normal * _WEIGHTS
     terms = {row: rows.times(rows.read(c, row), powers) for row in (*_MOTION, *((R_SINE, R_COSINE) if corners else ()))}
     starts = {row: c[row * WIDTH] for row in _MOTION}
-    velocities = ((V_N, E_SAFE_V_N, z[Z_GAP_RATE]), (V_T, E_SAFE_V_T, z[Z_SLIP]), (OMEGA, E_SAFE_OMEGA, z[Z_SPIN]))
+    velocities = (
+        (V_N, E_SAFE_V_N, z[Z_GAP_RATE], z[Z_GAP_ZEROS]),
+        (V_T, E_SAFE_V_T, z[Z_SLIP], z[Z_SLIP_ZEROS]),
+        (OMEGA, E_SAFE_OMEGA, z[Z_SPIN], z[Z_SPIN_ZEROS]),
+    )
     sagging = [_sagging([-part for part in terms[GAP]])]
-    leaving = {row: where(less(0.0, absolute(starts[row])), 0.0, 1.0) for row, _, _ in velocities}
-    for row, _, sign in velocities:
+    for row, _, sign, zeros in velocities:
         signs = repeated(sign, rows.EIGHT)
-        # The spin also bounds the turn, whose sign does not matter.
-        sizes = [absolute(part) if row == OMEGA else signs * part for part in terms[row]]
-        sagging.append(_sagging(sizes, leaving[row]))
+        sagging.append(_sagging([signs * part for part in terms[row]], smaller(zeros, 1.0)))
     other = []
     if corners:
         sines, cosines = repeated(z[Z_OTHER_SINE], rows.EIGHT), repeated(z[Z_OTHER_COSINE], rows.EIGHT)
@@ -507,7 +510,9 @@ def completion(z: Any, c: Any, corners: bool = True) -> None:
     *ends, turned, impulse, slid = sums(
         [*(rows.added(terms[row]) for row in _MOTION), spin * _WEIGHTS, load, load * slip]
     )
-    others = [_sagging(other), rows.added(other)] if corners else []
+    others = []
+    if corners:
+        others = [_sagging(other), rows.added(other), _sagging([absolute(part) for part in terms[OMEGA]])]
     rolled, rest, gap_sags, *sags = sums([load * spin, rows.sizes(terms[X]), *sagging, *others])
     for row, end in zip(_MOTION, ends, strict=True):
         z[E_STATE + row] = starts[row] + end
@@ -516,15 +521,20 @@ def completion(z: Any, c: Any, corners: bool = True) -> None:
     z[E_SLIP] = time * slid
     z[E_SPIN] = time * rolled
     z[E_TRAVEL] = absolute(c[X * WIDTH + 1] * s) + rest
-    z[E_TURN] = time * (larger(absolute(starts[OMEGA]), absolute(z[E_OMEGA])) + sags[2])
     z[E_SAFE_GAP] = smaller(-starts[GAP], -z[E_GAP]) - gap_sags
-    for (row, safe, sign), sag in zip(velocities, sags, strict=False):
+    for (row, safe, sign, zeros), sag in zip(velocities, sags, strict=False):
         end = sign * z[E_STATE + row]
-        z[safe] = where_less(0.5, leaving[row], end, smaller(sign * starts[row], end)) - sag
+        # A second leading coefficient that is zero by construction is left out, and the third does not make it sag.
+        first, second = sign * c[row * WIDTH + 1] * s, sign * c[row * WIDTH + 2] * s * s
+        later = end - first + larger(second, 0.0)
+        start = sign * starts[row]
+        least = where_less(zeros, 0.5, smaller(start, end), where_less(zeros, 1.5, end, later))
+        z[safe] = least - sag
     if corners:
         start = fma(z[Z_OTHER_SINE], c[R_SINE * WIDTH], fma(z[Z_OTHER_COSINE], c[R_COSINE * WIDTH], starts[GAP]))
         start = start + z[Z_OTHER]
         z[E_SAFE_OTHER] = smaller(start, start + sags[4]) - sags[3]
+        z[E_TURN] = time * (larger(absolute(starts[OMEGA]), absolute(z[E_OMEGA])) + sags[5])
 
 
 def _slack(z: Any, c: Any) -> None:
@@ -544,17 +554,18 @@ def _slack(z: Any, c: Any) -> None:
     )
     starts = {row: c[row * WIDTH] for row in tables}
     ends = {row: starts[row] + change for row, change in zip(tables, changes, strict=True)}
-    for answer, row, factor, sags in (
-        (E_SAFE_FORCE, R_FORCE, z[Z_FRICTION], force_sag),
-        (E_SAFE_MOMENT, R_MOMENT, z[Z_ARM], moment_sag),
+    for answer, row, sign, factor, sags in (
+        (E_SAFE_FORCE, R_FORCE, 1.0, z[Z_FRICTION], force_sag),
+        (E_SAFE_FORCE_BACK, R_FORCE, -1.0, z[Z_FRICTION], force_sag),
+        (E_SAFE_MOMENT, R_MOMENT, 1.0, z[Z_ARM], moment_sag),
+        (E_SAFE_MOMENT_BACK, R_MOMENT, -1.0, z[Z_ARM], moment_sag),
     ):
-        slacks = [fma(factor, of[R_NORMAL], -absolute(of[row])) for of in (starts, ends)]
+        slacks = [fma(factor, of[R_NORMAL], -sign * of[row]) for of in (starts, ends)]
         z[answer] = smaller(*slacks) - fma(factor, sag, sags)
     z[E_FORCE] = time * impulse
     z[E_MOMENT] = time * twist
-    low = smaller(starts[R_NORMAL], ends[R_NORMAL]) - z[Z_LEAST] - sag
-    high = z[Z_LARGEST] - larger(starts[R_NORMAL], ends[R_NORMAL]) - rise
-    z[E_SAFE_NORMAL] = smaller(low, high)
+    z[E_SAFE_LEAST] = smaller(starts[R_NORMAL], ends[R_NORMAL]) - z[Z_LEAST] - sag
+    z[E_SAFE_LARGEST] = z[Z_LARGEST] - larger(starts[R_NORMAL], ends[R_NORMAL]) - rise
 
 
 _complete = compiled(lambda z, c: completion(z, c))
