@@ -136,14 +136,13 @@ Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
     Z_LEFT_SPIN,
     Z_STALLED,
     Z_CHOOSE,
-    # An ordinary step: whether it may be one, whether that needs a better proof, and the search for roots.
+    # An ordinary step: whether it may be one, and the search for roots.
     Z_FINE,
-    Z_DOUBTFUL,
     Z_SEEKING,
     Z_FOUND,
     Z_BEFORE,
-) = range(Z_TOLD, Z_TOLD + 59)
-Z_ROWS = Z_TOLD + 59
+) = range(Z_TOLD, Z_TOLD + 58)
+Z_ROWS = Z_TOLD + 58
 Z_STATE = Z_X - X  # offset of the state, whose order is that of the contact state,
 E_STATE = E_X - X  # and of that at the end
 

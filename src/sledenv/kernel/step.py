@@ -46,7 +46,6 @@ from sledenv.kernel.series import (
     Z_AHEAD,
     Z_BEFORE,
     Z_COSINE,
-    Z_DOUBTFUL,
     Z_EVENT,
     Z_EXPECTED,
     Z_FINE,
@@ -117,7 +116,6 @@ from sledenv.kernel.trace import (
     abreast,
     absolute,
     compiled,
-    element,
     larger,
     less,
     not_more,
@@ -125,10 +123,7 @@ from sledenv.kernel.trace import (
     rough_angle,
     section,
     sine_cosine,
-    smaller,
-    sums,
     where,
-    where_less,
     with_sign,
     without,
 )
@@ -137,7 +132,6 @@ UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step,
 STRETCHED = 1.08  # which may be longer by this factor to end there: its last terms are four times larger then
-CLEAR = 1e-9  # share of its terms by which a series is clear of zero
 LEFT_ALONE = -1.0  # event of a step that was not taken
 
 
@@ -275,7 +269,6 @@ def _completing(z: Any, c: Any) -> None:
     spin = less(z[Z_OMEGA] * z[E_OMEGA], 0.0) & not_more(z[Z_SPIN_ZEROS], 0.0) & ~_happens(z, SPIN_ZERO)
     z[Z_EXPECTED] = where(slip, SLIP_ZERO, SPIN_ZERO)
     z[Z_SEEKING] = where((slip | spin) & less(0.0, z[Z_FINE]), 1.0, 0.0)
-    z[Z_DOUBTFUL] = where(less(0.0, z[Z_FINE]) & ~_proved(z), 1.0, 0.0)
 
 
 def _turning(z: Any, c: Any) -> None:
@@ -297,28 +290,6 @@ def _proved(z: Any) -> Any:
     proved = proved & (sticks | less(0.0, z[E_SAFE_V_T]))
     proved = proved & (stops | less(0.0, z[E_SAFE_OMEGA]))
     return proved & (separates | less(z[Z_GAP_RATE], 0.0) | less(0.0, z[E_SAFE_GAP]))
-
-
-_ONES = np.ones(rows.COUNT.shape)
-_SLOPES = np.where(rows.COUNT > 1.0, rows.COUNT, 0.0)
-_BENDS = np.where(rows.COUNT > 2.0, rows.COUNT * (rows.COUNT - 1.0), 0.0)
-
-
-def _proving(z: Any, c: Any) -> None:
-    """Program of a better proof that a series does not change its sign: it is steep, or it bends away from zero.
-
-    Then it is nearest to zero at an end of the step. It must stay clear of zero by far more than rounding there.
-    """
-    powers = rows.powers(z[Z_STEP])
-    for row, safe in ((GAP, E_SAFE_GAP), (V_N, E_SAFE_V_N), (V_T, E_SAFE_V_T), (OMEGA, E_SAFE_OMEGA)):
-        terms = rows.times(rows.read(c, row), powers)
-        sizes = [absolute(part) for part in terms]
-        size, steep, bent = sums([rows.added(rows.times(sizes, weights)) for weights in (_ONES, _SLOPES, _BENDS)])
-        first, slope, bend = (element(terms[0], k) for k in range(3))
-        last = z[E_STATE + row]
-        away = where_less(first, 0.0, 2.0 * bend, -2.0 * bend)
-        clear = less(0.0, first * last) & less(CLEAR * size, smaller(absolute(first), absolute(last)))
-        z[safe] = where(clear & (less(steep, absolute(slope)) | less(bent, away)), 1.0, z[safe])
 
 
 def _ending(z: Any, state: Any) -> None:
@@ -344,8 +315,8 @@ def _ending(z: Any, state: Any) -> None:
 _orientation, _telling, _expectation, _progress = (
     compiled(program) for program in (orientation, telling, expectation, progress)
 )
-_begin_all, _approach_all, _certify_all, _complete_all, _turn_all, _prove_all, _end_all = (
-    abreast(program) for program in (_beginning, _approaching, _certifying, _completing, _turning, _proving, _ending)
+_begin_all, _approach_all, _certify_all, _complete_all, _turn_all, _end_all = (
+    abreast(program) for program in (_beginning, _approaching, _certifying, _completing, _turning, _ending)
 )
 
 
@@ -399,11 +370,6 @@ def _turn_abreast(z: np.ndarray, c: np.ndarray) -> None:
 
 
 @kernel
-def _prove_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    _prove_all(z, c)
-
-
-@kernel
 def _end_abreast(z: np.ndarray, state: np.ndarray) -> None:
     _end_all(z, state)
 
@@ -444,6 +410,4 @@ def step_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
         _turn_abreast(z, c)
         _locate_abreast(z, c)
         _complete_abreast(z, c)
-    if _any(z[Z_DOUBTFUL]):
-        _prove_abreast(z, c)
     _end_abreast(z, state)
