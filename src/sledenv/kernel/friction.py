@@ -12,6 +12,7 @@ import math
 from sledenv.kernel.jit import kernel
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
+CLEAR = 1e-9  # violations above this are told from none
 
 
 @kernel
@@ -121,6 +122,12 @@ def resolve(
     per_mass, per_inertia, a, b = w
     w_tt = per_mass + b * b * per_inertia
     w_nn = per_mass + a * a * per_inertia
+    if gap_rate == 0 and abs(slip) == 1 and abs(spin) == 1 and closing_normal < math.inf:
+        # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
+        yielding = per_mass - a * (-spin * arm - a - slip * friction * b) * per_inertia
+        clear = CLEAR * max(abs(drive_n), yielding * closing_normal, w_nn * closing_normal)
+        if yielding > 0.0 and drive_n + yielding * opening_normal > clear:
+            return 1, slip, spin
     best = (0, 0, 0)
     least = 1e300
     for normal_branch in (0, -1, 1):
