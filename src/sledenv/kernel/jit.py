@@ -9,6 +9,7 @@ import contextlib
 import functools
 import hashlib
 import logging
+import platform
 import shutil
 import time
 from collections.abc import Callable
@@ -21,11 +22,12 @@ from llvmlite.binding import Linkage, parse_bitcode
 from numba import types
 from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, Flags, compile_extra, compile_result
 from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.event import Event, Listener, register, trigger_event
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys  # type: ignore[attr-defined]
 from numba.core.typing.templates import make_concrete_template
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -137,6 +139,31 @@ def _forget(parent: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+class _Codegen(JITCPUCodegen):
+    """Turns a kernel into machine code that lies in one piece with its constants.
+
+    numba's lies anywhere, so that an instruction which needs a constant is preceded by one with its address.
+    """
+
+    def _init(self, llvm_module: Any) -> None:
+        settings: Any = config
+        before, settings.USE_LLVMLITE_MEMORY_MANAGER = settings.USE_LLVMLITE_MEMORY_MANAGER, True
+        try:
+            super()._init(llvm_module)
+        finally:
+            settings.USE_LLVMLITE_MEMORY_MANAGER = before
+
+    def _customize_tm_options(self, options: dict[str, Any]) -> None:
+        super()._customize_tm_options(options)
+        if platform.machine() in ("x86_64", "AMD64"):
+            options.update(reloc="pic", codemodel="small")
+
+
+@functools.cache
+def _codegen() -> _Codegen:
+    return _Codegen("sledenv.kernel")
+
+
 class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     _locator_classes = (_Locator,)
 
@@ -145,7 +172,7 @@ class _CacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
 
     def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
         reduced, constants = payload
-        result = super().rebuild(target_context, reduced)
+        result = super().rebuild(target_context.subtarget(_internal_codegen=_codegen()), reduced)
         # The part may have been loaded before, and brought the same environment without what Python's entry added.
         result.environment.consts[:] = constants
         return result
@@ -293,10 +320,13 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
     def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
         part = self.part(args)
         counted = self.targetoptions.get("_nrt", True)
-        target = self.targetdescr.target_context.subtarget(**({"enable_nrt": True} if counted else {}))
+        options = {"enable_nrt": True} if counted else {}
+        target = self.targetdescr.target_context.subtarget(_internal_codegen=_codegen(), **options)
         library = _Whole(target.codegen(), part.fndesc.mangled_name)
         library.enable_object_caching()
         library.add_linking_library(part.library)
+        if counted:
+            library.add_linking_library(rtsys.library)
         target.create_cpython_wrapper(library, part.fndesc, part.environment, part.call_helper)
         entry = target.get_executable(library, part.fndesc, part.environment)
         code = {"library": library, "entry_point": entry, "reload_init": list(library._reload_init)}
