@@ -71,8 +71,10 @@ ONE_CORNER = -3  # status: one side has left, the other still touches
 # Rows of the table of series, beside those of a single contact: GAP is the gap of the side of the tail, V_N the
 # velocity of the mass centre; PHI counts from the orientation in which the chord lies flat. Time is in seconds.
 Y = 0
-GAP_2, ARM, SPIN_RATE, SQUARE, DRIVE, NORMAL_1, NORMAL_2, DIVISOR, LOAD, TURNING = range(13, 23)
-ROWS = 23
+# SPEED is the velocity of the mass centre along the slope; the moment of the other forces is the product of sine and
+# PULL_SINE and that of cosine and PULL_COSINE.
+GAP_2, SPEED, NORMAL_1, NORMAL_2, LOAD, PULL_SINE, PULL_COSINE = range(13, 20)
+ROWS = 20
 NOW_ROWS = GAP_2 + 1
 STATE_ROWS = (Y, X, PHI, GAP, V_N, V_T, OMEGA, GAP_2)
 
@@ -107,10 +109,10 @@ def _mean(one: Side, two: Side) -> Side:
 
 
 @kernel
-def product(p: np.ndarray, q: np.ndarray, k: int) -> float:
-    """Coefficient ``k`` of the product of two series."""
+def product(p: np.ndarray, q: np.ndarray, k: int, first: int) -> float:
+    """Coefficient ``k`` of the product of two series, without the first so many coefficients of ``p``."""
     total = 0.0
-    for i in range(k + 1):
+    for i in range(first, k + 1):
         total += p[i] * q[k - i]
     return total
 
@@ -141,60 +143,57 @@ def _expand(
     """Fill ``c`` with the series of one step from the state rows of ``now``: docs/physics.md (8.4)."""
     m = body.mass
     downhill, inward = pulls(slope)
-    mu = -slip * friction
-    middle = _mean(one, two)
+    mean = _mean(one, two)
     for row in STATE_ROWS:
         c[row, 0] = now[row]
-    sine, cosine, spins, speed = c[R_SINE], c[R_COSINE], c[OMEGA], c[V_N]
-    sine[0] = math.sin(now[PHI])
-    cosine[0] = math.cos(now[PHI])
+    sine, cosine, spins, rise, speed = c[R_SINE], c[R_COSINE], c[OMEGA], c[V_N], c[SPEED]
+    pull_sine, pull_cosine = c[PULL_SINE], c[PULL_COSINE]
+    sine[0], cosine[0] = math.sin(now[PHI]), math.cos(now[PHI])
+    arm = mean.radius + mean.along * cosine[0] - mean.across * sine[0]
+    speed[0] = now[V_T] - arm * spins[0]
+    tilt, lever = sine[0] * spins[0], cosine[0] * spins[0]  # products of sine and cosine with the spin
     for k in range(ORDER):
-        on = 1.0 if k == 0 else 0.0
-        c[ARM, k] = middle.radius * on + middle.along * cosine[k] - middle.across * sine[k]
-        c[SQUARE, k] = product(spins, spins, k)
-        c[NORMAL_1, k] = -stiffness_1 * c[GAP, k]
-        c[NORMAL_2, k] = -stiffness_2 * c[GAP_2, k]
-        c[R_NORMAL, k] = c[NORMAL_1, k] + c[NORMAL_2, k]
-        c[LOAD, k] = one.rolling_arm * c[NORMAL_1, k] + two.rolling_arm * c[NORMAL_2, k]
-        # -(a_1 N_1 + a_2 N_2)
-        c[TURNING, k] = 0.0
-        for i in range(k + 1):
-            n_1, n_2 = c[NORMAL_1, k - i], c[NORMAL_2, k - i]
-            c[TURNING, k] += sine[i] * (one.along * n_1 + two.along * n_2)
-            c[TURNING, k] += cosine[i] * (one.across * n_1 + two.across * n_2)
-        c[DRIVE, k] = (
-            downhill * on - middle.along * product(sine, c[SQUARE], k) - middle.across * product(cosine, c[SQUARE], k)
-        )
-        if spin == 0:
-            c[SPIN_RATE, k] = 0.0
-            c[R_FORCE, k] = -m * c[DRIVE, k] if slip == 0 else mu * c[R_NORMAL, k]
-            c[R_MOMENT, k] = -c[TURNING, k] - product(c[ARM], c[R_FORCE], k)
-        else:
-            c[R_MOMENT, k] = -spin * c[LOAD, k]
-            if slip == 0:
-                c[DIVISOR, k] = body.inertia * on + m * product(c[ARM], c[ARM], k)
-                rest = c[TURNING, k] + c[R_MOMENT, k] - m * product(c[ARM], c[DRIVE], k)
-                for i in range(k):
-                    rest -= c[SPIN_RATE, i] * c[DIVISOR, k - i]
-                c[SPIN_RATE, k] = rest / c[DIVISOR, 0]
-                c[R_FORCE, k] = -m * (c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k))
-            else:
-                c[R_FORCE, k] = mu * c[R_NORMAL, k]
-                rest = c[TURNING, k] + c[R_MOMENT, k] + product(c[ARM], c[R_FORCE], k)
-                c[SPIN_RATE, k] = rest / body.inertia
         after = 1.0 / (k + 1)
-        slip_rate = c[R_FORCE, k] / m + c[DRIVE, k] + product(c[ARM], c[SPIN_RATE], k)
-        c[V_T, k + 1] = 0.0 if slip == 0 else slip_rate * after
-        speed[k + 1] = (c[R_NORMAL, k] / m - inward * on) * after
-        tilt, lever = product(sine, spins, k), product(cosine, spins, k)
-        c[GAP, k + 1] = (speed[k] + one.along * tilt + one.across * lever) * after
-        c[GAP_2, k + 1] = (speed[k] + two.along * tilt + two.across * lever) * after
-        c[X, k + 1] = (c[V_T, k] - product(c[ARM], spins, k)) * after
-        c[Y, k + 1] = speed[k] * after
+        weight, drive = (inward, downhill) if k == 0 else (0.0, 0.0)
+        n_1, n_2 = -stiffness_1 * c[GAP, k], -stiffness_2 * c[GAP_2, k]
+        normal, load = n_1 + n_2, one.rolling_arm * n_1 + two.rolling_arm * n_2
+        c[NORMAL_1, k], c[NORMAL_2, k], c[R_NORMAL, k], c[LOAD, k] = n_1, n_2, normal, load
+        c[GAP, k + 1] = (rise[k] + one.along * tilt + one.across * lever) * after
+        c[GAP_2, k + 1] = (rise[k] + two.along * tilt + two.across * lever) * after
+        c[X, k + 1] = speed[k] * after
+        c[Y, k + 1] = rise[k] * after
         c[PHI, k + 1] = spins[k] * after
-        spins[k + 1] = c[SPIN_RATE, k] * after
-        sine[k + 1] = lever * after
-        cosine[k + 1] = -tilt * after
+        sine[k + 1], cosine[k + 1] = lever * after, -tilt * after
+        rise[k + 1] = (normal / m - weight) * after
+        # What depends on the spin to come is left out at first: its own coefficient, and the force that comes with it.
+        tilt, lever = product(sine, spins, k + 1, 1), product(cosine, spins, k + 1, 1)
+        drift = mean.along * lever - mean.across * tilt
+        pull_sine[k] = one.along * n_1 + two.along * n_2
+        pull_cosine[k] = one.across * n_1 + two.across * n_2
+        turning = product(pull_sine, sine, k, 0) + product(pull_cosine, cosine, k, 0)
+        force = -slip * friction * normal
+        spin_rate = 0.0
+        if spin != 0:
+            moment = -spin * load
+            if slip == 0:
+                held = (k + 1) * drift + drive
+                spin_rate = (turning + moment - m * arm * held) / (body.inertia + m * arm * arm)
+                force = -m * (arm * spin_rate + held)
+            else:
+                spin_rate = (turning + moment + arm * force) / body.inertia
+        else:
+            if slip == 0:
+                force = -m * drive
+            moment = -turning - arm * force
+        c[R_FORCE, k], c[R_MOMENT, k] = force, moment
+        pull_sine[k] -= mean.across * force
+        pull_cosine[k] += mean.along * force
+        spins[k + 1] = spin_rate * after
+        speed[k + 1] = (force / m + drive) * after
+        tilt += sine[0] * spins[k + 1]
+        lever += cosine[0] * spins[k + 1]
+        slipping = speed[k + 1] + mean.radius * spins[k + 1] + mean.along * lever - mean.across * tilt
+        c[V_T, k + 1] = 0.0 if slip == 0 else slipping
     for row in (R_NORMAL, NORMAL_1, NORMAL_2, LOAD, R_FORCE, R_MOMENT):
         c[row, ORDER] = 0.0
 
@@ -224,7 +223,7 @@ def _loss(c: np.ndarray, bound: int, row: int, factor: float, step: float) -> fl
     """Work of ``factor`` times the bound of a friction force against the velocity in ``row``."""
     q = c[R_SCRATCH]
     for k in range(ORDER):
-        q[k] = factor * product(c[bound], c[row], k)
+        q[k] = factor * product(c[bound], c[row], k, 0)
     return max(integral(q, step), 0.0)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,13 @@ import numpy as np
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.trace import absolute, scalar, sums
+from sledenv.kernel.trace import absolute, element, fma, scalar, smaller, sums, where_less
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000
 PATIENCE = 12
+CLOSE = 3e-17  # error of a root [units of the variable] that counts as rounding
+MOST_APPROACHES = 5  # to a root
 
 
 @kernel
@@ -26,11 +29,53 @@ def horner(series: np.ndarray, t: float) -> float:
     return value
 
 
+def _value(coefficients: Sequence[Any], s: Any) -> Any:
+    """Value of a polynomial, in four chains that run side by side."""
+    square = s * s
+    fourth = square * square
+    chains = []
+    for first in range(4):
+        terms = coefficients[first::4]
+        chain = terms[-1]
+        for term in reversed(terms[:-1]):
+            chain = fma(chain, fourth, term)
+        chains.append(chain)
+    return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
+
+
+def approach(q: Any, s: Any, count: int) -> tuple[Any, ...]:
+    """Come closer to a root of a series of so many terms by Chebyshev's method, of third order.
+
+    Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
+    two parts cancel), and the error that is left if it was close.
+    """
+    series = [q[k] for k in range(count)]
+    rate = [float(k) * series[k] for k in range(1, count)]
+    bend = [float(k) * rate[k] for k in range(1, count - 1)]
+    per_slope = 1.0 / _value(rate, s)
+    step = _value(series, s) * per_slope
+    bent = step * _value(bend, s) * per_slope
+    return s - fma(0.5 * step, bent, step), step, absolute(step) * fma(step, step, bent * bent)
+
+
+def certificate(q: Any, s: Any) -> tuple[Any, ...]:
+    """Number that is positive if a root of a series is known to be its first: docs/physics.md, 10.1.
+
+    The series is (t - s) B, and its root is the first if B has none in [0, s]. There the coefficients of B, times the
+    powers of s, are the sums of all later terms.
+    """
+    later = rows.sums_from(rows.times(rows.read(q, 0), rows.powers(s)))
+    first, second = element(later[0], 1), element(later[0], 2)
+    (rest,) = sums([rows.sizes(later)])
+    against = where_less(first, 0.0, -second, second)
+    return (absolute(first) + smaller(against, 0.0) - (rest - absolute(second)),)
+
+
 def _scaling(q: Any, step: Any) -> tuple[Any, ...]:
-    """Make the interval of a series [0, 1]; sizes of all terms and of those from the quadratic one on."""
+    """Make the interval of a series [0, 1]; sizes of all terms and of those from the quadratic one on, and its end."""
     row = rows.times(rows.read(q, 0), rows.powers(step))
     rows.write(q, 0, row)
-    return tuple(sums([rows.added([absolute(part) for part in row]), rows.sizes(row)]))
+    return tuple(sums([rows.added([absolute(part) for part in row]), rows.sizes(row), rows.added(row)]))
 
 
 _SECOND = rows.COUNT * (rows.COUNT - 1.0)
@@ -50,6 +95,7 @@ def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
 
 
 _scaled, _curvature, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
+_closer, _certainty = scalar(lambda q, s: approach(q, s, WIDTH)), scalar(certificate)
 
 
 @kernel
@@ -87,7 +133,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
             return math.inf
         _drop(q, vanishing)
         noise = 0.0
-    size, rest = _scaled(q, step)
+    size, rest, last = _scaled(q, step)
     tiny = 4.0 * UNIT * size
     first = 0
     while first < WIDTH and abs(q[first]) <= (tiny + noise if first == 0 else tiny):
@@ -98,10 +144,21 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
         return 0.0
     if first > 0:
         _drop(q, first)
-        _, rest = _scaled(q, 1.0)
+        _, rest, last = _scaled(q, 1.0)
     value, slope = q[0], q[1]
     if value + min(slope, 0.0) - rest > 0.0:
         return math.inf
+    if last < -tiny:  # there is a root; what lies straight ahead is nearly always the first
+        at, before = value / (value - last), 1.0
+        for _ in range(MOST_APPROACHES):
+            at, change, error = _closer(q, at)
+            if not abs(change) < before:
+                break
+            before = 0.25 * abs(change)
+            if error <= CLOSE:
+                if 0.0 < at <= 1.0 and _certainty(q, at)[0] > 0.0:
+                    return float(at * step)
+                break
     # |second derivative| <= curvature on [0, end]: go to the first root of the parabola below the series, which is
     # never past a root of the series itself. Where that takes long the bound is too wide: shorten its interval.
     s = 0.0

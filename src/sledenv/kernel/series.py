@@ -12,6 +12,7 @@ import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
 from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 from sledenv.kernel.trace import (
@@ -36,8 +37,6 @@ from sledenv.kernel.trace import (
 ORDER = 18
 TERMS = ORDER + 1
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
-CLOSE = 3e-17  # error of a root [units] that counts as rounding
-MOST_APPROACHES = 5  # to a root
 
 # Rows of the table of series; those of the state have the numbers that they have in the contact state. Time is counted
 # in a unit of the step's own, so a coefficient is what its term adds at the end of one unit.
@@ -359,54 +358,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(rows.EIGHT)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on [0, 1]
 
 
-def _value(coefficients: Sequence[Any], s: Any) -> Any:
-    """Value of a polynomial, in four chains that run side by side."""
-    square = s * s
-    fourth = square * square
-    chains = []
-    for first in range(4):
-        terms = coefficients[first::4]
-        chain = terms[-1]
-        for term in reversed(terms[:-1]):
-            chain = fma(chain, fourth, term)
-        chains.append(chain)
-    return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
-
-
-def _bound(leading: Any, slope: Any, rest: Any) -> Any:
-    """Lower bound of the absolute value of a polynomial over a step: leading terms at its end, sizes of the rest."""
-    against = where_less(leading, 0.0, -slope, slope)
-    return absolute(leading) + smaller(against, 0.0) - rest
-
-
-def approach(q: Any, s: Any) -> tuple[Any, ...]:
-    """Come closer to a root of a series by Chebyshev's method, of third order.
-
-    Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
-    two parts cancel), and the error that is left if it was close.
-    """
-    series = [q[k] for k in range(TERMS)]
-    rate = [float(k) * series[k] for k in range(1, TERMS)]
-    bend = [float(k) * rate[k] for k in range(1, ORDER)]
-    per_slope = 1.0 / _value(rate, s)
-    step = _value(series, s) * per_slope
-    bent = step * _value(bend, s) * per_slope
-    return s - fma(0.5 * step, bent, step), step, absolute(step) * fma(step, step, bent * bent)
-
-
-def certificate(q: Any, s: Any) -> tuple[Any, ...]:
-    """Number that is positive if a root of a series is known to be its first: docs/physics.md, 10.1.
-
-    The series is (t - s) B, and its root is the first if B has none in [0, s]. There the coefficients of B, times the
-    powers of s, are the sums of all later terms.
-    """
-    later = rows.sums_from(rows.times(rows.read(q, 0), rows.powers(s)))
-    first, second = element(later[0], 1), element(later[0], 2)
-    (rest,) = sums([rows.sizes(later)])
-    return (_bound(first, second, rest - absolute(second)),)
-
-
-_closer, _certainty = scalar(approach), scalar(certificate)
+_closer, _certainty = scalar(lambda q, s: approach(q, s, TERMS)), scalar(certificate)
 
 
 @kernel

@@ -17,9 +17,9 @@ from sledenv.kernel import rows
 from sledenv.kernel.events import NOTHING, RATE_ZERO, SEPARATION, SLIP_ZERO, SPIN_ZERO
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
+from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
 from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.series import (
-    CLOSE,
     E_FORCE,
     E_GAP,
     E_MOMENT,
@@ -37,7 +37,6 @@ from sledenv.kernel.series import (
     E_V_N,
     E_V_T,
     E_X,
-    MOST_APPROACHES,
     R_COSINE,
     R_SCRATCH,
     R_SINE,
@@ -88,8 +87,6 @@ from sledenv.kernel.series import (
     Z_TOLERANCE,
     Z_UNIT,
     Z_V_T,
-    approach,
-    certificate,
     completion,
     longest,
     spinning,
@@ -243,7 +240,7 @@ def _seek(z: Any, c: Any, sought: Any, most: Any, one: Any, row: int, other: int
 
 def _approaching(z: Any, c: Any) -> None:
     """Program of one step of :func:`sledenv.kernel.series.locate`."""
-    s, step, error = approach(section(c, R_SCRATCH * WIDTH), z[Z_ROOT])
+    s, step, error = approach(section(c, R_SCRATCH * WIDTH), z[Z_ROOT], TERMS)
     seeking = less(0.0, z[Z_SEEKING]) & less(absolute(step), z[Z_BEFORE])
     there = not_more(error, CLOSE)
     z[Z_ROOT] = where(seeking, s, z[Z_ROOT])
