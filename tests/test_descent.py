@@ -18,8 +18,8 @@ from sledenv import descent as descent_module
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs.task import FIELDS, Task
 from sledenv.jam import DescentJam
-from sledenv.kernel.descend import descend_batch
 from sledenv.kernel.geometry import support_height
+from sledenv.kernel.lanes import descend_batch
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenario import load_scenario, scenario_names

@@ -13,9 +13,10 @@ import pytest
 
 import sledenv
 from sledenv import wheel
+from sledenv.kernel.bounce import MOST_PHASES
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.rigid import ENERGETIC, MOST_PHASES, impact
+from sledenv.kernel.rigid import ENERGETIC, impact
 from sledenv.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.descend import descend, descend_batch, work_space
+from sledenv.kernel.descend import descend, work_space
 from sledenv.kernel.euler import descend_euler
+from sledenv.kernel.lanes import descend_batch
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import TOLERANCE, Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status

@@ -21,8 +21,9 @@ from numba.core.registry import cpu_target
 
 from sledenv.descent import simulate, simulate_batch
 from sledenv.impact import rigid_impact
-from sledenv.kernel.descend import begin, hop_batch
+from sledenv.kernel.descend import begin
 from sledenv.kernel.jit import cache_folder
+from sledenv.kernel.lanes import hop_batch
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import OUTCOME, REBOUND
 from sledenv.launches import BatchSolver, Solver

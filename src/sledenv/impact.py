@@ -7,11 +7,12 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from sledenv.kernel.bounce import MOST_PHASES
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.geometry import arms, feature_at, whole_turns
 from sledenv.kernel.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
 from sledenv.kernel.records import ARC, PHASE, Mode
-from sledenv.kernel.rigid import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.rigid import ENERGETIC, NEWTON, POISSON, impact
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
 from sledenv.jam import descent_jam
-from sledenv.kernel.descend import begin, close_books, hop, hop_batch, trim, work_space
+from sledenv.kernel.descend import begin, close_books, hop, trim, work_space
+from sledenv.kernel.lanes import hop_batch
 from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
 from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.launches import (

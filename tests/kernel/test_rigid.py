@@ -9,8 +9,9 @@ import numba
 import numpy as np
 import pytest
 
+from sledenv.kernel.bounce import MOST_PHASES
 from sledenv.kernel.records import PHASE
-from sledenv.kernel.rigid import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.rigid import ENERGETIC, NEWTON, POISSON, impact
 from tests.oracles import ImpactResult, rational_impact, wang_mason
 
 HYPOTHESES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}

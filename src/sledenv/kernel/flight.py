@@ -20,9 +20,11 @@ from sledenv.kernel.geometry import (
     feature_geometry,
     has_corners,
     whole_turns,
+    without_turns,
 )
 from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.params import Body
+from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.rows import table
 from sledenv.kernel.trace import (
     LANES,
@@ -82,11 +84,6 @@ FEW = 3  # flights of a pack from which to follow them side by side
 F_ROWS = 25
 
 
-def _local(phi: Any) -> Any:
-    """Angle less its whole turns."""
-    return phi - TURN * nearest(phi * (1.0 / TURN))
-
-
 def _before_kink(phi: Any, turn: Any) -> Any:
     """Whether a body turns from an angle without passing +-pi, where one corner takes over from the other.
 
@@ -139,7 +136,7 @@ def _taking_off(corners: bool) -> Any:
         thrown = (v + root(v * v + 2.0 * gravity * (y - top))) / gravity
         drifting = where(less(v, 0.0), (top - y) / v, math.inf)
         fall = where(less(0.0, gravity), thrown, drifting)
-        a, b, curved = _support(_local(phi), radius, eccentricity, half_angle, along, across, corners)
+        a, b, curved = _support(without_turns(phi), radius, eccentricity, half_angle, along, across, corners)
         gap, rate = y - b, v - a * omega
         dividend, divisor = _safe_step(gap, rate, bound)
         clear = dividend / divisor
@@ -188,7 +185,7 @@ def _falling(corners: bool) -> Any:
         across: Any,
         furthest: Any,
     ) -> tuple[Any, ...]:
-        local = _local(phi + omega * time)
+        local = without_turns(phi + omega * time)
         a, b, curved = _support(local, radius, eccentricity, half_angle, along, across, corners)
         gap, rate = y + time * (v - 0.5 * gravity * time) - b, v - gravity * time - a * omega
         square, lever = omega * omega, curved - b
@@ -264,7 +261,7 @@ def _marching(corners: bool) -> Any:
         t = where(above, larger(fall, time), time)
         height = where(above, top, height)
         speed = v - gravity * t
-        local = _local(phi + omega * t)
+        local = without_turns(phi + omega * t)
         a, b, _ = _support(local, radius, eccentricity, half_angle, along, across, corners)
         gap, rate = height - b, speed - a * omega
         touching = not_more(gap, noise)
@@ -439,14 +436,20 @@ def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, o
     return _search(body, t, phase, *flight, horizon, bound, noise, fall, known, goal, along, across, furthest)
 
 
-@allocating
-def pack_of(body: Body) -> np.ndarray:
-    """Return a pack of flights of a body, shape (F_ROWS, LANES), for :func:`touchdown_times`."""
-    z = table(F_ROWS, LANES)
+@kernel
+def tell_body(body: Body, z: np.ndarray) -> None:
+    """Write whose flights those of a pack are."""
     for k in range(LANES):
         z[F_RADIUS, k], z[F_ECCENTRICITY, k], z[F_HALF_ANGLE, k] = body.radius, body.eccentricity, body.half_angle
         z[F_TOP, k] = body.radius + body.eccentricity
         z[F_ALONG, k], z[F_ACROSS, k], z[F_FURTHEST, k] = _extent(body)
+
+
+@allocating
+def pack_of(body: Body) -> np.ndarray:
+    """Return a pack of flights of a body, shape (F_ROWS, LANES), for :func:`touchdown_times`."""
+    z = table(F_ROWS, LANES)
+    tell_body(body, z)
     return z
 
 
@@ -504,16 +507,98 @@ def touchdown_times(body: Body, count: int, z: np.ndarray) -> None:
             z[F_TIME, k] = _search(body, z[F_TIME, k], SEARCHING, *flight, *known, *extent)
 
 
+def finish(x: Any, u: Any, acceleration: Any, length: Any) -> tuple[Any]:
+    """Program of :func:`finish_time`."""
+    ahead = length - x
+    discriminant = u * u + 2.0 * acceleration * ahead
+    speed = root(discriminant)
+    time = where(not_more(0.0, u), 2.0 * ahead / (u + speed), (speed - u) / acceleration)
+    never = less(discriminant, 0.0) | (less(acceleration, 0.0) & not_more(u, 0.0))
+    steady = not_more(acceleration, 0.0) & not_more(0.0, acceleration)
+    time = where(steady, where(less(0.0, u), ahead / u, math.inf), where(never, math.inf, time))
+    return (where(less(ahead, math.inf), time, math.inf),)
+
+
+_finish = scalar(finish)
+
+
 @kernel
 def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
     """First time [s] > 0 at which ``x + u t + acceleration t^2 / 2`` reaches ``length``, inf if never."""
-    ahead = length - x
-    if not ahead < math.inf:
-        return math.inf
-    if acceleration == 0.0:
-        return ahead / u if u > 0.0 else math.inf
-    discriminant = u * u + 2.0 * acceleration * ahead
-    if discriminant < 0.0 or (acceleration < 0.0 and u <= 0.0):
-        return math.inf
-    root = math.sqrt(discriminant)
-    return 2.0 * ahead / (u + root) if u >= 0.0 else (root - u) / acceleration
+    return _finish(x, u, acceleration, length)[0] if length < math.inf else math.inf
+
+
+def arrival(corners: bool) -> Any:
+    """Return the program of a flight of some duration, and of how what is lowest then would touch."""
+
+    def arrive(
+        duration: Any,
+        t: Any,
+        x: Any,
+        y: Any,
+        phi: Any,
+        u: Any,
+        v: Any,
+        omega: Any,
+        downhill: Any,
+        gravity: Any,
+        radius: Any,
+        eccentricity: Any,
+        half_angle: Any,
+        along: Any,
+        across: Any,
+    ) -> tuple[Any, ...]:
+        phi = phi + omega * duration
+        local = without_turns(phi)
+        a, b, _ = _support(local, radius, eccentricity, half_angle, along, across, corners)
+        feature: Any = float(ARC)
+        if corners:
+            corner = where(less(0.0, local), float(TAIL), float(NOSE))
+            feature = where(not_more(absolute(local), half_angle), float(ARC), corner)
+        x = x + duration * (u + 0.5 * downhill * duration)
+        y = y + duration * (v - 0.5 * gravity * duration)
+        u, v = u + downhill * duration, v - gravity * duration
+        return t + duration, x, y, phi, u, v, feature, a, b, v - a * omega, u + b * omega
+
+    return arrive
+
+
+_arrive_disc, _arrive_sled = scalar(arrival(False)), scalar(arrival(True))
+
+
+@kernel
+def arrive_at(
+    body: Body,
+    duration: float,
+    t: float,
+    x: float,
+    y: float,
+    phi: float,
+    u: float,
+    v: float,
+    omega: float,
+    downhill: float,
+    gravity: float,
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:
+    """Follow a flight.
+
+    Parameters
+    ----------
+    body : Body
+    duration : float
+        [s].
+    t, x, y, phi, u, v, omega : float
+        Time and state at its start.
+    downhill, gravity : float
+        Components of gravity [m/s^2], see :func:`sledenv.kernel.geometry.pulls`.
+
+    Returns
+    -------
+    tuple of float
+        Time, x, y, phi, u, v at its end; of the feature that is lowest then its code, its arms a and b [m], gap rate
+        and slip velocity [m/s].
+    """
+    along, across = corner_lengths(body)
+    shape = (body.radius, body.eccentricity, body.half_angle, along, across)
+    given = (duration, t, x, y, phi, u, v, omega, downhill, gravity, *shape)
+    return _arrive_sled(*given) if has_corners(body) else _arrive_disc(*given)  # type: ignore[return-value]

@@ -166,4 +166,6 @@ def resolve(
                 if violation < least - TIE:
                     least = violation
                     best = (normal_branch, slip_branch, spin_branch)
+                    if violation == 0.0:
+                        return best  # which none of those behind it can beat
     return best

@@ -14,7 +14,7 @@ import numpy as np
 from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.params import Body, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.kernel.trace import scalar, sine_cosine
+from sledenv.kernel.trace import nearest, scalar, sine_cosine
 
 TURN = 2.0 * math.pi
 
@@ -31,7 +31,12 @@ def pulls(slope: Slope) -> tuple[float, float]:
 @kernel
 def whole_turns(phi: float) -> float:
     """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted; odd in ``phi``, as a mirror is."""
-    return TURN * float(np.rint(phi / TURN))
+    return TURN * float(np.rint(phi * (1.0 / TURN)))
+
+
+def without_turns(phi: Any) -> Any:
+    """Program of an angle less its whole turns."""
+    return phi - TURN * nearest(phi * (1.0 / TURN))
 
 
 @kernel

@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
+from sledenv.kernel.bounce import MOST_PHASES, driving, ending, entering, hardness, lying, passing, signs, turning
 from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
-from sledenv.kernel.friction import branch_forces, mobility, rates, resolve
-from sledenv.kernel.geometry import arms, corner_lengths, pulls, straight_sine_cosine, whole_turns
+from sledenv.kernel.friction import mobility
+from sledenv.kernel.geometry import arms, corner_lengths, pulls, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
 from sledenv.kernel.records import ARC, NOSE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
@@ -32,20 +33,16 @@ from sledenv.kernel.state import (
     V_N,
     V_T,
 )
+from sledenv.kernel.trace import scalar
 
 ENERGETIC, POISSON, NEWTON = range(3)  # what ends an impact
-MOST_PHASES = 32
-TOGETHER = 4e-16
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
-FLAT = 1e-12  # of the size of the body: a corner this close to the slope counts as touching
+
+_enter, _drive, _turn, _end, _pass = (scalar(program) for program in (entering, driving, turning, ending, passing))
+_harden, _lie = scalar(hardness), scalar(lying)
 RESTING = -4  # status: one corner stays in contact
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
-
-
-@kernel
-def _sign(value: float) -> int:
-    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
 
 
 @kernel
@@ -93,45 +90,32 @@ def impact(
         rolling [J]; number of phases, MOST_PHASES + 1 if they did not suffice.
     """
     w = mobility(mass, inertia, a, b)
-    e2 = restitution * restitution
     entry = v_n
     impulse, tangential, rolling = 0.0, 0.0, 0.0
-    closing_work, opening_work, sliding, rolled = 0.0, 0.0, 0.0, 0.0
-    stored = 0.0  # elastic energy, counted as the work of compression
+    closed, opened, slid, rolled = 0.0, 0.0, 0.0, 0.0
+    stored = 0.0  # energy that may be given back
     compressed = 0.0  # impulse at the end of the first compression, 0 before
     count = 0
     if v_n > 0.0:
         return v_t, omega, v_n, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
-    opening = False
+    opening = 0.0
+    slip, spin = 0.0, 0.0
+    mu, rho, rate_t, rate_w, rate_n = 0.0, 0.0, 0.0, 0.0, 0.0
     for turn in range(2 * MOST_PHASES):
         if count == MOST_PHASES or turn == 2 * MOST_PHASES - 1:
-            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
-        slip, spin = _sign(v_t), _sign(omega)
-        if slip == 0 or spin == 0:
-            _, slip, spin = resolve(w, 0.0, 0.0, friction, arm, size, 1.0, 1.0, -1, slip, spin)
-        mu, rho, _ = branch_forces(w, 0.0, 0.0, friction, arm, 1.0, False, slip, spin)
-        rate_t, rate_w, rate_n = rates(w, 0.0, 0.0, mu, rho, 1.0)
-        rate_t = 0.0 if slip == 0 else rate_t
-        rate_w = 0.0 if spin == 0 else rate_w
-        if v_n == 0.0:
-            if rate_n == 0.0 or (rate_n > 0.0 and stored == 0.0):
-                break  # neither approaches nor has anything to give back
-            opening = rate_n > 0.0
-            if opening and compressed == 0.0:
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, slid, rolled, MOST_PHASES + 1
+        if not (slip * v_t > 0.0 and spin * omega > 0.0):
+            slip, spin, mu, rho = _enter(v_t, omega, friction, arm)
+            if slip == 0.0 or spin == 0.0:
+                slip, spin, mu, rho = signs(w, friction, arm, size, slip, spin)
+            rate_t, rate_w, rate_n = _drive(slip, spin, mu, rho, *w)
+        opening, over = _turn(v_n, rate_n, stored, opening)
+        if over > 0.0:
+            break
+        end = math.inf
+        if opening > 0.0:
+            if v_n == 0.0 and compressed == 0.0:
                 compressed = impulse
-            if opening and restitution == 0.0:
-                break
-        # The first event on the way.
-        span = math.inf
-        event = 0
-        if v_t != 0.0 and slip * rate_t < 0.0:
-            span, event = -v_t / rate_t, 1
-        if omega != 0.0 and spin * rate_w < 0.0 and -omega / rate_w < span:
-            span, event = -omega / rate_w, 2
-        if v_n * rate_n < 0.0 and -v_n / rate_n < span:
-            span, event = -v_n / rate_n, 3
-        if opening:
-            end = math.inf
             if hypothesis == POISSON:
                 end = max((1.0 + restitution) * compressed - impulse, 0.0)
             elif hypothesis == NEWTON:
@@ -141,48 +125,31 @@ def impact(
                 elif rate_n > 0.0:
                     end = (target - v_n) / rate_n
             else:
-                squared = v_n * v_n + 2.0 * rate_n * e2 * stored
-                if squared >= 0.0 and v_n + math.sqrt(squared) > 0.0:
-                    end = 2.0 * e2 * stored / (v_n + math.sqrt(squared))
-            if end <= span:
-                span, event = end, 4
-        if event == 0:
-            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, sliding, rolled, MOST_PHASES + 1
+                (end,) = _end(v_n, rate_n, stored)
+        start = impulse
+        moving = (v_t, omega, v_n, impulse, tangential, rolling, closed, slid, rolled, stored)
+        passed = _pass(*moving, slip, spin, mu, rho, rate_t, rate_w, rate_n, opening, end, restitution)
+        v_t, omega, v_n, impulse, tangential, rolling, closed, slid, rolled, stored, span, work, going = passed
+        if going < 0.0:
+            return v_t, omega, v_n, impulse, tangential, rolling, 0.0, slid, rolled, MOST_PHASES + 1
+        if opening > 0.0:
+            opened += work
         if phases is not None:  # noqa: SIM102 - numba drops a branch on this alone when it compiles
             if count < phases.shape[0]:
                 phase = phases[count]
-                phase["start"] = impulse
+                phase["start"] = start
                 phase["impulse"] = span
-                phase["slip"] = slip
-                phase["spin"] = spin
-                phase["restitution"] = 1 if opening else 0
+                phase["slip"] = int(slip)
+                phase["spin"] = int(spin)
+                phase["restitution"] = 1 if opening > 0.0 else 0
         if span > 0.0:
             count += 1
-        t1 = 0.0 if event == 1 else v_t + rate_t * span
-        w1 = 0.0 if event == 2 else omega + rate_w * span
-        # Slip and spin that stop together: rounding must not leave a rest of the later one.
-        if abs(t1) <= TOGETHER * abs(v_t):
-            t1 = 0.0
-        if abs(w1) <= TOGETHER * abs(omega):
-            w1 = 0.0
-        n1 = 0.0 if event == 3 else v_n + rate_n * span
-        work = 0.5 * (v_n + n1) * span
-        if opening:
-            opening_work += work
-        else:
-            closing_work -= work
-        sliding -= 0.5 * mu * (v_t + t1) * span
-        rolled -= 0.5 * rho * (omega + w1) * span
-        stored = 0.0 if event == 4 else max(stored - (work / e2 if opening and e2 > 0.0 else work), 0.0)
-        impulse += span
-        tangential += mu * span
-        rolling += rho * span
-        v_t, omega, v_n = t1, w1, n1
-        if event == 4:
+        if going == 0.0:
             break
     # Of an energetic impact the loss is known without the cancellation in its two works.
-    hysteresis = (1.0 - e2) * closing_work if hypothesis == ENERGETIC else closing_work - opening_work
-    return v_t, omega, v_n, impulse, tangential, rolling, hysteresis, sliding, rolled, count
+    squared = restitution * restitution
+    hysteresis = (1.0 - squared) * closed if hypothesis == ENERGETIC else closed - opened
+    return v_t, omega, v_n, impulse, tangential, rolling, hysteresis, slid, rolled, count
 
 
 @kernel
@@ -310,18 +277,18 @@ def strike(
     for _ in range(MOST_STRIKES):
         local = state[PHI] - whole_turns(state[PHI])
         feature = int(state[FEATURE])
-        radius = body.radius if feature == ARC else 0.0
-        pressed = gravity + (radius - b) * state[OMEGA] * state[OMEGA] > 0.0
-        if feature != ARC and 2.0 * corner_lengths(body)[1] * abs(straight_sine_cosine(local)[0]) <= FLAT * size:
+        if feature != ARC and _lie(local, corner_lengths(body)[1], size)[0] > 0.0:
             state[ON_CHORD] = 1.0
             state[PHI] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
+            pressed = gravity - b * state[OMEGA] * state[OMEGA] > 0.0
             status, feature = strike_chord(body, law, feature, pressed, state)
             state[FEATURE] = feature
             if status != RESTING:
                 return status, steps, samples
         else:
-            plastic = pressed and -state[V_N] < law.settle_speed
-            if _hit(body, law, feature, a, b, 0.0 if plastic else law.restitution, state) > MOST_PHASES:
+            radius = body.radius if feature == ARC else 0.0
+            (restitution,) = _harden(state[OMEGA], state[V_N], b, gravity, radius, law.settle_speed, law.restitution)
+            if _hit(body, law, feature, a, b, restitution, state) > MOST_PHASES:
                 return STEP_BUDGET, steps, samples
             if state[V_N] > 0.0:
                 return RUNNING, steps, samples

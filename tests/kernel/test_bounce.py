@@ -1,0 +1,130 @@
+"""Hops of rigid bodies side by side: each lane is the hop alone, bit for bit, whatever the state and its neighbours."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv import Body, ContactLaw, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv.kernel.bounce import (
+    B_ARM,
+    B_FRICTION,
+    B_HYSTERESIS,
+    B_LENGTH,
+    B_MAX_TIME,
+    B_REBOUNDS,
+    B_RESTITUTION,
+    B_ROLLING,
+    B_SLIDING,
+    B_U,
+    I_FINE,
+    L_A,
+    L_B,
+    L_V_N,
+    L_V_T,
+    bounce,
+    bounce_pack,
+)
+from sledenv.kernel.flight import F_GRAVITY, F_HORIZON, F_OMEGA, F_TIME, F_V, F_Y
+from sledenv.kernel.rigid import ENERGETIC, impact
+from sledenv.kernel.trace import LANES
+
+BODIES = {
+    "disc": Body(1.0, 0.1, 0.05, 7.5e-3),
+    "balanced disc": Body(1.0, 0.1, 0.0, 5e-3),
+    "slender disc": Body(1.0, 0.1, 0.09, 2e-4),  # jams
+    "rod": Body(1.0, 0.0, 0.3, 0.03),
+    "segment": circular_segment(2.0, 0.5, math.radians(50.0)),
+    "deep segment": circular_segment(2.0, 0.5, math.radians(110.0)),
+}
+
+
+def same_bits(one: Any, other: Any) -> None:
+    """Field by field, for there may be anything between them; the sign of a zero counts."""
+    for name in one.dtype.names:
+        assert one[name].tobytes() == other[name].tobytes(), name
+
+
+def ugly(rng: np.random.Generator, body: Body, lanes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Laws, slopes and launches of which many have what is exactly zero, or an edge."""
+    edges = (0.0, -0.0, math.pi, -math.pi, body.half_angle, -body.half_angle, 0.5 * math.pi, 20.0, -1e3)
+    phi = np.where(rng.random(lanes) < 0.3, rng.choice(edges, lanes), rng.uniform(-math.pi, math.pi, lanes))
+    states = np.stack(
+        [
+            rng.choice((0.0, 39.9), lanes, p=(0.9, 0.1)),
+            2.0 * body.radius + body.eccentricity + rng.uniform(0.0, 0.5, lanes),
+            phi,
+            *rng.uniform((-3.0, -3.0, -30.0), (3.0, 1.0, 30.0), (lanes, 3)).T,
+        ],
+        axis=-1,
+    )
+    states[:, 3:][rng.random((lanes, 3)) < 0.15] = 0.0
+    states[rng.random(lanes) < 0.01, 4] = math.nextafter(-1e160, 0.0)  # overflows
+    given = ((1e6,), (0.0, 0.2, 0.5, 0.999), (0.0, 0.05, 0.3, 1.0), (0.0, 1e-3, 0.02), (0.0, 1e-3))
+    laws = np.stack([rng.choice(choices, lanes) for choices in given], axis=-1)
+    given = ((0.0, 0.1, 0.3), (40.0, math.inf), (9.81, 1.6))
+    return laws, np.stack([rng.choice(choices, lanes) for choices in given], axis=-1), states
+
+
+@pytest.mark.parametrize("settle_speed", [None, 0.0, 0.5])
+@pytest.mark.parametrize("name", BODIES)
+def test_a_lane_equals_the_descent_alone(name: str, settle_speed: float | None) -> None:
+    """Outcomes and logs, with and without logs; lanes settle, jam, tumble, finish and overflow at different times."""
+    body = BODIES[name]
+    laws, slopes, states = ugly(np.random.default_rng(len(name)), body, 200)
+    options: dict[str, Any] = {
+        "solver": "rigid",
+        "settle_speed": settle_speed,
+        "max_time": 4.0,
+        "max_rebounds": 25,
+    }
+    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+    same_bits(simulate_batch(body, laws, slopes, states, **options).outcomes, batch.outcomes)
+    for i, (law, slope, state) in enumerate(zip(laws, slopes, states, strict=True)):
+        one = simulate(body, ContactLaw(*law), Slope(*slope), State(*state), **options)
+        same_bits(batch.outcomes[i], one.outcome)
+        same_bits(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
+
+
+@pytest.mark.parametrize("name", ["disc", "deep segment"])
+def test_hop_by_hop_a_ride_is_the_descent(name: str) -> None:
+    """Hops of a ride side by side, one at a time, with no trim: the outcomes and rebounds of the whole descents."""
+    body = BODIES[name]
+    laws, slopes, states = ugly(np.random.default_rng(4), body, 100)
+    options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 25}
+    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+    ride = RideBatch(body, laws, slopes, states, keep_rebounds=True, **options)
+    for _ in range(26):  # one more than rebounds, for flights that end without another
+        ride.hop(np.zeros(100))
+    found = ride.descents()
+    same_bits(found.outcomes, batch.outcomes)
+    for i, count in enumerate(batch.outcomes["rebounds"]):
+        same_bits(found.rebounds[i, :count], batch.rebounds[i, :count])
+
+
+def test_a_hop_is_ordinary_if_its_impact_lets_the_body_go() -> None:
+    """Oracle: impact() of the touch; one lane finishes before, one is plastic, one lands too late, four are empty."""
+    body = BODIES["disc"]
+    z = bounce_pack(body)
+    rng = np.random.default_rng(2)
+    z[F_Y], z[F_V], z[F_OMEGA] = rng.uniform((0.2, -1.0, -9.0), (0.5, 0.0, 9.0), (LANES, 3)).T
+    z[F_GRAVITY], z[F_HORIZON], z[B_MAX_TIME] = 9.81, 60.0, 60.0
+    z[B_FRICTION], z[B_ARM], z[B_RESTITUTION], z[B_LENGTH] = 0.2, 1e-3, 0.6, math.inf
+    z[B_U], z[B_LENGTH, 3], z[B_RESTITUTION, 5], z[F_HORIZON, 7] = 1.0, 0.01, 0.0, 1e-3
+    given, count = z.copy(), LANES - 4
+    bounce(body, count, z)
+    others = [3, 5, 7, *range(count, LANES)]
+    assert np.array_equal(np.flatnonzero(z[I_FINE] == 0.0), others)
+    assert np.array_equal(z[B_REBOUNDS], z[I_FINE])
+    for row in (F_Y, F_V, F_OMEGA, F_HORIZON):
+        assert np.array_equal(z[row, others], given[row, others])
+    for k in np.flatnonzero(z[I_FINE]):
+        a, b, omega, size = z[L_A, k], z[L_B, k], given[F_OMEGA, k], body.radius + body.eccentricity
+        assert z[L_V_N, k] == given[F_V, k] - 9.81 * z[F_TIME, k] - a * omega < 0.0
+        touch = (0.2, 1e-3, 0.6, ENERGETIC, z[L_V_T, k], omega, z[L_V_N, k], None)
+        _, spin, rate, _, _, _, lost, slid, rolled, _ = impact(body.mass, body.inertia, a, b, size, *touch)
+        assert (z[F_OMEGA, k], z[F_V, k], z[F_Y, k]) == (spin, rate + a * spin, b)
+        assert (z[B_HYSTERESIS, k], z[B_SLIDING, k], z[B_ROLLING, k]) == (lost, slid, rolled)
