@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
-from sledenv.kernel import series
+from sledenv.kernel import rows, series
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.roots import approach, certificate
 from sledenv.kernel.rows import WIDTH
@@ -25,7 +25,7 @@ def _expansion(z: Any, c: Any) -> None:
     series.spinning(False, False)(z, c)
     z[series.Z_MOST] = series.longest(z[series.Z_SIZE], z[series.Z_SCALE], 1e-15, 2.0, c)[0]
     series.completion(z, c)
-    z[series.Z_ROOT] = approach(c, z[series.Z_STEP], series.TERMS)[0]
+    z[series.Z_ROOT] = approach(c, z[series.Z_STEP], rows.TERMS)[0]
     z[series.Z_BEFORE] = certificate(c, z[series.Z_STEP])[0]
     z[series.Z_FOUND] = with_sign(z[series.Z_V_T], z[series.Z_OMEGA])
 

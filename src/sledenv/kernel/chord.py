@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.contact import MOST_STALLED, NO_DEPTH, Pair, leading_zeros, sign_of
+from sledenv.kernel.contact import MOST_STALLED, Pair, leading_zeros, sign_of
 from sledenv.kernel.events import before_separation, both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
 from sledenv.kernel.geometry import corner_lengths, pulls
@@ -62,6 +62,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
+from sledenv.kernel.step import NO_DEPTH
 from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
 TOGETHER = 1e-12  # of the speed scale: gap rates of the two sides that are equal but for rounding

@@ -72,6 +72,8 @@ from sledenv.kernel.series import (
     Z_OTHER_COSINE,
     Z_OTHER_SINE,
     Z_PACE,
+    Z_PACE_CLOSING,
+    Z_PACE_OPENING,
     Z_PER_MASS,
     Z_R,
     Z_RATIO,
@@ -110,7 +112,7 @@ from sledenv.kernel.state import (
     V_T,
     X,
 )
-from sledenv.kernel.step import MOST_UNITS, SOUGHT, STRETCHED, UNIT_ANGLE, advance, expect, orient, tell
+from sledenv.kernel.step import DEEPEST, MOST_UNITS, NO_DEPTH, SOUGHT, STRETCHED, advance, expect, orient, tell
 from sledenv.kernel.trace import set_apart
 from sledenv.kernel.trajectory import CONTACT_ROWS, add_sample
 
@@ -119,10 +121,10 @@ BOTH_CORNERS = -2  # status: the second corner has come down
 PAUSED = -4  # status: the next step may be an ordinary one, see step.py
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # of them the last ones, in which every branch is tried
-# A contact shallower than this share of the size of the body, or loaded less than this share of the force that drives
-# the slip, is resolved in the limit of a vanishing normal force.
-NO_DEPTH = 1e-12
+# A contact that is loaded less than this share of the force that drives the slip, or is as shallow as NO_DEPTH, is
+# resolved in the limit of a vanishing normal force.
 NO_LOAD = 1e-9
+UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 NEVER = 1 << 60
 
 
@@ -211,6 +213,10 @@ def _introduce(
     z[Z_FRICTION] = pair.friction
     z[Z_ARM] = arm
     z[Z_OTHER], z[Z_OTHER_SINE], z[Z_OTHER_COSINE] = other_corner(body, feature, shift)
+    # The spring moves less than the mass where it turns the body.
+    moved = z[Z_PER_MASS] * (1.0 + z[Z_RATIO] * h * h)
+    z[Z_PACE_CLOSING] = UNIT_ANGLE / math.sqrt(pair.k_closing * moved)
+    z[Z_PACE_OPENING] = UNIT_ANGLE / math.sqrt(pair.k_opening * moved)
 
 
 @kernel
@@ -221,8 +227,7 @@ def _tell_branch(pair: Pair, gap_rate: int, slip: int, spin: int, z: np.ndarray)
     z[Z_RHO] = -spin * z[Z_ARM]
     z[Z_STIFFNESS] = pair.k_closing if gap_rate < 0 else pair.k_opening
     if z[Z_STIFFNESS] > 0.0:
-        # The spring moves less than the mass where it turns the body.
-        z[Z_PACE] = UNIT_ANGLE / math.sqrt(z[Z_STIFFNESS] * z[Z_PER_MASS] * (1.0 + z[Z_RATIO] * z[Z_H] * z[Z_H]))
+        z[Z_PACE] = z[Z_PACE_CLOSING] if gap_rate < 0 else z[Z_PACE_OPENING]
 
 
 @kernel
@@ -372,19 +377,21 @@ def begin_contact(
 
 
 @kernel
-def go_on(event: float, steps: float, z: np.ndarray) -> None:
-    """Prepare a contact for :func:`follow` after steps abreast, up to so many, and the event at their end."""
-    if steps > z[Z_STEPS]:
-        z[Z_STEPS] = steps
-        z[Z_GAP_ZEROS], z[Z_SLIP_ZEROS], z[Z_SPIN_ZEROS] = 0.0, 0.0, 0.0
+def go_on(event: float, advanced: bool, z: np.ndarray) -> None:
+    """Prepare a contact for :func:`follow` after steps abreast, if there were any, and the event at their end."""
+    if advanced:
         z[Z_LEFT_GAP], z[Z_LEFT_SLIP], z[Z_LEFT_SPIN] = 0.0, 0.0, 0.0
-    z[Z_CHOOSE] = 1.0 if event in (RATE_ZERO, SLIP_ZERO, SPIN_ZERO) else 0.0
+    deepest = z[Z_GAP_ZEROS] == DEEPEST
+    if deepest:
+        z[Z_GAP_ZEROS] = 0.0
+    z[Z_CHOOSE] = 1.0 if deepest or event in (SLIP_ZERO, SPIN_ZERO) else 0.0
 
 
 @kernel
 def choose_free(body: Body, pair: Pair, state: np.ndarray, z: np.ndarray) -> bool:
     """Choose the branch of a contact in which no velocity has been released; say whether all are free from here on."""
-    orient(z, state)
+    if state[V_N] == 0.0 or state[V_T] == 0.0 or state[OMEGA] == 0.0:  # else the branch is theirs
+        orient(z, state)
     gap_rate, slip, spin = _choose_branch(body, pair, state, z, 0, 0, 0)
     if gap_rate == 0 or slip == 0 or spin == 0:
         return False

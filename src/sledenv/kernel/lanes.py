@@ -47,7 +47,7 @@ from sledenv.kernel.bounce import (
 from sledenv.kernel.chord import NOW_ROWS
 from sledenv.kernel.contact import PAUSED, begin_contact, choose_free, end_contact, follow, go_on
 from sledenv.kernel.descend import arrive, begin, close_books, depart, hop, land, trim, work_space, write_rebound
-from sledenv.kernel.events import NOTHING, SEPARATION
+from sledenv.kernel.events import NOTHING, RATE_ZERO, SEPARATION
 from sledenv.kernel.flight import (
     F_DOWNHILL,
     F_GRAVITY,
@@ -279,7 +279,7 @@ def _hop_abreast(
         busy = False
         for k in range(ABREAST):
             event = all_z[Z_EVENT, k]
-            if event == NOTHING:
+            if event in (NOTHING, RATE_ZERO):
                 busy = True
                 continue
             z, state, before = own_z[k], own_states[k], own_before[k]
@@ -298,7 +298,10 @@ def _hop_abreast(
                     flight["status"] = depart(body, flight, rebound, log_length, RUNNING, steps, 0, state, before)
                 else:
                     steps = all_z[Z_STEPS, k]
-                    go_on(event, steps, z)
+                    advanced = steps > z[Z_STEPS]
+                    for row in range(Z_BRANCH, Z_TOLD):
+                        z[row] = all_z[row, k]
+                    go_on(event, advanced, z)
                     pause = 1 if event == LEFT_ALONE else 0
                     abreast = _continue_alone(
                         body, law, slope, limits, flight, rebound, log_length, pause, c, z, state, before, trajectory
@@ -508,7 +511,7 @@ def _hop_rigid(
 
 
 # Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended, each as ``hop``
-# does. The touchdowns are searched for side by side, and compliant contacts of bodies without corners followed so.
+# does. Touchdowns are searched for side by side; rigid bodies, and compliant contacts without corners, are followed so.
 # Arguments are those of ``descend_batch``; ``rebounds`` may have one row for all lanes, and of its columns the last
 # takes what finds no other. ``space`` is from ``lane_space``.
 hop_lanes = by_law(_hop_compliant, _hop_rigid)

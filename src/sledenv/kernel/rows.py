@@ -9,10 +9,23 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel.jit import allocating
-from sledenv.kernel.trace import absolute, block, element, fma, repeated, set_block, shuffled, side_by_side
+from sledenv.kernel.trace import (
+    BLANK,
+    absolute,
+    blank,
+    block,
+    element,
+    filled_up,
+    fma,
+    repeated,
+    set_block,
+    shuffled,
+    side_by_side,
+)
 
 EIGHT = 8
-WIDTH = 3 * EIGHT  # of a row: coefficients, and zeros behind them
+TERMS = 19  # of a series,
+WIDTH = 3 * EIGHT  # and of a row, which zeros fill up
 COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
@@ -46,7 +59,7 @@ def without_constant(blocks: Sequence[Any]) -> list[Any]:
 
 def read(c: Any, row: int) -> list[Any]:
     """Row of a table."""
-    return [block(c, row * WIDTH + i, EIGHT) for i in range(0, WIDTH, EIGHT)]
+    return [filled_up(block(c, row * WIDTH + i, EIGHT), TERMS - i) for i in range(0, WIDTH, EIGHT)]
 
 
 def write(c: Any, row: int, blocks: Sequence[Any]) -> None:
@@ -57,13 +70,13 @@ def write(c: Any, row: int, blocks: Sequence[Any]) -> None:
 
 def of(numbers: Sequence[Any]) -> list[Any]:
     """Row of up to WIDTH numbers, with zeros behind them."""
-    padded = [*numbers, *([0.0] * (WIDTH - len(numbers)))]
+    padded = [*numbers, *([BLANK] * (WIDTH - len(numbers)))]
     return [side_by_side(*padded[i : i + EIGHT]) for i in range(0, WIDTH, EIGHT)]
 
 
 def apart(pairs: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Rows of the first and of the second numbers of up to WIDTH pairs."""
-    joined = [*pairs, *([np.zeros(2)] * (WIDTH - len(pairs)))]
+    joined = [*pairs, *([blank(2, pairs[0])] * (WIDTH - len(pairs)))]
     for count in (4, EIGHT):
         joined = [shuffled(a, b, range(count)) for a, b in zip(joined[::2], joined[1::2], strict=True)]
     fours = list(zip(joined[::2], joined[1::2], strict=True))

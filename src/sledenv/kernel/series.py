@@ -13,7 +13,7 @@ import numpy as np
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
-from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.rows import TERMS, WIDTH
 from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 from sledenv.kernel.trace import (
     absolute,
@@ -34,8 +34,7 @@ from sledenv.kernel.trace import (
     where_less,
 )
 
-ORDER = 18
-TERMS = ORDER + 1
+ORDER = TERMS - 1
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
 
 # Rows of the table of series; those of the state have the numbers that they have in the contact state. Time is counted
@@ -52,6 +51,8 @@ ROWS = 13
     Z_SHIFT,  # [rad]
     Z_K_CLOSING,  # [N/m] of the law
     Z_K_OPENING,
+    Z_PACE_CLOSING,  # [s] unit of time as long as the spin is slow
+    Z_PACE_OPENING,
     Z_INWARD,  # [m/s^2] gravity along the inward normal
     Z_DOWNHILL,  # [m/s^2] and along the slope
     # The gap of the corner on the other side is that of the feature, this,
@@ -67,7 +68,7 @@ ROWS = 13
     Z_MU,  # [-] tangential force over normal force
     Z_RHO,  # [m] rolling moment over normal force
     Z_STIFFNESS,  # [N/m] of the branch
-    Z_PACE,  # [s] unit of time as long as the spin is slow
+    Z_PACE,  # [s] and its unit of time
     Z_STEPS,  # spent
     Z_GAP_RATE,  # the branch: signs of v_n, v_t and omega, 0 where locked,
     Z_SLIP,
@@ -75,7 +76,7 @@ ROWS = 13
     Z_GAP_ZEROS,  # and number of their leading coefficients that are zero by construction
     Z_SLIP_ZEROS,
     Z_SPIN_ZEROS,
-) = range(29)
+) = range(31)
 Z_BRANCH = Z_MU  # rows from here on change with the branch,
 Z_TOLD = Z_SPIN_ZEROS + 1  # and those before with the feature
 (
@@ -428,6 +429,13 @@ def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
         leave = repeated(leaving, rows.EIGHT)
         sags = [fma(leave, rest, sag) for rest, sag in zip(_SAGS_TO_ONE, _SAGS, strict=True)]
     return rows.added(rows.times([larger(part, np.zeros(rows.EIGHT)) for part in terms], sags))
+
+
+def ends(c: Any, table: Sequence[int], s: Any) -> list[Any]:
+    """Values at ``s`` of some rows of a table."""
+    powers = rows.without_constant(rows.powers(s))
+    terms = [rows.added(rows.times(rows.read(c, row), powers)) for row in table]
+    return [c[row * WIDTH] + end for row, end in zip(table, sums(terms), strict=True)]
 
 
 def completion(z: Any, c: Any, corners: bool = True) -> None:

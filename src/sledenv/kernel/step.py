@@ -15,10 +15,11 @@ import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.events import NOTHING, RATE_ZERO, SEPARATION, SLIP_ZERO, SPIN_ZERO
+from sledenv.kernel.friction import CLEAR
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
 from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
-from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.rows import TERMS, WIDTH
 from sledenv.kernel.series import (
     E_FORCE,
     E_GAP,
@@ -40,7 +41,6 @@ from sledenv.kernel.series import (
     R_COSINE,
     R_SCRATCH,
     R_SINE,
-    TERMS,
     Z_ABEAM,
     Z_AHEAD,
     Z_BEFORE,
@@ -64,6 +64,7 @@ from sledenv.kernel.series import (
     Z_OMEGA,
     Z_OTHER_SINE,
     Z_PACE,
+    Z_PACE_OPENING,
     Z_PER_MASS,
     Z_PER_PULSATION,
     Z_R,
@@ -88,6 +89,7 @@ from sledenv.kernel.series import (
     Z_UNIT,
     Z_V_T,
     completion,
+    ends,
     longest,
     spinning,
 )
@@ -119,17 +121,19 @@ from sledenv.kernel.trace import (
     root,
     rough_angle,
     section,
+    set_apart,
     sine_cosine,
     where,
     with_sign,
     without,
 )
 
-UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_UNITS = 2.0  # length of a step
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step,
 STRETCHED = 1.08  # which may be longer by this factor to end there: its last terms are four times larger then
 LEFT_ALONE = -1.0  # event of a step that was not taken
+DEEPEST = -1.0  # in place of leading zeros of the gap rate: the gap has just stopped closing, no branch is chosen yet
+NO_DEPTH = 1e-12  # share of the size of the body: a contact that is not deeper is resolved as if it carried no load
 
 
 def _nonzero(a: Any) -> Any:
@@ -212,16 +216,40 @@ def progress(z: Any, state: Any) -> None:
 # An ordinary step.
 
 
+def _turning_back(z: Any, state: Any) -> Any:
+    """Program of the branch of a contact that has just been at its deepest; whether it opens, if it was.
+
+    It clearly does where the box rule would at once say so, and by more than rounding: see
+    :func:`sledenv.kernel.friction.resolve`. What is less clear is left to that.
+    """
+    pending = less(z[Z_GAP_ZEROS], 0.0)
+    a, b, depth = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE], -state[GAP]
+    per_inertia = z[Z_RATIO] * z[Z_PER_MASS]
+    drive = -z[Z_INWARD] - z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
+    yielding = z[Z_PER_MASS] - a * (z[Z_RHO] - a + z[Z_MU] * b) * per_inertia
+    straight = z[Z_PER_MASS] + a * a * per_inertia
+    largest = larger(absolute(drive), larger(yielding, straight) * z[Z_K_CLOSING] * depth)
+    opens = less(2.0 * CLEAR * largest, drive + yielding * z[Z_K_OPENING] * depth) & less(0.0, yielding)
+    opens = opens & less(NO_DEPTH * z[Z_SIZE], depth) & _nonzero(state[V_T]) & _nonzero(state[OMEGA])
+    turns = pending & opens
+    z[Z_GAP_RATE] = where(turns, 1.0, z[Z_GAP_RATE])
+    z[Z_STIFFNESS] = where(turns, z[Z_K_OPENING], z[Z_STIFFNESS])
+    z[Z_PACE] = where(turns, z[Z_PACE_OPENING], z[Z_PACE])
+    z[Z_GAP_ZEROS] = where(turns, 1.0, z[Z_GAP_ZEROS])
+    return opens | ~pending
+
+
 def _beginning(z: Any, state: Any, c: Any) -> None:
     """Program of an ordinary step up to the search for the root of the event that is expected."""
     orientation(z, state)
+    clear = _turning_back(z, state)
     telling(z, state)
     unread = [row * WIDTH + k for row in (PHI, R_SINE, R_COSINE) for k in range(WIDTH)]
     spinning(False, False)(z, without(c, unread))
     expectation(z)
     (most,) = longest(z[Z_SIZE], z[Z_SCALE], z[Z_TOLERANCE], MOST_UNITS, c)
     left = larger(z[Z_MAX_TIME] - state[TIME], 0.0) / z[Z_UNIT]
-    fine = less(STRETCHED * most, left) & less(z[Z_STEPS], z[Z_MOST_STEPS])
+    fine = clear & less(STRETCHED * most, left) & less(z[Z_STEPS], z[Z_MOST_STEPS])
     z[Z_FINE] = where(fine, 1.0, 0.0)
     separating = not_more(z[Z_EXPECTED], SEPARATION)
     sought = less(NOTHING, z[Z_EXPECTED]) & (separating | not_more(z[Z_GAP_ZEROS], 0.0))
@@ -256,14 +284,20 @@ def _certifying(z: Any, c: Any) -> None:
     z[Z_FOUND] = where(first, z[Z_FOUND], 0.0)
 
 
-def _completing(z: Any, c: Any) -> None:
-    """Program of the step up to what has been found, and of whether slip or spin changes its sign on the way."""
+def _taking(z: Any) -> None:
+    """Let the step end with the event that has been found."""
     found = less(0.0, z[Z_FOUND])
     z[Z_STEP] = where(found, z[Z_ROOT], z[Z_STEP])
     z[Z_EVENT] = where(found, z[Z_EXPECTED], z[Z_EVENT])
-    completion(z, c, corners=False)
-    slip = less(z[Z_V_T] * z[E_V_T], 0.0) & not_more(z[Z_SLIP_ZEROS], 0.0) & ~_happens(z, SLIP_ZERO)
-    spin = less(z[Z_OMEGA] * z[E_OMEGA], 0.0) & not_more(z[Z_SPIN_ZEROS], 0.0) & ~_happens(z, SPIN_ZERO)
+    z[Z_FOUND] = 0.0
+
+
+def _foreseeing(z: Any, c: Any) -> None:
+    """Program of whether slip or spin changes its sign on the way to what has been found."""
+    _taking(z)
+    z[E_V_T], z[E_OMEGA] = ends(c, (V_T, OMEGA), z[Z_STEP])
+    slip = less(z[Z_V_T] * z[E_V_T], 0.0) & not_more(z[Z_SLIP_ZEROS], 0.0)
+    spin = less(z[Z_OMEGA] * z[E_OMEGA], 0.0) & not_more(z[Z_SPIN_ZEROS], 0.0)
     z[Z_EXPECTED] = where(slip, SLIP_ZERO, SPIN_ZERO)
     z[Z_SEEKING] = where((slip | spin) & less(0.0, z[Z_FINE]), 1.0, 0.0)
 
@@ -274,6 +308,12 @@ def _turning(z: Any, c: Any) -> None:
     before, end = where(slip, z[Z_V_T], z[Z_OMEGA]), where(slip, z[E_V_T], z[E_OMEGA])
     z[Z_GUESS] = z[Z_STEP] * before / (before - end)
     _seek(z, c, less(0.0, z[Z_SEEKING]), z[Z_STEP], slip, V_T, OMEGA)
+
+
+def _completing(z: Any, c: Any) -> None:
+    """Program of the step up to what has been found."""
+    _taking(z)
+    completion(z, c, corners=False)
 
 
 def _happens(z: Any, event: int) -> Any:
@@ -305,15 +345,15 @@ def _ending(z: Any, state: Any) -> None:
         state[i] = where(fine, state[i], value)
     z[Z_EVENT] = where(fine, z[Z_EVENT], LEFT_ALONE)
     z[Z_STEPS] = where(fine, z[Z_STEPS] + 1.0, z[Z_STEPS])
-    for row in (Z_GAP_ZEROS, Z_SLIP_ZEROS, Z_SPIN_ZEROS):
-        z[row] = where(fine, 0.0, z[row])
+    for row, zeros in ((Z_GAP_ZEROS, where(turns, DEEPEST, 0.0)), (Z_SLIP_ZEROS, 0.0), (Z_SPIN_ZEROS, 0.0)):
+        z[row] = where(fine, zeros, z[row])
 
 
 _orientation, _telling, _expectation, _progress = (
     compiled(program) for program in (orientation, telling, expectation, progress)
 )
-_begin_all, _approach_all, _certify_all, _complete_all, _turn_all, _end_all = (
-    abreast(program) for program in (_beginning, _approaching, _certifying, _completing, _turning, _ending)
+_begin_all, _approach_all, _certify_all, _foresee_all, _turn_all, _complete_all, _end_all = (
+    abreast(program) for program in (_beginning, _approaching, _certifying, _foreseeing, _turning, _completing, _ending)
 )
 
 
@@ -343,6 +383,7 @@ def advance(z: np.ndarray, state: np.ndarray) -> None:
 
 @kernel
 def _begin_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
+    set_apart()
     _begin_all(z, state, c)
 
 
@@ -357,7 +398,14 @@ def _certify_abreast(z: np.ndarray, c: np.ndarray) -> None:
 
 
 @kernel
+def _foresee_abreast(z: np.ndarray, c: np.ndarray) -> None:
+    set_apart()
+    _foresee_all(z, c)
+
+
+@kernel
 def _complete_abreast(z: np.ndarray, c: np.ndarray) -> None:
+    set_apart()
     _complete_all(z, c)
 
 
@@ -368,6 +416,7 @@ def _turn_abreast(z: np.ndarray, c: np.ndarray) -> None:
 
 @kernel
 def _end_abreast(z: np.ndarray, state: np.ndarray) -> None:
+    set_apart()
     _end_all(z, state)
 
 
@@ -394,6 +443,8 @@ def _locate_abreast(z: np.ndarray, c: np.ndarray) -> None:
 def step_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
     """Take an ordinary step in each of ABREAST contacts; where it is not one, nothing but Z_EVENT, LEFT_ALONE, tells.
 
+    A contact that has stopped closing in the step before opens first, if it clearly does.
+
     Parameters
     ----------
     z, state, c : ndarray, shapes (Z_ROWS, ABREAST), (STATE_SIZE, ABREAST) and (ROWS * WIDTH, ABREAST)
@@ -402,9 +453,9 @@ def step_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
     """
     _begin_abreast(z, state, c)
     _locate_abreast(z, c)
-    _complete_abreast(z, c)
+    _foresee_abreast(z, c)
     if _any(z[Z_SEEKING]):
         _turn_abreast(z, c)
         _locate_abreast(z, c)
-        _complete_abreast(z, c)
+    _complete_abreast(z, c)
     _end_abreast(z, state)

@@ -148,13 +148,30 @@ class _Row:
         return _each(operator.neg, self)
 
 
+class _Blank(float):
+    """Zero that fills up a row."""
+
+
+BLANK = _Blank()
+
+
 def _each(function: Callable[..., Any], *operands: Any) -> _Row:
     """Apply a function place by place to rows, arrays and numbers that stand for a row of the same."""
     count = next(len(operand) for operand in operands if isinstance(operand, _Row))
     columns = [
         _numbers_of(operand) if isinstance(operand, _Row | np.ndarray) else [operand] * count for operand in operands
     ]
-    return _Row(function(*numbers) for numbers in zip(*columns, strict=True))
+    return _Row(_filled(function, *numbers) for numbers in zip(*columns, strict=True))
+
+
+def _filled(function: Callable[..., Any], *numbers: Any) -> Any:
+    """Apply a function at a place of a row; nothing is computed where it is only filled up."""
+    if any(isinstance(number, _Blank) for number in numbers):
+        if function is operator.mul or all(isinstance(number, float) and number == 0.0 for number in numbers):
+            return BLANK
+        if function is fma and not isinstance(numbers[2], _Blank):
+            return numbers[2] + BLANK  # an addend of -0.0 becomes 0.0 in a single lane, too
+    return function(*numbers)
 
 
 def _numbers_of(vector: _Row | np.ndarray) -> list[Any]:
@@ -237,6 +254,8 @@ def smaller(a: Any, b: Any) -> Any:
 
 def larger(a: Any, b: Any) -> Any:
     """Return the larger of two; ``b`` if one of them is not a number."""
+    if isinstance(a, _Row):
+        return _each(larger, a, b)
     return where_less(b, a, a, b)
 
 
@@ -312,6 +331,18 @@ def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
     other = ir.Constant(a.value.type, ir.Undefined) if b is None else a.lift(b)
     return _Value(a.builder, a.builder.shuffle_vector(a.value, other, mask))
+
+
+def filled_up(vector: Any, count: int) -> Any:
+    """Vector of which all numbers but the first, so many, are known to be zero, and need not be computed with."""
+    if not isinstance(vector, _Row):
+        return vector
+    return _Row([*vector.numbers[:count], *([BLANK] * (len(vector) - count))])
+
+
+def blank(count: int, like: Any) -> Any:
+    """Vector of zeros that fills up a row."""
+    return _Row([BLANK] * count) if isinstance(like, _Row) else np.zeros(count)
 
 
 def element(vector: Any, i: int) -> Any:
@@ -406,22 +437,22 @@ class _Numbers:
         self.data = data if isinstance(kind, ir.DoubleType) else builder.bitcast(data, ir.PointerType(kind))
         self.kind = kind
         self.of: type[_Value] = _Lanes if isinstance(kind, ir.VectorType) else _Value
-        self.known: dict[int, _Value] = {}
+        self.known: dict[int, Any] = {}
         self.unread: frozenset[int] = frozenset()
 
     def place(self, i: int) -> ir.Value:
         """Pointer to an entry."""
         return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=self.kind)
 
-    def __getitem__(self, i: int) -> _Value:
+    def __getitem__(self, i: int) -> Any:
         if i not in self.known:
             self.known[i] = self.of(self.builder, self.builder.load(self.place(i), align=8, typ=self.kind))
         return self.known[i]
 
     def __setitem__(self, i: int, value: Any) -> None:
         zero = _Value(self.builder, ir.Constant(self.kind, None))
-        self.known[i] = self.of(self.builder, zero.lift(value))
-        if i in self.unread:
+        self.known[i] = value if isinstance(value, _Blank) else self.of(self.builder, zero.lift(value))
+        if i in self.unread or isinstance(value, _Blank):
             return
         self.builder.store(self.known[i].value, self.place(i), align=8)
 
