@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import hashlib
 import logging
 import platform
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -287,6 +288,18 @@ def _flags(**options: Any) -> Any:
     return flags
 
 
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without garbage collection, which looks through all objects of a compilation again and again to free few."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 class _Compiler(_FunctionCompiler):  # type: ignore[misc]
     """Compiles a kernel for other kernels to contain, and makes that executable for Python."""
 
@@ -317,6 +330,7 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         flags = _flags(**self.targetoptions)
         return compile_extra(typing, target, self.py_func, args, None, flags, self.locals, library=library)
 
+    @_uncollected()
     def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
         part = self.part(args)
         counted = self.targetoptions.get("_nrt", True)
