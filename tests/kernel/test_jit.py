@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from sledenv.kernel import jit
+from sledenv.kernel import ahead, jit
 
 pytestmark = pytest.mark.jit_only
 
@@ -47,7 +47,8 @@ def package(tmp_path: Path) -> Path:
     """Folder of the kernel of a small copy of the package, with the real decorators."""
     folder = tmp_path / "site" / "sledenv" / "kernel"
     folder.mkdir(parents=True)
-    shutil.copy(str(jit.__file__), folder / "jit.py")
+    for module in (ahead, jit):
+        shutil.copy(str(module.__file__), folder)
     (folder / "__init__.py").touch()
     (folder.parent / "__init__.py").touch()
     (folder / "callee.py").write_text(CALLEE)

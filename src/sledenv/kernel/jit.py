@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import hashlib
 import logging
 import platform
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -24,11 +25,14 @@ from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, Flags, compile_extra, compile_result
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.event import Event, Listener, register, trigger_event
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys  # type: ignore[attr-defined]
 from numba.core.typing.templates import make_concrete_template
+
+from sledenv.kernel import ahead
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -287,6 +291,18 @@ def _flags(**options: Any) -> Any:
     return flags
 
 
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without garbage collection, which looks through all objects of a compilation again and again to free few."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 class _Compiler(_FunctionCompiler):  # type: ignore[misc]
     """Compiles a kernel for other kernels to contain, and makes that executable for Python."""
 
@@ -294,6 +310,7 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         options = dispatcher.targetoptions
         super().__init__(dispatcher.py_func, dispatcher.targetdescr, options, dispatcher.locals, Compiler)
         self._dispatcher = dispatcher
+        self._name = f"{self.py_func.__module__.rpartition('.')[2]}.{self.py_func.__qualname__}"
         self._parts: dict[tuple[Any, ...], Any] = {}
         self.cache: Any = NullCache()
 
@@ -303,6 +320,8 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         if args not in self._parts:
             target = self.targetdescr.target_context
             part = self.cache.load_overload(args, target)
+            if part is None and ahead.finished(self._name):
+                part = self.cache.load_overload(args, target)
             if part is None:
                 with trigger_event("numba:compile", data={"dispatcher": self._dispatcher, "args": args}):
                     part = self._compile_part(args)
@@ -317,8 +336,10 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         flags = _flags(**self.targetoptions)
         return compile_extra(typing, target, self.py_func, args, None, flags, self.locals, library=library)
 
+    @_uncollected()
     def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
-        part = self.part(args)
+        with ahead.helped(self.py_func, args, cache_folder()):
+            part = self.part(args)
         counted = self.targetoptions.get("_nrt", True)
         options = {"enable_nrt": True} if counted else {}
         target = self.targetdescr.target_context.subtarget(_internal_codegen=_codegen(), **options)
@@ -345,6 +366,11 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
         if cache_folder() is not None:
             self._cache = _Cache(function)
             self._compiler.cache = _PartCache(function)
+
+    def compile_part(self, args: tuple[Any, ...]) -> None:
+        """Compile for callers in compiled code, or find what has been."""
+        with global_compiler_lock:
+            self._compiler.part(args)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         pysig, args = self._compiler.fold_argument_types(args, kws)
