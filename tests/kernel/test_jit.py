@@ -118,6 +118,19 @@ def test_a_kernel_that_python_calls_may_have_been_loaded_as_a_part_of_another_be
     assert run(head + "assert total() == 7.0\n" + call + tail)[:3] == (7.0, 0, 1)
 
 
+def test_code_for_other_types_is_not_taken_from_the_cache(package: Path, run: Run) -> None:
+    """Two processes that each keep a version at the same time may take the same file for them."""
+    run(RUN.replace("f(3.0)", "f(3.0) + f(3)"))
+    (cache,) = (package / "__pycache__").glob("sledenv-*")
+    for part in ("caller.doubled_and_one-part", "caller.doubled_and_one", "callee.doubled-part"):
+        one, other = (next(cache.glob(f"{part}-[0-9]*.{number}.nbc")) for number in (1, 2))
+        kept = one.read_bytes()
+        one.write_bytes(other.read_bytes())
+        other.write_bytes(kept)
+    assert run(RUN.replace("f(3.0)", "f(3.5)"))[0] == 8.0
+    assert run(RUN.replace("f(3.0)", "f(3)"))[0] == 7.0
+
+
 def test_only_a_few_states_of_the_sources_are_kept(package: Path, run: Run) -> None:
     parent = Path(run()[3]).parent
     for i in range(jit._KEPT):

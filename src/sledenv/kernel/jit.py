@@ -187,7 +187,9 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         with contextlib.suppress(OSError):
-            return super().load_overload(sig, target_context)
+            found = super().load_overload(sig, target_context)
+            # Two processes that keep versions of one kernel at a time may have taken the same file for them.
+            return None if found is None or found.signature.args != tuple(sig) else found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
