@@ -50,7 +50,7 @@ import sys
 import numpy as np
 from numba.core.event import install_recorder
 from sledenv.kernel import ahead
-ahead._CALLERS = "sledenv.kernel.kernels"
+ahead._CALLERS = ("sledenv.kernel.kernels",)
 ahead._TASKS = {"Law": ("kernels.first", "kernels.second")}
 helpers = []
 class Helper(ahead._Helper):

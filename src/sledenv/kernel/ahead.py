@@ -36,7 +36,7 @@ _TASKS: Final = {
     "ContactLaw": ("chord.chord_contact", *_LAST),
     "RigidLaw": ("contact._take_step", "series.expand", "contact._sample_step", *_LAST),
 }
-_CALLERS: Final = "sledenv.kernel.descend"
+_CALLERS: Final = ("sledenv.kernel.descend", "sledenv.kernel.lanes")
 _LONGEST: Final = 30.0  # [s] to wait for a kernel
 _PROGRAM: Final = "import sys; sys.path[:] = {}; from sledenv.kernel.ahead import work; work({!r}, {!r})"
 
@@ -104,7 +104,7 @@ def finished(name: str) -> bool:
 def _tasks(caller: Callable[..., Any], args: Sequence[Any], folder: Path) -> tuple[str, ...]:
     """Names of the kernels that a helper should compile, if there is a core for it and an interpreter."""
     if (
-        caller.__module__ != _CALLERS
+        caller.__module__ not in _CALLERS
         or config.NUMBA_NUM_THREADS == 1  # type: ignore[attr-defined]
         or multiprocessing.parent_process() is not None  # a worker: the other cores are for its siblings
         or not Path(sys.executable or "").name.lower().startswith("python")  # a program with Python inside

@@ -228,6 +228,17 @@ class _Part(JITCodeLibrary):
         return self._shared_module
 
 
+class _Parts(JITCPUCodegen):
+    """Makes parts of all that a compilation brings about: a loop for threads is several libraries, one in another."""
+
+    _library_class = _Part
+
+
+@functools.cache
+def _parts() -> _Parts:
+    return _Parts("sledenv.kernel.parts")
+
+
 class _Whole(JITCodeLibrary):
     """Code of a kernel as Python calls it.
 
@@ -333,10 +344,9 @@ class _Compiler(_FunctionCompiler):  # type: ignore[misc]
         return self._parts[args]
 
     def _compile_part(self, args: tuple[Any, ...]) -> Any:
-        typing, target = self.targetdescr.typing_context, self.targetdescr.target_context
-        library = _Part(target.codegen(), self.py_func.__qualname__)
-        flags = _flags(**self.targetoptions)
-        return compile_extra(typing, target, self.py_func, args, None, flags, self.locals, library=library)
+        typing = self.targetdescr.typing_context
+        target = self.targetdescr.target_context.subtarget(_internal_codegen=_parts())
+        return compile_extra(typing, target, self.py_func, args, None, _flags(**self.targetoptions), self.locals)
 
     @_uncollected()
     def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
