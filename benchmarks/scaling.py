@@ -26,14 +26,14 @@ from benchmarks.harness import (
     table,
 )
 from benchmarks.reference import BODY, FEW, LAW, SLOPE, Floats
-from benchmarks.scalar_loop import scalar_loop
+from benchmarks.scalar_loop import flight_loops, scalar_loop
 
 ROUNDS = 7
 LANES = (1, 10, 100, 1_000, 10_000, 100_000)
 MOST_LOOPED = 10_000  # lanes of the compiled scalar loop
 MOST_CALLED = 1_000  # lanes simulated by one call each
 SOLVERS: tuple[Literal["compliant", "rigid"], ...] = ("compliant", "rigid")
-CALLS, LOOP = "simulate() a lane", "compiled scalar loop"
+CALLS, LOOP, PACKS = "simulate() a lane", "compiled scalar loop", "packs of 16"
 
 
 def batch_name(threads: int) -> str:
@@ -83,6 +83,20 @@ def _calls(states: Floats, solver: Literal["compliant", "rigid"]) -> Callable[[]
     return run
 
 
+def _flights(lanes: int, rounds: int) -> dict[str, Any]:
+    """Touchdowns a second of the scalar search in a loop and of packs, one thread."""
+    one_by_one, in_packs = flight_loops(BODY, SLOPE, launches(lanes))
+    assert np.array_equal(one_by_one(), in_packs())
+    times = interleave([Competitor(LOOP, one_by_one, lanes), Competitor(PACKS, in_packs, lanes)], 5 * rounds)
+    return {
+        "lanes": lanes,
+        "rows": [
+            {"name": name, "per_s": spread(1.0 / found), "times_loop": ratio(times[LOOP], found)}
+            for name, found in times.items()
+        ],
+    }
+
+
 def main(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> None:
     """Measure, write and draw."""
     counts = thread_counts()
@@ -104,7 +118,7 @@ def main(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> None:
                     row["times_loop"] = ratio(times[LOOP], found)
                 row["times_one_thread"] = ratio(times[batch_name(1)], found)
                 rows.append(row)
-    result = {"rounds": rounds, "rebounds": FEW, "rows": rows}
+    result = {"rounds": rounds, "rebounds": FEW, "rows": rows, "flights": _flights(max(sizes[0], MOST_CALLED), rounds)}
     save("scaling", result)
     draw(result)
 
@@ -141,7 +155,7 @@ def draw(result: dict[str, Any]) -> None:
 
 
 def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
+    """Return the tables of docs/performance.md."""
     rows = [
         (
             f"{row['solver']}, {row['lanes']:,}",
@@ -152,7 +166,17 @@ def tables(result: dict[str, Any]) -> str:
         )
         for row in result["rows"]
     ]
-    return table(("solver, lanes", "how", "hops/s", "times the scalar loop", "times one thread"), rows)
+    flights = [
+        (row["name"], f"{row['per_s']['median']:,.0f}", figure_of(row["times_loop"]["median"]))
+        for row in result["flights"]["rows"]
+    ]
+    flown = f"touchdowns of {result['flights']['lanes']:,} flights"
+    return "\n\n".join(
+        (
+            table(("solver, lanes", "how", "hops/s", "times the scalar loop", "times one thread"), rows),
+            table((flown, "a second", "times the scalar loop"), flights),
+        )
+    )
 
 
 if __name__ == "__main__":
