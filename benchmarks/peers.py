@@ -163,7 +163,7 @@ def draw(result: dict[str, Any]) -> None:
             colours = [BLUE if row["name"] == BASE else _COLOURS[row["law"]] for row in rows]
             names = [f"{row['name']}  ({row['error']:.0e})" for row in rows]
             bars(ax, names, [row["us_per_hop"] for row in rows], colours, "time a hop [µs], one core (lower is better)")
-            ax.set_xlim(0.2, 1e5)
+            ax.set_xlim(0.05, 1e5)
             ax.set_title(f"{title} (largest velocity error in brackets)", loc="right")
         from matplotlib.patches import Patch
 
