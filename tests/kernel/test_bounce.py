@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
 from sledenv.kernel.bounce import (
     B_ARM,
     B_FRICTION,
@@ -29,6 +29,7 @@ from sledenv.kernel.bounce import (
     bounce_pack,
 )
 from sledenv.kernel.flight import F_GRAVITY, F_HORIZON, F_OMEGA, F_TIME, F_V, F_Y
+from sledenv.kernel.records import Status
 from sledenv.kernel.rigid import ENERGETIC, impact
 from sledenv.kernel.trace import LANES
 
@@ -103,6 +104,27 @@ def test_hop_by_hop_a_ride_is_the_descent(name: str) -> None:
     same_bits(found.outcomes, batch.outcomes)
     for i, count in enumerate(batch.outcomes["rebounds"]):
         same_bits(found.rebounds[i, :count], batch.rebounds[i, :count])
+
+
+def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
+    """Random trims; oracle: one Ride a lane."""
+    body, count = BODIES["deep segment"], 40
+    rng = np.random.default_rng(6)
+    laws, slopes, states = ugly(rng, body, count)
+    options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 9, "rotor_inertia": 0.5}
+    batch = RideBatch(body, laws, slopes, states, **options)
+    rides = [
+        Ride(body, ContactLaw(*law), Slope(*slope), State(*state), **options)
+        for law, slope, state in zip(laws, slopes, states, strict=True)
+    ]
+    for _ in range(10):
+        trims = rng.uniform(-2.0, 2.0, count)
+        batch.hop(trims)
+        for ride, spin, outcome in zip(rides, trims, batch.outcomes(), strict=True):
+            if ride.status == Status.RUNNING:
+                ride.trim(float(spin))
+                ride.hop()
+            same_bits(outcome, ride.descent().outcome)
 
 
 def test_a_hop_is_ordinary_if_its_impact_lets_the_body_go() -> None:

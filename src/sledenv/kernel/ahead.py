@@ -60,12 +60,14 @@ class _Helper:
         if name not in self._awaited or self._process.stdout is None:
             return False
         alarm = threading.Timer(_LONGEST, self._process.kill)
-        alarm.start()
         try:
+            alarm.start()
             for line in self._process.stdout:
                 self._awaited.discard(line.strip())
                 if name not in self._awaited:
                     return True
+        except RuntimeError:  # there are no new threads while the interpreter ends
+            return False
         finally:
             alarm.cancel()
         return False
@@ -87,7 +89,7 @@ def helped(caller: Callable[..., Any], args: Sequence[Any], folder: Path | None)
         yield
         return
     try:
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, RuntimeError):  # the latter while the interpreter ends
             _helper = _Helper(names, folder)
         yield
     finally:
@@ -107,7 +109,9 @@ def _tasks(caller: Callable[..., Any], args: Sequence[Any], folder: Path) -> tup
         caller.__module__ not in _CALLERS
         or config.NUMBA_NUM_THREADS == 1  # type: ignore[attr-defined]
         or multiprocessing.parent_process() is not None  # a worker: the other cores are for its siblings
-        or not Path(sys.executable or "").name.lower().startswith("python")  # a program with Python inside
+        # A program with Python inside would start itself.
+        or getattr(sys, "frozen", False)
+        or not Path(sys.executable or "").name.lower().startswith("python")
     ):
         return ()
     kinds = (getattr(kind, "instance_class", type(kind)).__name__ for kind in args)

@@ -401,7 +401,7 @@ def bounce(body: Body, count: int, z: np.ndarray) -> None:
         FEW to LANES.
     z : ndarray, shape (B_ROWS, LANES)
         From :func:`bounce_pack`, with the state of each flight, its books, slope and law. Afterwards I_FINE tells which
-        hops were ordinary; of the others F_TIME is the touchdown.
+        hops were ordinary, and F_TIME how long each flight was.
     """
     touchdown_times(body, count, z)
     for k in range(count, LANES):

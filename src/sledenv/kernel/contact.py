@@ -216,7 +216,7 @@ def _introduce(
     # The spring moves less than the mass where it turns the body.
     moved = z[Z_PER_MASS] * (1.0 + z[Z_RATIO] * h * h)
     z[Z_PACE_CLOSING] = UNIT_ANGLE / math.sqrt(pair.k_closing * moved)
-    z[Z_PACE_OPENING] = UNIT_ANGLE / math.sqrt(pair.k_opening * moved)
+    z[Z_PACE_OPENING] = UNIT_ANGLE / math.sqrt(pair.k_opening * moved) if pair.k_opening > 0.0 else math.inf
 
 
 @kernel

@@ -159,14 +159,14 @@ def _seek(
     limits: Limits,
     flights: np.ndarray,
     waiting: np.ndarray,
-    begin: int,
-    end: int,
+    head: int,
+    tail: int,
     pack: np.ndarray,
 ) -> int:
-    """Find the touchdowns of the lanes ``begin`` to ``end - 1`` that wait, up to LANES; return how many."""
-    count = min(end - begin, LANES)
+    """Find the touchdowns of the lanes ``head`` to ``tail - 1`` that wait, up to LANES; return how many."""
+    count = min(tail - head, LANES)
     for k in range(count):
-        lane = waiting[_around(begin + k, waiting)]
+        lane = waiting[_around(head + k, waiting)]
         flight = flights[lane]
         pack[F_LANE, k] = lane
         pack[F_DOWNHILL, k], pack[F_GRAVITY, k] = pulls(_slope(slopes, lane))
@@ -206,10 +206,10 @@ def _hop_singly(
 ) -> None:
     """Follow compliant contacts one by one: see :func:`hop_lanes`."""
     pack, waiting, alone = space[0], space[1], space[2]
-    begin, end = 0, _wait(flights, first, last, waiting)
-    while begin < end:
-        count = _seek(body, slopes, limits, flights, waiting, begin, end, pack)
-        begin += count
+    head, tail = 0, _wait(flights, first, last, waiting)
+    while head < tail:
+        count = _seek(body, slopes, limits, flights, waiting, head, tail, pack)
+        head += count
         for k in range(count):
             i = int(pack[F_LANE, k])
             flight, log = flights[i], rebounds[_row(rebounds, i)]
@@ -218,8 +218,8 @@ def _hop_singly(
             downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
             land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, alone, trajectory)
             if flight["status"] == RUNNING and not once:
-                waiting[_around(end, waiting)] = i
-                end += 1
+                waiting[_around(tail, waiting)] = i
+                tail += 1
 
 
 @kernel
@@ -270,7 +270,7 @@ def _hop_abreast(
     Each of them has a place, where it takes ordinary steps with its neighbours; every other step it takes alone.
     """
     pack, waiting, (c, _, _, _), (all_z, all_states, all_c), (own_z, own_states, own_before, lanes) = space
-    begin, end = 0, _wait(flights, first, last, waiting)
+    head, tail = 0, _wait(flights, first, last, waiting)
     count, taken = 0, 0
     lanes[:] = -1
     all_z[Z_EVENT] = LEFT_ALONE
@@ -308,13 +308,13 @@ def _hop_abreast(
                     )
                     told = Z_BRANCH if z[Z_STEPS] == steps else 0
                 if not abreast and flight["status"] == RUNNING and not once:
-                    waiting[_around(end, waiting)] = i
-                    end += 1
+                    waiting[_around(tail, waiting)] = i
+                    tail += 1
             while not abreast:
                 told = 0
                 if taken == count:
-                    count, taken = _seek(body, slopes, limits, flights, waiting, begin, end, pack), 0
-                    begin += count
+                    count, taken = _seek(body, slopes, limits, flights, waiting, head, tail, pack), 0
+                    head += count
                     if count == 0:
                         break
                 i = int(pack[F_LANE, taken])
@@ -332,8 +332,8 @@ def _hop_abreast(
                         body, law, slope, limits, flight, rebound, log_length, 0, c, z, state, before, trajectory
                     )
                     if not abreast and flight["status"] == RUNNING and not once:
-                        waiting[_around(end, waiting)] = i
-                        end += 1
+                        waiting[_around(tail, waiting)] = i
+                        tail += 1
             if abreast:
                 busy = True
                 lanes[k] = i
@@ -445,13 +445,13 @@ def _hop_rigid(
     pack, waiting, alone = space[0], space[1], space[2]
     _, _, state, before = alone
     kept = rebounds.shape[0] > 1  # or all lanes share a row that nobody reads
-    begin, end = 0, _wait(flights, first, last, waiting)
+    head, tail = 0, _wait(flights, first, last, waiting)
     count = 0
     while True:
-        while count < LANES and begin < end:
-            i = waiting[begin]
+        while count < LANES and head < tail:
+            i = waiting[head]
             _board(law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i), limits, i, flights[i], count, pack)
-            begin += 1
+            head += 1
             count += 1
         if count < FEW:
             break
@@ -490,10 +490,10 @@ def _hop_rigid(
                 going = flight["status"] == RUNNING and not once
                 if going:
                     _board(law, slope, limits, i, flight, k, pack)
-            if not going and begin < end:
-                i = waiting[begin]
+            if not going and head < tail:
+                i = waiting[head]
                 _board(law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i), limits, i, flights[i], k, pack)
-                begin += 1
+                head += 1
             elif not going:
                 count -= 1
                 for row in range(B_ROWS):

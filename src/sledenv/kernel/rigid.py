@@ -38,11 +38,11 @@ from sledenv.kernel.trace import scalar
 ENERGETIC, POISSON, NEWTON = range(3)  # what ends an impact
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
+RESTING = -4  # status: one corner stays in contact
+MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 _enter, _drive, _turn, _end, _pass = (scalar(program) for program in (entering, driving, turning, ending, passing))
 _harden, _lie = scalar(hardness), scalar(lying)
-RESTING = -4  # status: one corner stays in contact
-MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 
 @kernel
@@ -129,9 +129,9 @@ def impact(
         start = impulse
         moving = (v_t, omega, v_n, impulse, tangential, rolling, closed, slid, rolled, stored)
         passed = _pass(*moving, slip, spin, mu, rho, rate_t, rate_w, rate_n, opening, end, restitution)
-        v_t, omega, v_n, impulse, tangential, rolling, closed, slid, rolled, stored, span, work, going = passed
-        if going < 0.0:
+        if passed[-1] < 0.0:
             return v_t, omega, v_n, impulse, tangential, rolling, 0.0, slid, rolled, MOST_PHASES + 1
+        v_t, omega, v_n, impulse, tangential, rolling, closed, slid, rolled, stored, span, work, going = passed
         if opening > 0.0:
             opened += work
         if phases is not None:  # noqa: SIM102 - numba drops a branch on this alone when it compiles

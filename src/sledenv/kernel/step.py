@@ -1,9 +1,9 @@
 """What nearly every step of a compliant contact consists of, as straight-line programs: docs/physics.md, section 5.
 
-Nearly all steps have all three velocities free, and either nothing happens in them or the event that ends this phase of
-the contact oscillation: such a step is ordinary. :func:`step_abreast` takes one in several contacts of a body without
-corners at once. What it cannot prove to be ordinary it leaves as it was, for :mod:`sledenv.kernel.contact`, which runs
-the same programs.
+Nearly all steps have all three velocities free, and nothing happens in them but the event that ends this phase of the
+contact oscillation, or a slip or spin that stops: such a step is ordinary. :func:`step_abreast` takes one in several
+contacts of a body without corners at once. What it cannot prove to be ordinary it leaves as it was, for
+:mod:`sledenv.kernel.contact`, which runs the same programs.
 """
 
 from __future__ import annotations

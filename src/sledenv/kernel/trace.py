@@ -167,10 +167,11 @@ def _each(function: Callable[..., Any], *operands: Any) -> _Row:
 def _filled(function: Callable[..., Any], *numbers: Any) -> Any:
     """Apply a function at a place of a row; nothing is computed where it is only filled up."""
     if any(isinstance(number, _Blank) for number in numbers):
-        if function is operator.mul or all(isinstance(number, float) and number == 0.0 for number in numbers):
+        nothing = all(isinstance(number, float) and number == 0.0 for number in numbers)
+        if function is operator.mul or (nothing and function in _IDLE):
             return BLANK
-        if function is fma and not isinstance(numbers[2], _Blank):
-            return numbers[2] + BLANK  # an addend of -0.0 becomes 0.0 in a single lane, too
+        if function is fma and any(isinstance(number, _Blank) for number in numbers[:2]):
+            return numbers[2] + BLANK  # as a single lane adds the product
     return function(*numbers)
 
 
@@ -258,6 +259,8 @@ def larger(a: Any, b: Any) -> Any:
         return _each(larger, a, b)
     return where_less(b, a, a, b)
 
+
+_IDLE = frozenset({operator.add, operator.sub, operator.neg, absolute, larger, fma})  # leave zeros as they are
 
 _MANTISSA = 52  # bits
 _BIAS = 1023
