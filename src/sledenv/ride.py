@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
 from sledenv.jam import descent_jam
 from sledenv.kernel.descend import begin, close_books, hop, trim, work_space
+from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.lanes import hop_batch
 from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
 from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
@@ -66,6 +67,7 @@ class Ride:
         checked_choice("solver", solver, get_args(BatchSolver))
         checked_choice("record", record, get_args(Record))
         self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
+        self._incline = incline_of(self.slope)
         self.launch = launched(self.body, self.slope, State(*state))
         self.rotor_inertia = None
         if rotor_inertia is not None:
@@ -77,7 +79,7 @@ class Ride:
         self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
         self._flight = np.zeros(1, OUTCOME)
         begin(self.launch, self._flight[0])
-        close_books(self.body, self.slope, self.launch, self._flight[0])
+        close_books(self.body, self._incline, self.launch, self._flight[0])
 
     @property
     def status(self) -> Status:
@@ -114,7 +116,7 @@ class Ride:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
         trim(self.body, self.rotor_inertia, self._flight[0], lent)
-        close_books(self.body, self.slope, self.launch, self._flight[0])
+        close_books(self.body, self._incline, self.launch, self._flight[0])
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -132,7 +134,7 @@ class Ride:
             longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
             self._trajectory, self._flight = longer, start
             self._hop()
-        close_books(self.body, self.slope, self.launch, self._flight[0])
+        close_books(self.body, self._incline, self.launch, self._flight[0])
         return self.status
 
     def run(self) -> Descent:
@@ -162,7 +164,7 @@ class Ride:
         rebound = self._rebounds[flight["rebounds"]]
         log_length = len(self._rebounds)
         limits, space = self._limits, self._space
-        hop(self.body, self._touching, self.slope, limits, flight, rebound, log_length, space, self._trajectory)
+        hop(self.body, self._touching, self._incline, limits, flight, rebound, log_length, space, self._trajectory)
 
     def _check_running(self) -> None:
         if self.status != Status.RUNNING:

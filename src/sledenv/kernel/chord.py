@@ -17,9 +17,9 @@ import numpy as np
 from sledenv.kernel.contact import MOST_STALLED, Pair, leading_zeros, sign_of
 from sledenv.kernel.events import before_separation, both_signs, bound_root, series_root, slope_end
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import corner_lengths, pulls
+from sledenv.kernel.geometry import corner_lengths
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, Limits, Slope
+from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.records import (
     ARC,
     BURIED,
@@ -131,7 +131,7 @@ def integral(series: np.ndarray, t: float) -> float:
 def _expand(
     body: Body,
     friction: float,
-    slope: Slope,
+    slope: Incline,
     one: Side,
     two: Side,
     stiffness_1: float,
@@ -143,7 +143,7 @@ def _expand(
 ) -> None:
     """Fill ``c`` with the series of one step from the state rows of ``now``: docs/physics.md (8.4)."""
     m = body.mass
-    downhill, inward = pulls(slope)
+    downhill, inward = slope.downhill, slope.inward
     mean = _mean(one, two)
     for row in STATE_ROWS:
         c[row, 0] = now[row]
@@ -232,7 +232,7 @@ def _loss(c: np.ndarray, bound: int, row: int, factor: float, step: float) -> fl
 def chord_contact(
     body: Body,
     pair: Pair,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
@@ -263,7 +263,7 @@ def chord_contact(
         where both corners are in the slope with the arc between them down), steps and samples.
     """
     size = body.radius + body.eccentricity
-    downhill, inward = pulls(slope)
+    downhill, inward = slope.downhill, slope.inward
     _, half = corner_lengths(body)
     edge = math.pi - body.half_angle  # of theta, where the arc takes over from a corner
     turns = math.pi * (2.0 * math.floor(state[PHI] / (2.0 * math.pi)) + 1.0)  # the odd multiple of pi nearby

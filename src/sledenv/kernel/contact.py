@@ -32,9 +32,9 @@ from sledenv.kernel.events import (
     other_corner,
 )
 from sledenv.kernel.friction import mobility, resolve
-from sledenv.kernel.geometry import feature_geometry, pulls, whole_turns
+from sledenv.kernel.geometry import feature_geometry, whole_turns
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, Limits, Slope
+from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.records import ARC, FINISH, JAMMED, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
 from sledenv.kernel.roots import horner
 from sledenv.kernel.series import (
@@ -195,7 +195,7 @@ def _trial(number: int, state: np.ndarray) -> tuple[int, int, int]:
 def _introduce(
     body: Body,
     pair: Pair,
-    slope: Slope,
+    slope: Incline,
     feature: int,
     geometry: tuple[float, float, float],
     arm: float,
@@ -209,7 +209,7 @@ def _introduce(
     z[Z_H] = h
     z[Z_R] = r
     z[Z_SHIFT] = shift
-    z[Z_DOWNHILL], z[Z_INWARD] = pulls(slope)
+    z[Z_DOWNHILL], z[Z_INWARD] = slope.downhill, slope.inward
     z[Z_FRICTION] = pair.friction
     z[Z_ARM] = arm
     z[Z_OTHER], z[Z_OTHER_SINE], z[Z_OTHER_COSINE] = other_corner(body, feature, shift)
@@ -346,7 +346,7 @@ def _sample_step(
 
 @kernel
 def begin_contact(
-    body: Body, pair: Pair, slope: Slope, limits: Limits, state: np.ndarray, z: np.ndarray, steps: int
+    body: Body, pair: Pair, slope: Incline, limits: Limits, state: np.ndarray, z: np.ndarray, steps: int
 ) -> None:
     """Prepare a contact for :func:`follow`; arguments are those of :func:`contact`."""
     turns = whole_turns(state[PHI])
@@ -415,7 +415,7 @@ def end_contact(pair: Pair, state: np.ndarray, z: np.ndarray) -> None:
 def contact(
     body: Body,
     pair: Pair,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
@@ -456,7 +456,7 @@ def contact(
 def follow(
     body: Body,
     pair: Pair,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,

@@ -9,10 +9,10 @@ import numpy as np
 from sledenv.kernel.chord import NOW_ROWS
 from sledenv.kernel.chord import ROWS as CHORD_ROWS
 from sledenv.kernel.flight import arrive_at, finish_time, touchdown_time
-from sledenv.kernel.geometry import arms, lowest_support, pulls, whole_turns
+from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
 from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.laws import Law, touch
-from sledenv.kernel.params import Body, Limits, Slope, State
+from sledenv.kernel.params import Body, Incline, Limits, Slope, State
 from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, RUNNING, TIMEOUT
 from sledenv.kernel.rows import WIDTH, table
 from sledenv.kernel.series import ROWS, Z_ROWS
@@ -68,7 +68,7 @@ def stuck_code(body: Body, entry_speed: float, u: float, omega: float) -> int:
 
 @kernel
 def fly(
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     start: float,
     duration: float,
@@ -82,7 +82,7 @@ def fly(
     samples: int,
 ) -> int:
     """Add the rows of one flight to the trajectory, its start included; return the number of rows needed."""
-    downhill, inward = pulls(slope)
+    downhill, inward = slope.downhill, slope.inward
     rows = max(1, math.ceil(duration / limits.sample_interval))
     for i in range(rows):
         t = duration * i / rows
@@ -107,10 +107,10 @@ def fly(
 
 
 @kernel
-def energy(body: Body, slope: Slope, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
+def energy(body: Body, slope: Incline, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
     kinetic = 0.5 * body.mass * (u * u + v * v) + 0.5 * body.inertia * omega * omega
-    downhill, inward = pulls(slope)
+    downhill, inward = slope.downhill, slope.inward
     return kinetic, body.mass * (y * inward - x * downhill)
 
 
@@ -167,14 +167,14 @@ def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None
 
 
 @kernel
-def close_books(body: Body, slope: Slope, launch: State, flight: np.void) -> None:
+def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> None:
     """Bring the energy ledger up to the state of a flight: docs/physics.md, section 9."""
     x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    downhill, inward = pulls(slope)
+    downhill, inward = slope.downhill, slope.inward
     flight["supplied"] = kinetic + body.mass * (drop * inward + along * downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
@@ -227,11 +227,9 @@ def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 @kernel
 def arrive(
     body: Body,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     flight: np.void,
-    downhill: float,
-    inward: float,
     touchdown: float,
     state: np.ndarray,
     before: np.ndarray,
@@ -246,7 +244,7 @@ def arrive(
     status = RUNNING
     left = limits.max_time - t
     duration = touchdown
-    finish = finish_time(x, u, downhill, slope.length)
+    finish = finish_time(x, u, slope.downhill, slope.length)
     if finish <= min(duration, left):
         duration = finish
         status = FINISH
@@ -258,7 +256,9 @@ def arrive(
     if trajectory.shape[0] > 0:
         samples = flight["samples"]
         flight["samples"] = fly(slope, limits, t, duration, x, y, phi, u, v, omega, trajectory, samples)
-    t, x, y, phi, u, v, feature, a, b, v_n, v_t = arrive_at(body, duration, t, x, y, phi, u, v, omega, downhill, inward)
+    t, x, y, phi, u, v, feature, a, b, v_n, v_t = arrive_at(
+        body, duration, t, x, y, phi, u, v, omega, slope.downhill, slope.inward
+    )
     if status == FINISH:
         x = slope.length
     flight["t"], flight["x"], flight["y"], flight["phi"] = t, x, y, phi
@@ -319,11 +319,9 @@ def depart(
 def land(
     body: Body,
     law: Law,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     flight: np.void,
-    downhill: float,
-    inward: float,
     touchdown: float,
     rebound: np.void,
     log_length: int,
@@ -332,11 +330,11 @@ def land(
 ) -> None:
     """Follow one hop whose touchdown is known, up to the rebound or to whatever ends the descent.
 
-    ``downhill`` and ``inward`` are those of :func:`sledenv.kernel.geometry.pulls`, ``touchdown`` is the duration [s] of
-    the flight, inf if it is longer than ``limits.max_time`` allows; the other arguments are those of :func:`hop`.
+    ``touchdown`` is the duration [s] of the flight, inf if it is longer than ``limits.max_time`` allows; the other
+    arguments are those of :func:`hop`.
     """
     c, z, state, before = space
-    status = arrive(body, slope, limits, flight, downhill, inward, touchdown, state, before, trajectory)
+    status = arrive(body, slope, limits, flight, touchdown, state, before, trajectory)
     if status == RUNNING:
         samples = flight["samples"]
         status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
@@ -353,7 +351,7 @@ def land(
 def hop(
     body: Body,
     law: Law,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     flight: np.void,
     rebound: np.void,
@@ -379,10 +377,9 @@ def hop(
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
-    downhill, inward = pulls(slope)
     y, phi, v, omega = flight["y"], flight["phi"], flight["v"], flight["omega"]
-    touchdown = touchdown_time(body, inward, y, phi, v, omega, limits.max_time - flight["t"])
-    land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, space, trajectory)
+    touchdown = touchdown_time(body, slope.inward, y, phi, v, omega, limits.max_time - flight["t"])
+    land(body, law, slope, limits, flight, touchdown, rebound, log_length, space, trajectory)
 
 
 @kernel
@@ -413,7 +410,8 @@ def descend(
         Overwritten.
     """
     begin(launch, outcome)
+    incline = incline_of(slope)
     while outcome["status"] == RUNNING:
         rebound = rebounds[outcome["rebounds"]]
-        hop(body, law, slope, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
-    close_books(body, slope, launch, outcome)
+        hop(body, law, incline, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
+    close_books(body, incline, launch, outcome)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sledenv.kernel.descend import begin, close_books, write_rebound
-from sledenv.kernel.geometry import arms, feature_at, has_corners, whole_turns
+from sledenv.kernel.geometry import arms, feature_at, has_corners, incline_of, whole_turns
 from sledenv.kernel.jit import allocating
 from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import ARC, FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, TUMBLED
@@ -152,4 +152,4 @@ def descend_euler(
     outcome["hysteresis"] = hysteresis
     outcome["sliding"] = sliding
     outcome["rolling"] = rolling
-    close_books(body, slope, launch, outcome)
+    close_books(body, incline_of(slope), launch, outcome)

@@ -590,7 +590,7 @@ def arrive_at(
     t, x, y, phi, u, v, omega : float
         Time and state at its start.
     downhill, gravity : float
-        Components of gravity [m/s^2], see :func:`sledenv.kernel.geometry.pulls`.
+        Components of gravity [m/s^2], see :func:`sledenv.kernel.geometry.incline_of`.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel.jit import allocating, kernel
-from sledenv.kernel.params import Body, Slope
+from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.trace import nearest, scalar, sine_cosine
 
@@ -22,10 +22,10 @@ straight_sine_cosine = scalar(lambda angle: sine_cosine(angle))
 
 
 @kernel
-def pulls(slope: Slope) -> tuple[float, float]:
-    """Components of gravity [m/s^2] along the slope, downhill, and along the inward normal."""
+def incline_of(slope: Slope) -> Incline:
+    """Return what kernels need of a slope."""
     sine, cosine = straight_sine_cosine(slope.angle)
-    return slope.gravity * sine, slope.gravity * cosine
+    return Incline(slope.gravity * sine, slope.gravity * cosine, slope.length, slope.gravity)
 
 
 @kernel

@@ -62,10 +62,10 @@ from sledenv.kernel.flight import (
     pack_of,
     touchdown_times,
 )
-from sledenv.kernel.geometry import has_corners, pulls
+from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.jit import allocating, kernel, parallel_kernel
 from sledenv.kernel.laws import Law, by_law, law_of_row, pair_of
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State
+from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import LOG_FULL, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.rows import WIDTH, table
 from sledenv.kernel.series import ROWS, Z_BRANCH, Z_EVENT, Z_MOST_STEPS, Z_ROWS, Z_STEPS, Z_TOLD
@@ -128,10 +128,20 @@ def _row(table: np.ndarray, lane: int) -> int:
     return lane if table.shape[0] > 1 else 0
 
 
+@allocating
+def _inclines(slopes: np.ndarray) -> np.ndarray:
+    """Return the fields of Incline in the rows of many slopes."""
+    inclines = np.empty((slopes.shape[0], 4))
+    for i in range(slopes.shape[0]):
+        q = incline_of(Slope(slopes[i, 0], slopes[i, 1], slopes[i, 2]))
+        inclines[i, 0], inclines[i, 1], inclines[i, 2], inclines[i, 3] = q.downhill, q.inward, q.length, q.gravity
+    return inclines
+
+
 @kernel
-def _slope(slopes: np.ndarray, lane: int) -> Slope:
-    q = slopes[_row(slopes, lane)]
-    return Slope(q[0], q[1], q[2])
+def _incline(inclines: np.ndarray, lane: int) -> Incline:
+    q = inclines[_row(inclines, lane)]
+    return Incline(q[0], q[1], q[2], q[3])
 
 
 @kernel
@@ -155,7 +165,7 @@ def _around(i: int, waiting: np.ndarray) -> int:
 @kernel
 def _seek(
     body: Body,
-    slopes: np.ndarray,
+    inclines: np.ndarray,
     limits: Limits,
     flights: np.ndarray,
     waiting: np.ndarray,
@@ -169,7 +179,7 @@ def _seek(
         lane = waiting[_around(head + k, waiting)]
         flight = flights[lane]
         pack[F_LANE, k] = lane
-        pack[F_DOWNHILL, k], pack[F_GRAVITY, k] = pulls(_slope(slopes, lane))
+        pack[F_GRAVITY, k] = _incline(inclines, lane).inward
         pack[F_Y, k], pack[F_PHI, k] = flight["y"], flight["phi"]
         pack[F_V, k], pack[F_OMEGA, k] = flight["v"], flight["omega"]
         pack[F_HORIZON, k] = limits.max_time - flight["t"]
@@ -193,7 +203,7 @@ def _hop_singly(
     body: Body,
     like: ContactLaw,
     laws: np.ndarray,
-    slopes: np.ndarray,
+    inclines: np.ndarray,
     limits: Limits,
     flights: np.ndarray,
     rebounds: np.ndarray,
@@ -208,15 +218,14 @@ def _hop_singly(
     pack, waiting, alone = space[0], space[1], space[2]
     head, tail = 0, _wait(flights, first, last, waiting)
     while head < tail:
-        count = _seek(body, slopes, limits, flights, waiting, head, tail, pack)
+        count = _seek(body, inclines, limits, flights, waiting, head, tail, pack)
         head += count
         for k in range(count):
             i = int(pack[F_LANE, k])
             flight, log = flights[i], rebounds[_row(rebounds, i)]
             rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
-            law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
-            downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
-            land(body, law, slope, limits, flight, downhill, inward, touchdown, rebound, log_length, alone, trajectory)
+            law, slope = law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i)
+            land(body, law, slope, limits, flight, pack[F_TIME, k], rebound, log_length, alone, trajectory)
             if flight["status"] == RUNNING and not once:
                 waiting[_around(tail, waiting)] = i
                 tail += 1
@@ -226,7 +235,7 @@ def _hop_singly(
 def _continue_alone(
     body: Body,
     law: ContactLaw,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     flight: np.void,
     rebound: np.void,
@@ -254,7 +263,7 @@ def _hop_abreast(
     body: Body,
     like: ContactLaw,
     laws: np.ndarray,
-    slopes: np.ndarray,
+    inclines: np.ndarray,
     limits: Limits,
     flights: np.ndarray,
     rebounds: np.ndarray,
@@ -289,7 +298,7 @@ def _hop_abreast(
             if i >= 0:
                 flight, log = flights[i], rebounds[_row(rebounds, i)]
                 rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
-                law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+                law, slope = law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i)
                 for row in range(STATE_SIZE):
                     state[row] = all_states[row, k]
                 if event == SEPARATION:
@@ -313,19 +322,17 @@ def _hop_abreast(
             while not abreast:
                 told = 0
                 if taken == count:
-                    count, taken = _seek(body, slopes, limits, flights, waiting, head, tail, pack), 0
+                    count, taken = _seek(body, inclines, limits, flights, waiting, head, tail, pack), 0
                     head += count
                     if count == 0:
                         break
                 i = int(pack[F_LANE, taken])
                 flight, log = flights[i], rebounds[_row(rebounds, i)]
                 rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
-                law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
-                downhill, inward, touchdown = pack[F_DOWNHILL, taken], pack[F_GRAVITY, taken], pack[F_TIME, taken]
+                law, slope = law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i)
+                touchdown = pack[F_TIME, taken]
                 taken += 1
-                flight["status"] = arrive(
-                    body, slope, limits, flight, downhill, inward, touchdown, state, before, trajectory
-                )
+                flight["status"] = arrive(body, slope, limits, flight, touchdown, state, before, trajectory)
                 if flight["status"] == RUNNING:
                     begin_contact(body, pair_of(law), slope, limits, state, z, flight["steps"])
                     abreast = _continue_alone(
@@ -355,7 +362,7 @@ def _hop_compliant(
     body: Body,
     like: ContactLaw,
     laws: np.ndarray,
-    slopes: np.ndarray,
+    inclines: np.ndarray,
     limits: Limits,
     flights: np.ndarray,
     rebounds: np.ndarray,
@@ -372,19 +379,19 @@ def _hop_compliant(
     """
     if has_corners(body):
         _hop_singly(
-            body, like, laws, slopes, limits, flights, rebounds, log_length, first, last, once, space, trajectory
+            body, like, laws, inclines, limits, flights, rebounds, log_length, first, last, once, space, trajectory
         )
     else:
         _hop_abreast(
-            body, like, laws, slopes, limits, flights, rebounds, log_length, first, last, once, space, trajectory
+            body, like, laws, inclines, limits, flights, rebounds, log_length, first, last, once, space, trajectory
         )
 
 
 @kernel
-def _board(law: RigidLaw, slope: Slope, limits: Limits, lane: int, flight: np.void, k: int, pack: np.ndarray) -> None:
+def _board(law: RigidLaw, slope: Incline, limits: Limits, lane: int, flight: np.void, k: int, pack: np.ndarray) -> None:
     """Put a flight at place ``k`` of a pack of rigid bodies."""
     pack[F_LANE, k] = lane
-    pack[F_DOWNHILL, k], pack[F_GRAVITY, k] = pulls(slope)
+    pack[F_DOWNHILL, k], pack[F_GRAVITY, k] = slope.downhill, slope.inward
     pack[B_LENGTH, k], pack[B_MAX_TIME, k] = slope.length, limits.max_time
     pack[B_FRICTION, k], pack[B_RESTITUTION, k] = law.friction, law.restitution
     pack[B_ARM, k], pack[B_CORNER_ARM, k] = law.rolling_arm, law.corner_rolling_arm
@@ -427,7 +434,7 @@ def _hop_rigid(
     body: Body,
     like: RigidLaw,
     laws: np.ndarray,
-    slopes: np.ndarray,
+    inclines: np.ndarray,
     limits: Limits,
     flights: np.ndarray,
     rebounds: np.ndarray,
@@ -450,7 +457,7 @@ def _hop_rigid(
     while True:
         while count < LANES and head < tail:
             i = waiting[head]
-            _board(law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i), limits, i, flights[i], count, pack)
+            _board(law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i), limits, i, flights[i], count, pack)
             head += 1
             count += 1
         if count < FEW:
@@ -470,29 +477,15 @@ def _hop_rigid(
                     flight["status"] = LOG_FULL if done == log_length else RUNNING
             else:
                 _alight(k, pack, flight)
-                law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+                law, slope = law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i)
                 rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
-                downhill, inward, touchdown = pack[F_DOWNHILL, k], pack[F_GRAVITY, k], pack[F_TIME, k]
-                land(
-                    body,
-                    law,
-                    slope,
-                    limits,
-                    flight,
-                    downhill,
-                    inward,
-                    touchdown,
-                    rebound,
-                    log_length,
-                    alone,
-                    trajectory,
-                )
+                land(body, law, slope, limits, flight, pack[F_TIME, k], rebound, log_length, alone, trajectory)
                 going = flight["status"] == RUNNING and not once
                 if going:
                     _board(law, slope, limits, i, flight, k, pack)
             if not going and head < tail:
                 i = waiting[head]
-                _board(law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i), limits, i, flights[i], k, pack)
+                _board(law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i), limits, i, flights[i], k, pack)
                 head += 1
             elif not going:
                 count -= 1
@@ -501,7 +494,7 @@ def _hop_rigid(
     for k in range(count):
         i = int(pack[F_LANE, k])
         flight, log = flights[i], rebounds[_row(rebounds, i)]
-        law, slope = law_of_row(like, laws[_row(laws, i)]), _slope(slopes, i)
+        law, slope = law_of_row(like, laws[_row(laws, i)]), _incline(inclines, i)
         _alight(k, pack, flight)
         while flight["status"] == RUNNING:
             rebound = log[min(flight["rebounds"], log.shape[0] - 1)]
@@ -550,15 +543,16 @@ def descend_batch(
     """
     lanes = launches.shape[0]
     size = block_size(lanes)
+    inclines = _inclines(slopes)
     for block in prange((lanes + size - 1) // size):
         first, last = block * size, min((block + 1) * size, lanes)
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
         space, trajectory = lane_space(body, like, size), np.empty(0, TRAJECTORY)
         for i in range(first, last):
             begin(_launch(launches, i), outcomes[i])
-        hop_lanes(body, like, laws, slopes, limits, outcomes, logs, log_length, first, last, False, space, trajectory)
+        hop_lanes(body, like, laws, inclines, limits, outcomes, logs, log_length, first, last, False, space, trajectory)
         for i in range(first, last):
-            close_books(body, _slope(slopes, i), _launch(launches, i), outcomes[i])
+            close_books(body, _incline(inclines, i), _launch(launches, i), outcomes[i])
 
 
 @parallel_kernel
@@ -593,6 +587,7 @@ def hop_batch(
     """
     lanes = flights.shape[0]
     size = block_size(lanes)
+    inclines = _inclines(slopes)
     logs = rebounds.reshape((lanes, 1))
     for block in prange((lanes + size - 1) // size):
         first, last = block * size, min((block + 1) * size, lanes)
@@ -601,7 +596,7 @@ def hop_batch(
         for i in range(first, last):
             if flights[i]["status"] == RUNNING:
                 trim(body, rotor_inertia, flights[i], trims[i])
-        hop_lanes(body, like, laws, slopes, limits, flights, logs, log_length, first, last, True, space, trajectory)
+        hop_lanes(body, like, laws, inclines, limits, flights, logs, log_length, first, last, True, space, trajectory)
         for i in range(first, last):
             if moved[i - first]:
-                close_books(body, _slope(slopes, i), _launch(launches, i), flights[i])
+                close_books(body, _incline(inclines, i), _launch(launches, i), flights[i])

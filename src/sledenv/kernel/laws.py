@@ -14,7 +14,7 @@ from numba.extending import lower_builtin, overload, type_callable
 from sledenv.kernel.chord import ONE_CORNER, chord_contact
 from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope
+from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw
 from sledenv.kernel.records import TUMBLED
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.series import ROWS, Z_ROWS
@@ -46,7 +46,7 @@ def pair_of(law: ContactLaw) -> Pair:
 def _compliant_touch(
     body: Body,
     law: ContactLaw,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,

@@ -227,6 +227,15 @@ class RigidLaw(NamedTuple):
     settle_speed: float  # [m/s] of approach, below which an impact is plastic
 
 
+class Incline(NamedTuple):
+    """What a kernel needs of a slope: see :func:`sledenv.kernel.geometry.incline_of`."""
+
+    downhill: float  # [m/s^2] gravity along the slope,
+    inward: float  # [m/s^2] and along the inward normal
+    length: float  # [m] where the descent finishes; may be inf
+    gravity: float  # [m/s^2]
+
+
 class _SlopeFields(NamedTuple):
     angle: float  # [rad] beta, positive downhill
     length: float  # [m] where the descent finishes; may be inf

@@ -13,9 +13,9 @@ import numpy as np
 from sledenv.kernel.bounce import MOST_PHASES, driving, ending, entering, hardness, lying, passing, signs, turning
 from sledenv.kernel.contact import BOTH_CORNERS, INCONSISTENT, Pair, contact
 from sledenv.kernel.friction import mobility
-from sledenv.kernel.geometry import arms, corner_lengths, pulls, whole_turns
+from sledenv.kernel.geometry import arms, corner_lengths, whole_turns
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Body, Limits, RigidLaw, Slope
+from sledenv.kernel.params import Body, Incline, Limits, RigidLaw
 from sledenv.kernel.records import ARC, NOSE, RUNNING, STEP_BUDGET, TAIL, TUMBLED
 from sledenv.kernel.state import (
     ARM_A,
@@ -248,7 +248,7 @@ def strike_chord(body: Body, law: RigidLaw, feature: int, pressed: bool, state: 
 def strike(
     body: Body,
     law: RigidLaw,
-    slope: Slope,
+    slope: Incline,
     limits: Limits,
     state: np.ndarray,
     c: np.ndarray,
@@ -264,7 +264,7 @@ def strike(
     :func:`sledenv.kernel.contact.contact`.
     """
     size = body.radius + body.eccentricity
-    _, gravity = pulls(slope)
+    gravity = slope.inward
     pair = Pair(
         math.inf,
         0.0,
