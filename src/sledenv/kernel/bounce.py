@@ -32,7 +32,7 @@ from sledenv.kernel.flight import (
     tell_body,
     touchdown_times,
 )
-from sledenv.kernel.friction import branch_forces, resolve
+from sledenv.kernel.friction import branch_forces, rates_of, resolve
 from sledenv.kernel.geometry import has_corners, without_turns
 from sledenv.kernel.jit import allocating, kernel
 from sledenv.kernel.params import Body
@@ -127,8 +127,7 @@ def driving(
     slip: Any, spin: Any, mu: Any, rho: Any, per_mass: Any, per_inertia: Any, a: Any, b: Any
 ) -> tuple[Any, Any, Any]:
     """Program of the rates of (v_t, omega, v_n) in the normal impulse: docs/physics.md, section 4."""
-    rate_w = (rho - a + b * mu) * per_inertia
-    rate_t, rate_n = mu * per_mass + b * rate_w, per_mass - a * rate_w
+    rate_t, rate_w, rate_n = rates_of((per_mass, per_inertia, a, b), 0.0, 0.0, mu, rho, 1.0)
     return where(_zero(slip), 0.0, rate_t), where(_zero(spin), 0.0, rate_w), rate_n
 
 

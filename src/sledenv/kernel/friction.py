@@ -8,8 +8,10 @@ either sign. The branch of least violation is the answer: docs/physics.md, secti
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.trace import absolute, larger, less, scalar, where
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
 CLEAR = 1e-9  # violations above this are told from none
@@ -21,14 +23,29 @@ def mobility(mass: float, inertia: float, a: float, b: float) -> tuple[float, fl
     return 1.0 / mass, 1.0 / inertia, a, b
 
 
-@kernel
-def rates(
-    w: tuple[float, float, float, float], drive_t: float, drive_n: float, force: float, moment: float, normal: float
-) -> tuple[float, float, float]:
-    """Rates of (v_t, omega, v_n) under the contact forces: docs/physics.md (4.1)."""
+def rates_of(w: Any, drive_t: Any, drive_n: Any, force: Any, moment: Any, normal: Any) -> tuple[Any, Any, Any]:
+    """Rates of (v_t, omega, v_n) under the contact forces, as a program and as a kernel: docs/physics.md (4.1)."""
     per_mass, per_inertia, a, b = w
     spin_rate = (moment - a * normal + b * force) * per_inertia
     return force * per_mass + drive_t + b * spin_rate, spin_rate, normal * per_mass + drive_n - a * spin_rate
+
+
+rates = kernel(rates_of)
+
+
+def opening_of(
+    per_mass: Any, per_inertia: Any, a: Any, b: Any, mu: Any, rho: Any, drive_n: Any, closing: Any, opening: Any
+) -> tuple[Any, Any]:
+    """Program of how a contact at its deepest opens: the rate of its gap rate [m/s^2], and above which it clearly does.
+
+    ``mu`` and ``rho`` are tangential force and moment over the normal force, ``closing`` and ``opening`` its bounds.
+    """
+    yielding = per_mass - a * (rho - a + mu * b) * per_inertia
+    largest = larger(absolute(drive_n), larger(yielding, per_mass + a * a * per_inertia) * closing)
+    return where(less(0.0, yielding), drive_n + yielding * opening, -math.inf), CLEAR * largest
+
+
+_opening = scalar(opening_of)
 
 
 @kernel
@@ -124,9 +141,8 @@ def resolve(
     w_nn = per_mass + a * a * per_inertia
     if gap_rate == 0 and abs(slip) == 1 and abs(spin) == 1 and closing_normal < math.inf:
         # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
-        yielding = per_mass - a * (-spin * arm - a - slip * friction * b) * per_inertia
-        clear = CLEAR * max(abs(drive_n), yielding * closing_normal, w_nn * closing_normal)
-        if yielding > 0.0 and drive_n + yielding * opening_normal > clear:
+        rate, clear = _opening(*w, -slip * friction, -spin * arm, drive_n, closing_normal, opening_normal)
+        if rate > clear:
             return 1, slip, spin
     best = (0, 0, 0)
     least = 1e300

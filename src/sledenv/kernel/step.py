@@ -15,7 +15,7 @@ import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.events import NOTHING, RATE_ZERO, SEPARATION, SLIP_ZERO, SPIN_ZERO
-from sledenv.kernel.friction import CLEAR
+from sledenv.kernel.friction import opening_of
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
 from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
@@ -224,13 +224,11 @@ def _turning_back(z: Any, state: Any) -> Any:
     """
     pending = less(z[Z_GAP_ZEROS], 0.0)
     a, b, depth = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE], -state[GAP]
-    per_inertia = z[Z_RATIO] * z[Z_PER_MASS]
+    mobility = (z[Z_PER_MASS], z[Z_RATIO] * z[Z_PER_MASS], a, b)
     drive = -z[Z_INWARD] - z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
-    yielding = z[Z_PER_MASS] - a * (z[Z_RHO] - a + z[Z_MU] * b) * per_inertia
-    straight = z[Z_PER_MASS] + a * a * per_inertia
-    largest = larger(absolute(drive), larger(yielding, straight) * z[Z_K_CLOSING] * depth)
-    opens = less(2.0 * CLEAR * largest, drive + yielding * z[Z_K_OPENING] * depth) & less(0.0, yielding)
-    opens = opens & less(NO_DEPTH * z[Z_SIZE], depth) & _nonzero(state[V_T]) & _nonzero(state[OMEGA])
+    bounds = (z[Z_K_CLOSING] * depth, z[Z_K_OPENING] * depth)
+    rate, clear = opening_of(*mobility, z[Z_MU], z[Z_RHO], drive, *bounds)
+    opens = less(2.0 * clear, rate) & less(NO_DEPTH * z[Z_SIZE], depth) & _nonzero(state[V_T]) & _nonzero(state[OMEGA])
     turns = pending & opens
     z[Z_GAP_RATE] = where(turns, 1.0, z[Z_GAP_RATE])
     z[Z_STIFFNESS] = where(turns, z[Z_K_OPENING], z[Z_STIFFNESS])
