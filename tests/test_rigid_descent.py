@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
@@ -218,6 +218,8 @@ bodies = st.sampled_from(
     omega=st.sampled_from([0.0, -6.0, 9.0]),
     solver=st.sampled_from(["rigid", "compliant"]),
 )
+@example(circular_segment(1.0, 0.5, 1.0), 0.1, 0.0, 0.0, math.pi, 0.0, 0.0, 0.0, "compliant")
+@example(circular_segment(1.0, 0.5, 1.0), 0.0, 0.4, 0.002, math.pi, 0.01, 1.0, 0.0, "compliant")
 @settings(max_examples=60, deadline=None)
 def test_the_mirror_image_on_a_level_plane_descends_as_the_mirror_image_bit_for_bit(
     body, asymmetry, friction, arm, phi, drop, u, omega, solver

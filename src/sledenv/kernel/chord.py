@@ -526,7 +526,9 @@ def chord_contact(
             choose = True
 
     # Back to the coordinates of the side that touches, or of the deeper one.
-    tail = now[GAP] < now[GAP_2] or (now[GAP] == now[GAP_2] and now[PHI] < 0.0)
+    tail = now[GAP] < now[GAP_2]
+    if now[GAP] == now[GAP_2]:  # flat: the side that came down first, or a mirror image would end on the same side
+        tail = now[PHI] < 0.0 or (now[PHI] == 0.0 and tail_first)
     a, b = _arms(one if tail else two, now[PHI])
     on_arc = arc_1 if tail else arc_2
     state[FEATURE] = ARC if on_arc else (TAIL if tail else NOSE)
