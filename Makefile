@@ -45,11 +45,11 @@ $(BENCH_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,bench]'
 	@touch $@
 
-bench: $(BENCH_STAMP) ## run the benchmarks and write docs/performance.md (BENCH="peers env" chooses)
-	$(BIN)/python -m benchmarks $(BENCH)
+bench: $(BENCH_STAMP) ## measure speed and write docs/performance.md (BENCH="peers env" chooses)
+	$(BIN)/python -m perf $(BENCH)
 
 bench-instructions: $(STAMP) ## count instructions a hop with valgrind (UPDATE=--update sets the baseline)
-	$(BIN)/python -m benchmarks.instructions $(UPDATE)
+	$(BIN)/python -m perf.instructions $(UPDATE)
 
 # RLlib fixes the version of gymnasium, so these clients have an environment of their own in which it is not pinned.
 $(CLIENTS_STAMP): pyproject.toml constraints.txt
@@ -69,7 +69,7 @@ lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/lint-imports --no-cache
 
 clean-cache: ## remove the compiled kernels and byte code
-	find src agents tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
 	rm -rf $(VENV) $(CLIENTS) build dist src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \

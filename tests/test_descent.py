@@ -17,9 +17,8 @@ from hypothesis import strategies as st
 from sledenv import descent as descent_module
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs.task import FIELDS, Task
+from sledenv.geometry import support_height
 from sledenv.jam import DescentJam
-from sledenv.kernel.geometry import support_height
-from sledenv.kernel.lanes import descend_batch
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenario import load_scenario, scenario_names
@@ -620,9 +619,10 @@ def test_an_interrupt_takes_effect_between_blocks(
         runs += 1
         if runs == 3:
             signal.raise_signal(signal.SIGINT)
-        descend_batch(*arguments)
+        simulated(*arguments)
 
-    monkeypatch.setattr(descent_module, "descend_batch", interrupted)
+    simulated = descent_module._descend_batch
+    monkeypatch.setattr(descent_module, "_descend_batch", interrupted)
     monkeypatch.setattr(descent_module, "_BLOCK", 4)
     request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
@@ -659,7 +659,7 @@ def test_progress_shows_a_bar_or_says_what_is_missing(
     assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10, progress=True))
     assert "24.0/24.0" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    monkeypatch.setattr(descent_module, "descend_batch", None)
+    monkeypatch.setattr(descent_module, "_descend_batch", None)
     with pytest.raises(ImportError, match="the bar needs tqdm: pip install tqdm"):
         simulate_batch(SEGMENT, LAW, INCLINE, states, progress=True)
 
@@ -851,10 +851,10 @@ REFUSED = [
     ({"tolerance": 1.0}, ValueError, "tolerance = 1.0: must be in [1e-18, 1e-3]"),
     ({"sample_interval": 0.0}, ValueError, "sample_interval = 0.0: must be in (0, inf)"),
     ({"step": -1.0}, ValueError, "step = -1.0: must be in (0, inf)"),
-    ({"state": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
-    ({"state": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
-    ({"state": LAUNCH._replace(u=math.nan)}, ValueError, "State.u = nan: must be a finite number"),
-    ({"state": LAUNCH._replace(omega=math.inf)}, ValueError, "State.omega = inf: must be a finite number"),
+    ({"launch": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
+    ({"launch": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
+    ({"launch": LAUNCH._replace(u=math.nan)}, ValueError, "State.u = nan: must be a finite number"),
+    ({"launch": LAUNCH._replace(omega=math.inf)}, ValueError, "State.omega = inf: must be a finite number"),
     ({"body": DISC._replace(mass=-1.0)}, ValueError, "Body.mass = -1.0: must be in (0, inf)"),
     ({"law": LAW._replace(asymmetry=1.0)}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
     ({"slope": INCLINE._replace(length=math.nan)}, ValueError, "Slope.length = nan: must be in (0, inf]"),
@@ -868,7 +868,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("descend", "descend_batch", "descend_euler"):
+    for loop in ("_descend", "_descend_batch", "_descend_euler"):
         monkeypatch.setattr(descent_module, loop, run)
 
 
@@ -884,24 +884,28 @@ def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
 @pytest.mark.parametrize(("bad", "error", "message"), REFUSED, ids=str)
 def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error: type[Exception], message: str) -> None:
     """Oracle: the message: field, value and range."""
-    good = {"body": DISC, "law": LAW, "slope": INCLINE, "state": LAUNCH}
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launch": LAUNCH}
     with pytest.raises(error) as caught:
         simulate(**good | bad)
     assert message in str(caught.value)
 
 
 BAD_BATCHES = [
-    ({"states": [[0.0, 1.0, 0.0]]}, ValueError, "states has shape (1, 3): must be (N, 6), columns x, y, phi"),
-    ({"states": np.zeros((2, 3, 6))}, ValueError, "states has shape (2, 3, 6): must be (N, 6)"),
-    ({"states": []}, ValueError, "states has shape (0,): must be (N, 6)"),
+    ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
+    ({"launches": np.zeros((2, 3, 6))}, ValueError, "launches has shape (2, 3, 6): must be (N, 6)"),
+    ({"launches": []}, ValueError, "launches has shape (0,): must be (N, 6)"),
     (
-        {"states": [LAUNCH, LAUNCH._replace(y=0.01)]},
+        {"launches": [LAUNCH, LAUNCH._replace(y=0.01)]},
         ValueError,
-        "states[1].y = 0.01: the launch lies below the surface",
+        "launches[1].y = 0.01: the launch lies below the surface",
     ),
-    ({"states": [LAUNCH, LAUNCH._replace(x=11.0)]}, ValueError, "states[1].x = 11.0: must be < Slope.length = 10.0 m"),
-    ({"law": [LAW]}, ValueError, "law: 1 given for 2 states; give one or one a state"),
-    ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 states; give one or one a state"),
+    (
+        {"launches": [LAUNCH, LAUNCH._replace(x=11.0)]},
+        ValueError,
+        "launches[1].x = 11.0: must be < Slope.length = 10.0 m",
+    ),
+    ({"law": [LAW]}, ValueError, "law: 1 given for 2 launches; give one or one a launch"),
+    ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 launches; give one or one a launch"),
     ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
     ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
     ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
@@ -928,7 +932,7 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
     bad: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     """Oracle: the message: argument or lane, value and range."""
-    good = {"body": DISC, "law": LAW, "slope": INCLINE, "states": [LAUNCH, LAUNCH]}
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launches": [LAUNCH, LAUNCH]}
     with pytest.raises(error) as caught:
         simulate_batch(**good | bad)
     assert message in str(caught.value)
@@ -949,7 +953,7 @@ def test_a_wrong_block_is_named() -> None:
 @pytest.mark.usefixtures("nothing_runs")
 def test_a_lane_that_is_not_finite_is_named() -> None:
     """Oracle: the message: lane, field and value."""
-    with pytest.raises(ValueError, match=r"states\[1\]\.u = nan: must be a finite number"):
+    with pytest.raises(ValueError, match=r"launches\[1\]\.u = nan: must be a finite number"):
         simulate_batch(DISC, LAW, INCLINE, [LAUNCH, LAUNCH._replace(u=math.nan)])
 
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sledenv.descent import simulate, simulate_batch
+from sledenv.geometry import support_height
 from sledenv.jam import descent_jam, rebound_jam
-from sledenv.kernel.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import FINISH as FINISHED
 from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status

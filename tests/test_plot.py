@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import sledenv
 from sledenv import outline, plot
 from sledenv.descent import Descent, simulate
-from sledenv.kernel.geometry import arms, support_height
+from sledenv.geometry import arms, support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature
 

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
-from sledenv.kernel.geometry import support_height
+from sledenv.geometry import support_height
 
 GRAVITY = 9.81
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)

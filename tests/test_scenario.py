@@ -19,7 +19,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sledenv.kernel.geometry import lowest_support, support_height
+from sledenv.geometry import lowest_support, support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 

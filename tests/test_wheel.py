@@ -13,10 +13,11 @@ import pytest
 
 import sledenv
 from sledenv import wheel
-from sledenv.kernel.bounce import MOST_PHASES
 from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
+from sledenv.kernel.jit import entry
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.rigid import ENERGETIC, impact
+from sledenv.kernel.state import HOP, new
 from sledenv.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
@@ -24,26 +25,32 @@ NO_PHASES = np.empty(0, PHASE)
 SIZES = [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def kernel_impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray) -> None:
+def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray, hops: np.ndarray) -> None:
     """Solve each row of cases (m, J, r, f, delta, e, u, v, omega) by the general solver with a = 0, b = r."""
+    hop = hops[0]
     for i in range(len(cases)):
         m, inertia, r, f, delta, e, u, v, omega = cases[i]
         slip = u + r * omega
-        result = impact(m, inertia, 0.0, r, r, f, delta, e, ENERGETIC, slip, omega, v, phases)
-        out[i, 0] = result[0] - r * result[1]
-        out[i, 1] = result[2]
-        out[i, 2] = result[1]
-        out[i, 3] = result[4]
-        out[i, 4] = result[3]
-        out[i, 5] = result[5]
-        modes[i] = contact_mode(slip, omega, result[0], result[1]) if result[9] <= MOST_PHASES else 0
+        hop["per_mass"], hop["per_inertia"], hop["size"] = 1.0 / m, 1.0 / inertia, r
+        hop["a"], hop["b"], hop["friction"], hop["arm"], hop["restitution"] = 0.0, r, f, delta, e
+        hop["v_t"], hop["omega"], hop["v_n"] = slip, omega, v
+        count = impact(ENERGETIC, hop, phases)
+        out[i, 0] = hop["v_t"] - r * hop["omega"]
+        out[i, 1] = hop["v_n"]
+        out[i, 2] = hop["omega"]
+        out[i, 3] = hop["tangential_impulse"]
+        out[i, 4] = hop["normal_impulse"]
+        out[i, 5] = hop["rolling_impulse"]
+        modes[i] = contact_mode(slip, omega, hop["v_t"], hop["omega"]) if count <= MOST_PHASES else 0
+
+
+kernel_impacts = entry(impacts)
 
 
 def solve(cases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(u, v, omega, SF, P, moment impulse) of every case and the name of its mode, by the general solver."""
     out, modes = np.zeros((len(cases), 6)), np.zeros(len(cases), np.int64)
-    kernel_impacts(cases, out, modes, NO_PHASES)
+    kernel_impacts(cases, out, modes, NO_PHASES, new(HOP))
     return out, MODE_NAMES[modes]
 
 
@@ -160,7 +167,7 @@ compiled_rules = numba.njit(error_model="numpy")(rules_that_hold)
 
 @pytest.mark.parametrize("n", SIZES)
 def test_closed_forms_agree_with_the_general_impact(n: int) -> None:
-    """Oracle: kernel.rigid.impact, which knows no scenario; error in units of the largest speed of entry."""
+    """Oracle: kernel.impact.impact, which knows no scenario; error in units of the largest speed of entry."""
     cases = random_wheels(n, seed=1, boundaries=True)
     m, _, r, *_ = cases.T
     expected, _ = solve(cases)

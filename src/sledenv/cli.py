@@ -16,10 +16,10 @@ from typing import NoReturn, get_args
 
 import numpy as np
 
+from sledenv.checks import Solver
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
 from sledenv.files import publish, replacing
-from sledenv.launches import Solver
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
 from sledenv.scenario import load_scenario, scenario_names

@@ -8,17 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, get_args
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.descend import descend, work_space
-from sledenv.kernel.euler import descend_euler
-from sledenv.kernel.lanes import descend_batch
-from sledenv.kernel.laws import Law
-from sledenv.kernel.params import TOLERANCE, Body, ContactLaw, Limits, Slope, State
-from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.launches import (
+from sledenv.checks import (
     BatchSolver,
     Laws,
     Slopes,
@@ -30,6 +24,15 @@ from sledenv.launches import (
     law_like,
     touching_law,
 )
+from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
+from sledenv.kernel.batch import descend_batch
+from sledenv.kernel.descend import SPACE, descend
+from sledenv.kernel.euler import descend_euler
+from sledenv.kernel.jit import entry, parallel_entry
+from sledenv.kernel.laws import Law
+from sledenv.kernel.params import TOLERANCE, Body, ContactLaw, Limits, Slope, State
+from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.state import CONTACT, new
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -39,6 +42,8 @@ FrictionSign = Literal["dissipative", "printed"]
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
 _BLOCK = 8192  # lanes of a batch between two chances to interrupt it
+
+_descend, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
 
 
 class Energy(NamedTuple):
@@ -156,7 +161,7 @@ def simulate(
     body: Body,
     law: ContactLaw,
     slope: Slope,
-    state: State,
+    launch: State,
     *,
     solver: Solver = "compliant",
     max_time: float = 60.0,
@@ -174,8 +179,8 @@ def simulate(
     ----------
     body, law, slope
         What descends, how it touches and where.
-    state : State
-        Launch; the body must not lie below the surface.
+    launch : State
+        Where and how it starts; the body must not lie below the surface.
     solver : {"compliant", "rigid", "euler"}
         The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
         impulse and sustained contact (sections 4 and 6), which takes the restitution of ``law`` and ignores its
@@ -214,7 +219,7 @@ def simulate(
     if friction_sign == "printed" and solver != "euler":
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
     body, law, slope = Body(*body), ContactLaw(*law), Slope(*slope)
-    launch = launched(body, slope, State(*state))
+    launch = launched(body, slope, State(*launch))
     euler = solver == "euler"
     limits = Limits(
         max_time=max_time,
@@ -223,18 +228,19 @@ def simulate(
         sample_interval=sample_interval,
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
+        max_rebounds=checked_count("max_rebounds", max_rebounds),
     )
     touching = touching_law(body, law, slope, solver, settle_speed)
-    rebounds = np.zeros(checked_count("max_rebounds", max_rebounds), REBOUND)
+    rebounds = np.zeros(max_rebounds, REBOUND)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
     outcome = outcomes[0]
 
     def run() -> None:
         if euler:
-            descend_euler(body, law, slope, launch, limits, rebounds, trajectory, outcome)
+            _descend_euler(body, law, slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes)
         else:
-            descend(body, touching, slope, launch, limits, rebounds, work_space(), trajectory, outcome)
+            _descend(body, touching, slope, launch, limits, rebounds, new(SPACE), trajectory, outcomes)
 
     run()
     if record == "trajectory" and outcome["samples"] > len(trajectory):
@@ -288,7 +294,6 @@ class _Lanes(NamedTuple):
     slopes: np.ndarray
     launches: np.ndarray
     limits: Limits
-    max_rebounds: int
 
     def parts(self, block: int) -> Iterator[slice]:
         """Split the lanes into blocks."""
@@ -297,13 +302,14 @@ class _Lanes(NamedTuple):
 
     def log(self, lanes: int, keep: bool) -> np.ndarray:
         """Return empty rebound logs, of no lane unless they are kept."""
-        shape = (lanes, self.max_rebounds) if keep else (0, 0)
+        max_rebounds = int(self.limits.max_rebounds)
+        shape = (lanes, max_rebounds) if keep else (0, 0)
         try:
             return np.zeros(shape, REBOUND)
         except (MemoryError, ValueError) as error:  # ValueError: not even an address
-            size = lanes * self.max_rebounds * REBOUND.itemsize
+            size = lanes * max_rebounds * REBOUND.itemsize
             raise MemoryError(
-                f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {self.max_rebounds}, take "
+                f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {max_rebounds}, take "
                 f"{size / 1e9:.3g} GB; lower max_rebounds or take them block by block, see simulate_blocks"
             ) from error
 
@@ -311,8 +317,8 @@ class _Lanes(NamedTuple):
         """Simulate a block of lanes and return its jam metrics."""
         laws = self.laws[part] if len(self.laws) > 1 else self.laws
         slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
-        launches, log_length = self.launches[part], self.max_rebounds
-        descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, log_length, outcomes)
+        launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
+        _descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces)
         return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
 
 
@@ -320,7 +326,7 @@ def _lanes(
     body: Body,
     law: Laws,
     slope: Slopes,
-    states: ArrayLike,
+    launches: ArrayLike,
     solver: BatchSolver,
     max_time: float,
     max_rebounds: int,
@@ -329,17 +335,17 @@ def _lanes(
 ) -> _Lanes:
     """Check a batch."""
     body = Body(*body)
-    laws, slopes, launches = checked_lanes(body, law, slope, states, solver, settle_speed)
-    log_length = checked_count("max_rebounds", max_rebounds)
-    limits = Limits(max_time=max_time, tolerance=tolerance)
-    return _Lanes(body, law_like(laws, solver), laws, slopes, launches, limits, log_length)
+    laws, slopes, rows = checked_lanes(body, law, slope, launches, solver, settle_speed)
+    max_rebounds = checked_count("max_rebounds", max_rebounds)
+    limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
+    return _Lanes(body, law_like(laws, solver), laws, slopes, rows, limits)
 
 
 def simulate_batch(
     body: Body,
     law: Laws,
     slope: Slopes,
-    states: ArrayLike,
+    launches: ArrayLike,
     *,
     solver: BatchSolver = "compliant",
     max_time: float = 60.0,
@@ -349,7 +355,7 @@ def simulate_batch(
     settle_speed: float | None = None,
     progress: bool = False,
 ) -> DescentBatch:
-    """Simulate many descents of one body on all cores; lane i equals ``simulate`` of state i bit for bit.
+    """Simulate many descents of one body on all cores; lane i equals ``simulate`` of launch i bit for bit.
 
     The lanes are simulated in blocks, between which an interrupt takes effect; the result does not depend on them.
 
@@ -359,8 +365,8 @@ def simulate_batch(
         Shared by all lanes.
     law, slope : ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5) and (N, 3)
         One for all lanes or one a lane.
-    states : array_like, shape (N, 6)
-        Launches, columns as in :class:`State`.
+    launches : array_like, shape (N, 6)
+        Columns as in :class:`State`.
     solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate`.
     keep_rebounds : bool
@@ -382,7 +388,7 @@ def simulate_batch(
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
-    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed)
     count = len(lanes.launches)
     rebounds = lanes.log(count, keep_rebounds)
     outcomes = np.zeros(count, OUTCOME)
@@ -399,7 +405,7 @@ def simulate_blocks(
     body: Body,
     law: Laws,
     slope: Slopes,
-    states: ArrayLike,
+    launches: ArrayLike,
     *,
     block: int = 1024,
     solver: BatchSolver = "compliant",
@@ -413,7 +419,7 @@ def simulate_blocks(
 
     Parameters
     ----------
-    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`simulate_batch`.
     block : int
         Launches simulated at a time, >= 1.
@@ -432,7 +438,7 @@ def simulate_blocks(
     TypeError, ValueError, MemoryError
         As :func:`simulate_batch`, when it is called.
     """
-    lanes = _lanes(body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed)
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed)
     block = checked_count("block", block)
     lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
 

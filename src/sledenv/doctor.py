@@ -16,18 +16,13 @@ from typing import Final, get_args
 
 import numba
 import numpy as np
-from numba.core.event import install_recorder
-from numba.core.registry import cpu_target
 
+from sledenv.checks import BatchSolver, Solver
 from sledenv.descent import simulate, simulate_batch
 from sledenv.impact import rigid_impact
-from sledenv.kernel.descend import begin
-from sledenv.kernel.jit import cache_folder
-from sledenv.kernel.lanes import hop_batch
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State
-from sledenv.kernel.records import OUTCOME, REBOUND
-from sledenv.launches import BatchSolver, Solver
-from sledenv.ride import Ride
+from sledenv.kernel.jit import cache_folder, entries
+from sledenv.kernel.params import Body, ContactLaw, Slope, State
+from sledenv.ride import Ride, RideBatch
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
 
@@ -57,11 +52,9 @@ def examine(report: Callable[[str], None]) -> list[str]:
     list of str
         What is wrong, one line each; empty if nothing is.
     """
-    _, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    there = [f"{name} {'yes' if f'+{name.lower()}' in features.split(',') else 'no'}" for name in ("FMA", "AVX2")]
     folder = cache_folder()
     report(f"versions   {', '.join(_versions())}")
-    report(f"processor  {processor} to LLVM, {', '.join(there)}, cores {os.cpu_count()}")
+    report(f"processor  {', '.join(_processor())}, cores {os.cpu_count()}")
     report(f"cache      {_contents(folder)}")
     problems = _hindrances(folder)
     for name, run in _KERNELS:
@@ -92,11 +85,26 @@ def _versions() -> Iterator[str]:
             yield f"{name} not installed"
 
 
+def _processor() -> Iterator[str]:
+    """Name of the processor, and whether it has what the speed depends on, as far as the system says so."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    known = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+    yield known.get("model name") or platform.processor() or platform.machine()
+    flags = known.get("flags", "").split()
+    for name in ("FMA", "AVX2"):
+        yield f"{name} {('yes' if name.lower() in flags else 'no') if flags else 'unknown'}"
+    if chosen := numba.config.CPU_NAME:  # type: ignore[attr-defined]
+        yield f"{chosen} to numba"
+
+
 def _contents(folder: Path | None) -> str:
     """What a cache folder holds."""
     if folder is None:
         return "none"
-    files = [path.stat().st_size for path in folder.glob("*.nbc")]
+    files = [path.stat().st_size for path in folder.rglob("*.nbc")]
     return f"{folder}: {len(files)} kernels, {sum(files) / 1e6:.1f} MB" if files else f"{folder}: empty"
 
 
@@ -124,14 +132,21 @@ def _threads() -> str:
 def _warmed(run: Callable[[], None]) -> str:
     level = _log.level
     _log.setLevel(logging.ERROR)  # that it is compiling is known here
+    compiled, damaged = _made()
+    start = time.perf_counter()
     try:
-        with install_recorder("numba:compile") as compilations:
-            start = time.perf_counter()
-            run()
-            spent = time.perf_counter() - start
+        run()
     finally:
         _log.setLevel(level)
-    return f"{'compiled' if compilations.buffer else 'ready'} in {spent:.1f} s"
+    spent = time.perf_counter() - start
+    now_compiled, now_damaged = _made()
+    why = "".join(f", in place of a damaged {path}" for path in sorted(now_damaged - damaged))
+    return f"{'compiled' if now_compiled > compiled else 'ready'} in {spent:.1f} s{why}"
+
+
+def _made() -> tuple[int, set[str]]:
+    """How many kernels this process has compiled, and what files it has found damaged."""
+    return sum(entry.compiled for entry in entries()), {path for entry in entries() for path in entry.damaged}
 
 
 def _descent(solver: Solver) -> None:
@@ -150,13 +165,8 @@ def _ride(solver: BatchSolver) -> None:
 
 
 def _hops(solver: BatchSolver) -> None:
-    law = RigidLaw(0.5, *_LAW[2:], 1e-5) if solver == "rigid" else _LAW
-    flights, rebounds = np.zeros(2, OUTCOME), np.zeros(2, REBOUND)
-    for flight in flights:
-        begin(_LAUNCH, flight)
-    launches = np.array([_LAUNCH, _LAUNCH])
-    laws, slopes, trims = np.array([law]), np.array([_SLOPE]), np.zeros(2)
-    hop_batch(_BODY, law, laws, slopes, launches, Limits(), _ROTOR, trims, flights, rebounds, 5)
+    rides = RideBatch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], solver=solver, max_rebounds=5, rotor_inertia=_ROTOR)
+    rides.hop(np.zeros(2))
 
 
 _KERNELS: Final[tuple[tuple[str, Callable[[], None]], ...]] = (

@@ -7,16 +7,17 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from sledenv.kernel.bounce import MOST_PHASES
 from sledenv.kernel.descend import contact_mode
-from sledenv.kernel.geometry import arms, feature_at, whole_turns
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, collide
+from sledenv.kernel.jit import entry
 from sledenv.kernel.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
-from sledenv.kernel.records import ARC, PHASE, Mode
-from sledenv.kernel.rigid import ENERGETIC, NEWTON, POISSON, impact
+from sledenv.kernel.records import PHASE, Mode
+from sledenv.kernel.state import HOP, new
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 
 _CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
+_collide = entry(collide)
 
 
 class Phase(NamedTuple):
@@ -99,32 +100,27 @@ def rigid_impact(
         raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
     body, law, state = Body(*body), ContactLaw(*law), State(*state)
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
-    local = state.phi - whole_turns(state.phi)
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
-    v_t, v_n = state.u + b * state.omega, state.v - a * state.omega
-    rows = np.zeros(MOST_PHASES, PHASE)
-    slip, omega, gap_rate, p_n, p_t, p_r, hysteresis, sliding, rolling, count = impact(
-        body.mass,
-        body.inertia,
-        a,
-        b,
-        body.radius + body.eccentricity,
-        law.friction,
-        law.rolling_arm if feature == ARC else law.corner_rolling_arm,
-        e,
-        _CODES[hypothesis],
-        v_t,
-        state.omega,
-        v_n,
-        rows,
-    )
+    rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
+    count = _collide(body, law, state, e, _CODES[hypothesis], hops, rows)
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
-    after = state if count == 0 else state._replace(u=slip - b * omega, v=gap_rate + a * omega, omega=omega)
+    hop = {name: float(hops[name][0]) for name in HOP.names or ()}
+    slip, omega = hop["v_t"], hop["omega"]
+    after = state
+    if count > 0:
+        after = state._replace(u=slip - hop["b"] * omega, v=hop["v_n"] + hop["a"] * omega, omega=omega)
     phases = tuple(
         Phase(float(row["start"]), float(row["impulse"]), int(row["slip"]), int(row["spin"]), bool(row["restitution"]))
         for row in rows[:count]
     )
-    mode = Mode(contact_mode(v_t, state.omega, slip, omega))
-    return RigidImpact(after, p_n, p_t, p_r, mode, phases, hysteresis, sliding, rolling)
+    return RigidImpact(
+        after,
+        hop["normal_impulse"],
+        hop["tangential_impulse"],
+        hop["rolling_impulse"],
+        Mode(contact_mode(hop["v_t_landing"], state.omega, slip, omega)),
+        phases,
+        hop["hysteresis"],
+        hop["sliding"],
+        hop["rolling"],
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.descent import Descent
-from sledenv.kernel.geometry import arms, feature_at, whole_turns
+from sledenv.geometry import arms, feature_at, whole_turns
 from sledenv.kernel.params import Body, State
 from sledenv.kernel.records import Feature, Status
 

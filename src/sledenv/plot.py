@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sledenv.descent import Descent
-from sledenv.kernel.geometry import arms
+from sledenv.geometry import arms
 from sledenv.kernel.records import Mode
 from sledenv.outline import (
     arc_centre,

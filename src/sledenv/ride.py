@@ -5,17 +5,11 @@ from __future__ import annotations
 import copy
 from typing import Self, get_args
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
-from sledenv.jam import descent_jam
-from sledenv.kernel.descend import begin, close_books, hop, trim, work_space
-from sledenv.kernel.geometry import incline_of
-from sledenv.kernel.lanes import hop_batch
-from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
-from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.launches import (
+from sledenv.checks import (
     BatchSolver,
     Laws,
     Slopes,
@@ -27,6 +21,16 @@ from sledenv.launches import (
     law_like,
     touching_law,
 )
+from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.jam import descent_jam
+from sledenv.kernel.batch import Trims, hop_batch
+from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
+from sledenv.kernel.jit import entry, parallel_entry
+from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
+from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.state import new
+
+_embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
 
 
 class Ride:
@@ -37,7 +41,7 @@ class Ride:
 
     Parameters
     ----------
-    body, law, slope, state, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
+    body, law, slope, launch, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
         As for :func:`sledenv.simulate`, but for the Euler solver.
     rotor_inertia : float, optional
         Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
@@ -53,7 +57,7 @@ class Ride:
         body: Body,
         law: ContactLaw,
         slope: Slope,
-        state: State,
+        launch: State,
         *,
         solver: BatchSolver = "compliant",
         max_time: float = 60.0,
@@ -67,19 +71,19 @@ class Ride:
         checked_choice("solver", solver, get_args(BatchSolver))
         checked_choice("record", record, get_args(Record))
         self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
-        self._incline = incline_of(self.slope)
-        self.launch = launched(self.body, self.slope, State(*state))
+        self.launch = launched(self.body, self.slope, State(*launch))
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
         self._touching = touching_law(self.body, self.law, self.slope, solver, settle_speed)
-        self._limits = Limits(max_time=max_time, tolerance=tolerance, sample_interval=sample_interval)
-        self._space = work_space()
-        self._rebounds = np.zeros(checked_count("max_rebounds", max_rebounds), REBOUND)
+        max_rebounds = checked_count("max_rebounds", max_rebounds)
+        self._limits = Limits(
+            max_time=max_time, tolerance=tolerance, sample_interval=sample_interval, max_rebounds=max_rebounds
+        )
+        self._rebounds = np.zeros(max_rebounds, REBOUND)
         self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
         self._flight = np.zeros(1, OUTCOME)
-        begin(self.launch, self._flight[0])
-        close_books(self.body, self._incline, self.launch, self._flight[0])
+        _embark(self.body, self.slope, self.launch, self._flight)
 
     @property
     def status(self) -> Status:
@@ -115,8 +119,7 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        trim(self.body, self.rotor_inertia, self._flight[0], lent)
-        close_books(self.body, self._incline, self.launch, self._flight[0])
+        _trim(self.body, self.slope, self.launch, self.rotor_inertia, self._flight, lent)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -134,7 +137,6 @@ class Ride:
             longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
             self._trajectory, self._flight = longer, start
             self._hop()
-        close_books(self.body, self._incline, self.launch, self._flight[0])
         return self.status
 
     def run(self) -> Descent:
@@ -160,11 +162,9 @@ class Ride:
         return copy.deepcopy(self)
 
     def _hop(self) -> None:
-        flight = self._flight[0]
-        rebound = self._rebounds[flight["rebounds"]]
-        log_length = len(self._rebounds)
-        limits, space = self._limits, self._space
-        hop(self.body, self._touching, self._incline, limits, flight, rebound, log_length, space, self._trajectory)
+        body, slope, launch, limits = self.body, self.slope, self.launch, self._limits
+        log, trajectory, flight = self._rebounds, self._trajectory, self._flight
+        _hop(body, self._touching, slope, launch, limits, log, new(SPACE), trajectory, flight)
 
     def _check_running(self) -> None:
         if self.status != Status.RUNNING:
@@ -178,7 +178,7 @@ class RideBatch:
 
     Parameters
     ----------
-    body, law, slope, states, solver, max_time, max_rebounds, tolerance, settle_speed
+    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
         Keep the logs, N * max_rebounds records of 144 bytes.
@@ -196,7 +196,7 @@ class RideBatch:
         body: Body,
         law: Laws,
         slope: Slopes,
-        states: ArrayLike,
+        launches: ArrayLike,
         *,
         solver: BatchSolver = "compliant",
         max_time: float = 60.0,
@@ -212,24 +212,24 @@ class RideBatch:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
         self._solver: BatchSolver = solver
         self._settle_speed = settle_speed
-        self._limits = Limits(max_time=max_time, tolerance=tolerance)
-        self._log_length = checked_count("max_rebounds", max_rebounds)
-        launches = checked_table("states", states, State._fields)
-        lanes = len(launches)
+        max_rebounds = checked_count("max_rebounds", max_rebounds)
+        self._limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
+        rows = checked_table("launches", launches, State._fields)
+        lanes = len(rows)
         self._laws = np.empty((lanes, len(ContactLaw._fields)))
         self._slopes = np.empty((lanes, len(Slope._fields)))
-        self._launches = np.empty_like(launches)
+        self._launches = np.empty_like(rows)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
-        self._rebounds = np.zeros((lanes, self._log_length) if keep_rebounds else (0, 0), REBOUND)
-        self.launch(np.arange(lanes), law, slope, launches)
+        self._rebounds = np.zeros((lanes, max_rebounds) if keep_rebounds else (0, 0), REBOUND)
+        self.launch(np.arange(lanes), law, slope, rows)
 
     def launch(
         self,
         lanes: np.ndarray,
         law: Laws,
         slope: Slopes,
-        states: ArrayLike,
+        launches: ArrayLike,
     ) -> None:
         """Begin new descents; their ledgers are empty until the first hop.
 
@@ -237,18 +237,18 @@ class RideBatch:
         ----------
         lanes : ndarray of int, shape (n,)
             In which lanes, no two alike.
-        law, slope, states
+        law, slope, launches
             As for :func:`sledenv.simulate_batch`, of n descents.
 
         Raises
         ------
         TypeError, ValueError
-            Naming the argument or the lane, counted in ``states``; no lane has changed then.
+            Naming the argument or the lane, counted in ``launches``; no lane has changed then.
         """
-        laws, slopes, launches = checked_lanes(self.body, law, slope, states, self._solver, self._settle_speed)
-        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = laws, slopes, launches
-        flights = np.zeros(len(launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
-        for name, column in zip(State._fields, launches.T, strict=True):
+        laws, slopes, rows = checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed)
+        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = laws, slopes, rows
+        flights = np.zeros(len(rows), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        for name, column in zip(State._fields, rows.T, strict=True):
             flights[name] = column
         self._flights[lanes] = flights
         if self._rebounds.size:
@@ -273,18 +273,17 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        hop_batch(
+        _hop_batch(
             self.body,
             law_like(self._laws, self._solver),
             self._laws,
             self._slopes,
             self._launches,
             self._limits,
-            self.rotor_inertia or 1.0,
-            spins,
+            Trims(spins, self.rotor_inertia or 1.0),
             self._flights,
             self._touched,
-            self._log_length,
+            new(SPACE, numba.get_num_threads()),
         )
         if before is not None:
             touching = np.flatnonzero(self._flights["rebounds"] > before)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from sledenv.kernel.geometry import support_heights
+from sledenv.geometry import support_heights
 from sledenv.kernel.params import (
     FINITE,
     NOT_NEGATIVE,

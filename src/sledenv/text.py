@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sledenv.descent import Descent
-from sledenv.kernel.geometry import support_height
+from sledenv.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State
 from sledenv.kernel.records import Feature, Mode
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.kernel.geometry import feature_geometry, has_corners
+from sledenv.geometry import feature_geometry, has_corners
 from sledenv.kernel.params import Body, ContactLaw, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 

@@ -9,28 +9,12 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
-from sledenv.kernel.bounce import (
-    B_ARM,
-    B_FRICTION,
-    B_HYSTERESIS,
-    B_LENGTH,
-    B_MAX_TIME,
-    B_REBOUNDS,
-    B_RESTITUTION,
-    B_ROLLING,
-    B_SLIDING,
-    B_U,
-    I_FINE,
-    L_A,
-    L_B,
-    L_V_N,
-    L_V_T,
-    bounce,
-    bounce_pack,
-)
-from sledenv.kernel.flight import F_GRAVITY, F_HORIZON, F_OMEGA, F_TIME, F_V, F_Y
+from sledenv.kernel.bounce import bounce
+from sledenv.kernel.flight import tell_bodies, tell_body
+from sledenv.kernel.impact import ENERGETIC, impact
+from sledenv.kernel.jit import entry
 from sledenv.kernel.records import Status
-from sledenv.kernel.rigid import ENERGETIC, impact
+from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES
 
 BODIES = {
@@ -127,26 +111,44 @@ def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
             same_bits(outcome, ride.descent().outcome)
 
 
+def bounce_once(body: Body, count: int, packs: np.ndarray, hops: np.ndarray) -> None:
+    tell_body(body, hops[0])
+    tell_bodies(body, packs[0])
+    bounce(body, count, packs[0], hops[0])
+
+
+def hit(hops: np.ndarray) -> int:
+    return impact(ENERGETIC, hops[0], None)
+
+
 def test_a_hop_is_ordinary_if_its_impact_lets_the_body_go() -> None:
     """Oracle: impact() of the touch; one lane finishes before, one is plastic, one lands too late, four are empty."""
     body = BODIES["disc"]
-    z = bounce_pack(body)
+    packs = new(PACK)
+    z = packs[0]
     rng = np.random.default_rng(2)
-    z[F_Y], z[F_V], z[F_OMEGA] = rng.uniform((0.2, -1.0, -9.0), (0.5, 0.0, 9.0), (LANES, 3)).T
-    z[F_GRAVITY], z[F_HORIZON], z[B_MAX_TIME] = 9.81, 60.0, 60.0
-    z[B_FRICTION], z[B_ARM], z[B_RESTITUTION], z[B_LENGTH] = 0.2, 1e-3, 0.6, math.inf
-    z[B_U], z[B_LENGTH, 3], z[B_RESTITUTION, 5], z[F_HORIZON, 7] = 1.0, 0.01, 0.0, 1e-3
-    given, count = z.copy(), LANES - 4
-    bounce(body, count, z)
+    z["y"], z["v"], z["omega"] = rng.uniform((0.2, -1.0, -9.0), (0.5, 0.0, 9.0), (LANES, 3)).T
+    z["inward"], z["horizon"], z["max_time"] = 9.81, 60.0, 60.0
+    z["friction"], z["arc_arm"], z["law_restitution"], z["length"] = 0.2, 1e-3, 0.6, math.inf
+    z["u"], z["length"][3], z["law_restitution"][5], z["horizon"][7] = 1.0, 0.01, 0.0, 1e-3
+    given, count = packs.copy()[0], LANES - 4
+    entry(bounce_once)(body, count, packs, new(HOP))
     others = [3, 5, 7, *range(count, LANES)]
-    assert np.array_equal(np.flatnonzero(z[I_FINE] == 0.0), others)
-    assert np.array_equal(z[B_REBOUNDS], z[I_FINE])
-    for row in (F_Y, F_V, F_OMEGA, F_HORIZON):
-        assert np.array_equal(z[row, others], given[row, others])
-    for k in np.flatnonzero(z[I_FINE]):
-        a, b, omega, size = z[L_A, k], z[L_B, k], given[F_OMEGA, k], body.radius + body.eccentricity
-        assert z[L_V_N, k] == given[F_V, k] - 9.81 * z[F_TIME, k] - a * omega < 0.0
-        touch = (0.2, 1e-3, 0.6, ENERGETIC, z[L_V_T, k], omega, z[L_V_N, k], None)
-        _, spin, rate, _, _, _, lost, slid, rolled, _ = impact(body.mass, body.inertia, a, b, size, *touch)
-        assert (z[F_OMEGA, k], z[F_V, k], z[F_Y, k]) == (spin, rate + a * spin, b)
-        assert (z[B_HYSTERESIS, k], z[B_SLIDING, k], z[B_ROLLING, k]) == (lost, slid, rolled)
+    assert np.array_equal(np.flatnonzero(z["fine"] == 0.0), others)
+    assert np.array_equal(z["rebounds"], z["fine"])
+    for name in ("y", "v", "omega", "horizon"):
+        assert np.array_equal(z[name][others], given[name][others])
+    compiled_hit, hops = entry(hit), new(HOP)
+    for k in np.flatnonzero(z["fine"]):
+        a, b, omega = z["a"][k], z["b"][k], given["omega"][k]
+        assert z["v_n_landing"][k] == given["v"][k] - 9.81 * z["touchdown"][k] - a * omega < 0.0
+        touch = hops[0]
+        touch["per_mass"], touch["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
+        touch["size"], touch["a"], touch["b"] = body.radius + body.eccentricity, a, b
+        touch["friction"], touch["arm"], touch["restitution"] = 0.2, 1e-3, 0.6
+        touch["v_t"], touch["omega"], touch["v_n"] = z["v_t_landing"][k], omega, z["v_n_landing"][k]
+        compiled_hit(hops)
+        spin, rate = touch["omega"], touch["v_n"]
+        assert (z["omega"][k], z["v"][k], z["y"][k]) == (spin, rate + a * spin, b)
+        lost = (z["lost_hysteresis"][k], z["lost_sliding"][k], z["lost_rolling"][k])
+        assert lost == (touch["hysteresis"], touch["sliding"], touch["rolling"])

@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv.descent import Descent, simulate
-from sledenv.kernel.geometry import support_height
+from sledenv.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import Feature, Mode, Status
 from tests.oracles import DATA_FILE, wheel_table

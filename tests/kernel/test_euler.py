@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sledenv.descent import Descent, simulate
-from sledenv.kernel.geometry import support_height
+from sledenv.geometry import support_height
 from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Status
 

@@ -9,25 +9,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel.flight import (
-    F_GRAVITY,
-    F_HORIZON,
-    F_OMEGA,
-    F_PHI,
-    F_TIME,
-    F_V,
-    F_Y,
-    finish_time,
-    pack_of,
-    touchdown_time,
-    touchdown_times,
-)
-from sledenv.kernel.geometry import arms, feature_at, support_height, whole_turns
+from sledenv.geometry import arms, feature_at, support_height, whole_turns
+from sledenv.kernel import flight
+from sledenv.kernel.jit import entry
 from sledenv.kernel.params import Body, circular_segment
 from sledenv.kernel.records import ARC, TAIL
+from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES
 from tests.oracles import scanned_touchdown, support
 
+finish_time = entry(flight.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 ROD = Body(1.0, 0.0, 0.4, 0.02)
@@ -42,6 +33,55 @@ bodies = st.one_of(
 )
 orientations = st.floats(-10.0, 10.0)
 spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0))
+
+
+def land_each(body: Body, flights: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
+    """Find the touchdown of each of some flights, rows gravity, y, phi, v, omega, horizon, by itself."""
+    hop = hops[0]
+    flight.tell_body(body, hop)
+    for i in range(len(flights)):
+        row = flights[i]
+        hop["inward"], hop["y"], hop["phi"] = row[0], row[1], row[2]
+        hop["v"], hop["omega"], hop["horizon"] = row[3], row[4], row[5]
+        found[i] = flight.touchdown(body, hop)
+
+
+def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
+    """Find their touchdowns in one pack."""
+    pack = packs[0]
+    flight.tell_body(body, hops[0])
+    flight.tell_bodies(body, pack)
+    for k in range(len(flights)):
+        row = flights[k]
+        pack["inward"][k], pack["y"][k], pack["phi"][k] = row[0], row[1], row[2]
+        pack["v"][k], pack["omega"][k], pack["horizon"][k] = row[3], row[4], row[5]
+    flight.touchdowns(body, len(flights), pack, hops[0])
+    for k in range(len(flights)):
+        found[k] = pack["touchdown"][k]
+
+
+land_each_compiled, land_all_compiled = entry(land_each), entry(land_all)
+
+
+def alone(body: Body, flights: np.ndarray) -> np.ndarray:
+    """Touchdown of each flight, searched for by itself."""
+    found = np.empty(len(flights))
+    land_each_compiled(body, flights, new(HOP), found)
+    return found
+
+
+def side_by_side(body: Body, flights: np.ndarray) -> np.ndarray:
+    """Touchdowns of flights searched for in one pack; its other places hold what is no number."""
+    found, packs = np.empty(len(flights)), new(PACK)
+    for name in PACK.names or ():
+        packs[name] = math.nan
+    land_all_compiled(body, flights, packs, new(HOP), found)
+    return found
+
+
+def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float) -> float:
+    """Touchdown of one flight."""
+    return float(alone(body, np.array([[gravity, y, phi, v, omega, horizon]]))[0])
 
 
 def gap_at(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, t: float) -> float:
@@ -223,19 +263,6 @@ def test_a_mirrored_flight_without_spin_onto_the_end_of_the_arc_lands_at_the_sam
     y = support_height(body, half_angle) + clearance
     found = touchdown_time(body, 9.81, y, half_angle, v, 0.0, 5.0)
     assert found == touchdown_time(body, 9.81, y, -half_angle, v, -0.0, 5.0)
-
-
-def side_by_side(body: Body, flights: np.ndarray) -> np.ndarray:
-    """Touchdowns of flights, rows gravity, y, phi, v, omega, horizon, searched for in one pack."""
-    pack = pack_of(body)
-    pack[[F_GRAVITY, F_Y, F_PHI, F_V, F_OMEGA, F_HORIZON], : len(flights)] = flights.T
-    touchdown_times(body, len(flights), pack)
-    return pack[F_TIME, : len(flights)].copy()
-
-
-def alone(body: Body, flights: np.ndarray) -> np.ndarray:
-    """Touchdown of each flight, searched for by itself."""
-    return np.array([touchdown_time(body, g, y, phi, v, w, end) for g, y, phi, v, w, end in flights])
 
 
 def assorted_flights(body: Body, seed: int) -> np.ndarray:

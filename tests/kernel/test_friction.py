@@ -10,11 +10,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel.friction import branch_forces, mobility, rates, resolve
+from sledenv.kernel import friction as box
+from sledenv.kernel.friction import Bounds, Drive, Mobility
+from sledenv.kernel.jit import entry
 from tests.oracles import box_rule
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 Branch = tuple[int, int, int]
+branch_forces, resolve = entry(box.branch_forces), entry(box.resolve)
 SIGNS = (-1, 0, 1)
 signs = st.sampled_from(SIGNS)
 arms = st.floats(-1.0, 1.0)
@@ -47,8 +50,8 @@ def choose(
     opening: float = 1.0,
 ) -> Branch:
     """Branch of a body of 1 kg and 1 m whose velocities have the signs (gap rate, slip, spin)."""
-    w = mobility(1.0, inertia, a, b)
-    return resolve(w, drive_t, drive_n, friction, arm, 1.0, closing, opening, *state)
+    w, drive = Mobility(1.0, 1.0 / inertia, a, b), Drive(drive_t, drive_n)
+    return resolve(w, drive, friction, arm, 1.0, Bounds(closing, opening), box.Branch(*state))
 
 
 def breaches(w: np.ndarray, drive: np.ndarray, limits: tuple[float, ...], state: Branch, branch: Branch) -> float:
@@ -84,7 +87,7 @@ def breaches(w: np.ndarray, drive: np.ndarray, limits: tuple[float, ...], state:
 @given(arms, arms, inertias)
 def test_rates_are_those_of_newtons_laws(a: float, b: float, inertia: float) -> None:
     """Oracle: Newton's laws for a unit force, a unit moment and a unit normal force."""
-    columns = [rates(mobility(1.0, inertia, a, b), 0.0, 0.0, *unit) for unit in np.eye(3)]
+    columns = [box.rates_of(Mobility(1.0, 1.0 / inertia, a, b), Drive(0.0, 0.0), *unit) for unit in np.eye(3)]
     assert np.allclose(np.array(columns).T, matrix(inertia, a, b), rtol=1e-12, atol=1e-12)
 
 
@@ -112,16 +115,15 @@ def test_given_normal_force_the_forces_minimise_the_quadratic_form_over_the_box(
     z, rates = box_rule(w[:2, :2], w[:2, 2] * normal + np.array([drive_t, 0.0]), bounds, pinned)
     branch = choose(a, b, (gap_rate, slip, spin), inertia=inertia, friction=friction, arm=arm, drive_t=drive_t)
     assert branch[0] == gap_rate
-    for i, entry in enumerate((slip, spin)):
-        if entry != 0:
-            assert branch[1 + i] == entry
+    for i, sign in enumerate((slip, spin)):
+        if sign != 0:
+            assert branch[1 + i] == sign
         elif abs(rates[i]) > 1e-6:
             assert branch[1 + i] == np.sign(rates[i])  # it leaves in the direction in which it is driven
         elif abs(z[i]) < bounds[i] - 1e-6:
             assert branch[1 + i] == 0
-    force, moment, _ = branch_forces(
-        mobility(1.0, inertia, a, b), drive_t, 0.0, friction, arm, normal, False, *branch[1:]
-    )
+    w, drive = Mobility(1.0, 1.0 / inertia, a, b), Drive(drive_t, 0.0)
+    force, moment, _ = branch_forces(w, drive, friction, arm, normal, False, *branch[1:])
     assert force == pytest.approx(z[0], abs=1e-6)
     assert moment == pytest.approx(z[1], abs=1e-6)
 
@@ -236,8 +238,8 @@ def test_the_mirrored_contact_takes_the_mirrored_branch(
 def test_a_moving_velocity_keeps_its_sign(state: Branch) -> None:
     """Oracle: a nonzero velocity cannot jump."""
     branch = choose(0.2, 0.3, state)
-    for entry, result in zip(state, branch, strict=True):
-        assert entry in (0, result)
+    for sign, result in zip(state, branch, strict=True):
+        assert sign in (0, result)
 
 
 def test_a_force_at_its_bound_locks() -> None:
@@ -267,7 +269,8 @@ def test_a_singular_branch_is_not_chosen() -> None:
     others need a force that opens (2 rate = N: never) or closes the gap, and the drive closes it.
     """
     a, b, friction, inertia = 0.5, 1.0, 1.0, 0.25
-    singular = branch_forces(mobility(1.0, inertia, a, b), 0.0, -9.0, friction, 0.0, 2.0, True, -1, 1)
+    w = Mobility(1.0, 1.0 / inertia, a, b)
+    singular = branch_forces(w, Drive(0.0, -9.0), friction, 0.0, 2.0, True, -1, 1)
     assert not np.isfinite(singular).all()
     branch = choose(a, b, (0, -1, 1), inertia=inertia, friction=friction, arm=0.0, drive_n=-9.0)
     assert branch == (-1, -1, 1)
@@ -277,5 +280,5 @@ def test_the_chosen_branch_does_not_depend_on_the_unit_of_force() -> None:
     """Oracle: scaling mass, forces and bounds together scales the problem."""
     for state in product(SIGNS, SIGNS, SIGNS):
         expected = choose(0.2, 0.3, state, drive_t=1.0, drive_n=-4.0)
-        w = mobility(1e6, 1e5, 0.2, 0.3)
-        assert resolve(w, 1.0, -4.0, 0.3, 0.05, 1.0, 2e6, 1e6, *state) == expected
+        w = Mobility(1e-6, 1e-5, 0.2, 0.3)
+        assert resolve(w, Drive(1.0, -4.0), 0.3, 0.05, 1.0, Bounds(2e6, 1e6), box.Branch(*state)) == expected

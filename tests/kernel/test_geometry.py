@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel.geometry import (
+from sledenv.geometry import (
     arms,
     directions,
     feature_at,

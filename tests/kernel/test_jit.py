@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numba
+import numpy as np
 import pytest
+from numba import prange
+from numba.extending import overload
 
-from sledenv.kernel import ahead, jit
+from sledenv.kernel import jit
+from sledenv.kernel.jit import Entry, entry, kernel, parallel_entry
 
 pytestmark = pytest.mark.jit_only
 
@@ -24,31 +32,60 @@ def doubled(x):
     return 2.0 * x
 """
 CALLER = """
+import os
+import pathlib
+import signal
+import sys
+import time
+
+from numba.extending import overload
+
 from sledenv.kernel.callee import doubled
-from sledenv.kernel.jit import kernel
+from sledenv.kernel.jit import entry, kernel
+
+
+def compiling():
+    pass
+
+
+@overload(compiling)
+def _():
+    exec(os.environ.get("WHILE_COMPILING", ""))
+    return lambda: None
 
 
 @kernel
 def doubled_and_one(x):
+    compiling()
     return doubled(x) + 1.0
+
+
+f = entry(doubled_and_one)
 """
 # Prints the result, how many kernels were compiled and how many were found, and the folder.
 RUN = """
 from sledenv.kernel import jit
-from sledenv.kernel.caller import doubled_and_one as f
-result = f(3.0)
-print(result, sum(f.stats.cache_misses.values()), sum(f.stats.cache_hits.values()), jit.cache_folder())
+from sledenv.kernel.caller import f
+print(f(3.0), f.compiled, f.loaded, jit.cache_folder())
 """
-Run = Callable[..., tuple[float, int, int, str]]
+# Instead of waiting, a process loses its patience at once when it starts to compile.
+IMPATIENT = """
+import threading
+class Timer(threading.Timer):
+    def start(self):
+        self.function(*self.args)
+threading.Timer = Timer
+"""
+Line = tuple[float, int, int, str]
+Run = Callable[..., Line]
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """Folder of the kernel of a small copy of the package, with the real decorators."""
+    """Folder of the kernel of a small copy of the package, with the real entries."""
     folder = tmp_path / "site" / "sledenv" / "kernel"
     folder.mkdir(parents=True)
-    for module in (ahead, jit):
-        shutil.copy(str(module.__file__), folder)
+    shutil.copy(str(jit.__file__), folder)
     (folder / "__init__.py").touch()
     (folder.parent / "__init__.py").touch()
     (folder / "callee.py").write_text(CALLEE)
@@ -57,31 +94,51 @@ def package(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(package: Path, tmp_path: Path) -> Run:
-    """Run the small package in a fresh process whose user has a home of his own."""
+def start(package: Path, tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
+    """Start a fresh process of a user who has a home and the small package."""
 
-    def run(program: str = RUN, **environment: str) -> tuple[float, int, int, str]:
+    def start(program: str = RUN, **environment: str) -> subprocess.Popen[str]:
         inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
         given = {"PYTHONPATH": str(package.parents[1]), "XDG_CACHE_HOME": str(tmp_path / "home")} | environment
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=inherited | given,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        result, compiled, found, folder = done.stdout.split(maxsplit=3)
-        run.err = done.stderr  # type: ignore[attr-defined]
-        return float(result), int(compiled), int(found), folder.strip()
+        pipe = subprocess.PIPE
+        command = [sys.executable, "-c", program]
+        return subprocess.Popen(command, env=inherited | given, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True)
+
+    return start
+
+
+@pytest.fixture
+def run(start: Callable[..., subprocess.Popen[str]]) -> Run:
+    """Run the small package in a fresh process, which says ``err`` on standard error."""
+
+    def run(program: str = RUN, err: str | None = "", **environment: str) -> Line:
+        with start(program, **environment) as process:
+            out, said = process.communicate()
+        assert process.returncode == 0, said
+        assert err is None or said == err
+        run.err = said  # type: ignore[attr-defined]
+        return line_of(out)
 
     return run
+
+
+def line_of(out: str) -> Line:
+    result, compiled, loaded, folder = out.split(maxsplit=3)
+    return float(result), int(compiled), int(loaded), folder.strip()
 
 
 def nobody_can_write_beside(package: Path) -> None:
     """Make the folder of caches beside the sources impossible, for root as well."""
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
     (package / "__pycache__").write_text("in the way")
+
+
+def change_callee(package: Path) -> None:
+    """From here on the result is 16, not 7."""
+    (package / "callee.py").write_text(CALLEE.replace("2.0", "5.0"))
+
+
+# ---- which code runs
 
 
 def test_a_kernel_is_compiled_once(package: Path, run: Run) -> None:
@@ -91,57 +148,26 @@ def test_a_kernel_is_compiled_once(package: Path, run: Run) -> None:
     assert run() == (7.0, 0, 1, first[3])
 
 
-def test_a_caller_is_compiled_again_when_what_it_calls_has_changed(package: Path, run: Run) -> None:
+def test_a_change_of_an_imported_kernel_is_never_answered_by_old_machine_code(package: Path, run: Run) -> None:
     """A cache of numba's own goes on with the old machine code of the callee."""
     before = run()
-    source = package / "callee.py"
-    source.write_text(CALLEE.replace("2.0", "5.0"))
+    change_callee(package)
     after = run()
     assert after[:3] == (16.0, 1, 0)
     assert after[3] != before[3]
-    source.write_text(CALLEE)  # going back finds what was compiled then
+    (package / "callee.py").write_text(CALLEE)  # going back finds what was compiled then
     assert run() == (7.0, 0, 1, before[3])
 
 
-def test_a_kernel_that_python_calls_may_have_been_loaded_as_a_part_of_another_before(package: Path, run: Run) -> None:
-    """Oracle: numpy; the entry for Python comes out of the cache after the part, and needs constants of its own."""
-    (package / "maker.py").write_text(
-        "import numpy as np\n"
-        "from sledenv.kernel.jit import allocating\n\n\n"
-        "@allocating\ndef made():\n    return np.ones(3), np.ones((2, 2))\n\n\n"
-        "@allocating\ndef total():\n    a, b = made()\n    return a.sum() + b.sum()\n"
-    )
-    head = "from sledenv.kernel.maker import made, total\n"
-    call = "a, b = made()\nprint(a.sum() + b.sum(), sum(made.stats.cache_misses.values()), "
-    tail = "sum(made.stats.cache_hits.values()), 'x')"
-    assert run(head + call + tail)[:3] == (7.0, 1, 0)
-    assert run(head + "assert total() == 7.0\n" + call + tail)[:3] == (7.0, 0, 1)
-
-
-def test_code_for_other_types_is_not_taken_from_the_cache(package: Path, run: Run) -> None:
-    """Two processes that each keep a version at the same time may take the same file for them."""
-    run(RUN.replace("f(3.0)", "f(3.0) + f(3)"))
-    (cache,) = (package / "__pycache__").glob("sledenv-*")
-    for part in ("caller.doubled_and_one-part", "caller.doubled_and_one", "callee.doubled-part"):
-        one, other = (next(cache.glob(f"{part}-[0-9]*.{number}.nbc")) for number in (1, 2))
-        kept = one.read_bytes()
-        one.write_bytes(other.read_bytes())
-        other.write_bytes(kept)
-    assert run(RUN.replace("f(3.0)", "f(3.5)"))[0] == 8.0
-    assert run(RUN.replace("f(3.0)", "f(3)"))[0] == 7.0
-
-
-def test_only_a_few_states_of_the_sources_are_kept(package: Path, run: Run) -> None:
-    parent = Path(run()[3]).parent
-    for i in range(jit._KEPT):
-        (parent / f"sledenv-{i}").mkdir()
-        os.utime(parent / f"sledenv-{i}", (i, i))
-    (package / "callee.py").write_text(CALLEE.replace("2.0", "5.0"))
-    newest = Path(run()[3])
-    left = {path.name for path in parent.glob("sledenv-*")}
-    assert len(left) == jit._KEPT
-    assert newest.name in left
-    assert {"sledenv-0", "sledenv-1"}.isdisjoint(left)
+def test_old_files_of_numba_s_own_are_not_taken(package: Path, run: Run) -> None:
+    """Here numba keeps nothing in the folder that it is given, but beside the sources."""
+    elsewhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "InTreeCacheLocator"}
+    assert run(err=None, **elsewhere)[0] == 7.0
+    assert "cannot be kept" in run.err  # type: ignore[attr-defined]
+    assert list((package / "__pycache__").glob("caller.*.nbi"))
+    change_callee(package)
+    assert run(err=None, **elsewhere)[0] == 16.0
+    assert run()[:3] == (16.0, 1, 0)
 
 
 def test_bounds_checks_are_not_taken_from_a_cache_without(run: Run) -> None:
@@ -151,10 +177,27 @@ def test_bounds_checks_are_not_taken_from_a_cache_without(run: Run) -> None:
     assert checked[3] != plain[3]
 
 
+# ---- where it is kept
+
+
+def test_only_a_few_states_of_the_sources_are_kept(package: Path, run: Run) -> None:
+    parent = Path(run()[3]).parent
+    states = [f"sledenv-{i:016x}" for i in range(jit._KEPT)]
+    for i, name in enumerate((*states, "sledenv-results")):
+        (parent / name).mkdir()
+        os.utime(parent / name, (i, i))
+    change_callee(package)
+    newest = Path(run()[3])
+    left = {path.name for path in parent.glob("sledenv-*")}
+    assert len(left) == jit._KEPT + 1
+    assert {newest.name, "sledenv-results"} < left  # one who sets NUMBA_CACHE_DIR may have folders there
+    assert set(states[:2]).isdisjoint(left)
+
+
 def test_numba_cache_dir_comes_first(package: Path, tmp_path: Path, run: Run) -> None:
     folder = run(NUMBA_CACHE_DIR=str(tmp_path / "chosen"))[3]
     assert folder.startswith(str(tmp_path / "chosen"))
-    assert list(Path(folder).glob("caller.*.nbc"))
+    assert list(Path(folder).rglob("caller.*.nbc"))
     assert not list(package.rglob("*.nbc"))
 
 
@@ -162,17 +205,16 @@ def test_a_read_only_installation_is_cached_in_the_user_s_folder(package: Path, 
     nobody_can_write_beside(package)
     first = run()
     assert first[:3] == (7.0, 1, 0)
-    assert first[3].startswith(str(tmp_path / "home" / "numba"))
+    assert Path(first[3]).parent == tmp_path / "home" / "numba"
     assert run() == (7.0, 0, 1, first[3])
-    (package / "callee.py").write_text(CALLEE.replace("2.0", "5.0"))
+    change_callee(package)
     assert run()[:3] == (16.0, 1, 0)
 
 
 def test_without_any_folder_to_write_to_kernels_still_run(package: Path, tmp_path: Path, run: Run) -> None:
     nobody_can_write_beside(package)
     (tmp_path / "home").write_text("in the way")
-    result, _, found, folder = run()
-    assert (result, found, folder) == (7.0, 0, "None")
+    assert run() == (7.0, 1, 0, "None")
 
 
 def test_a_cache_that_can_no_longer_be_written_ends_no_simulation(run: Run) -> None:
@@ -180,33 +222,371 @@ def test_a_cache_that_can_no_longer_be_written_ends_no_simulation(run: Run) -> N
 import shutil
 from sledenv.kernel import jit
 folder = jit.cache_folder()
-from sledenv.kernel.caller import doubled_and_one as f
+from sledenv.kernel.caller import f
 shutil.rmtree(folder.parent)
 folder.parent.write_text("in the way")
-print(f(3.0), 0, 0, folder)
+print(f(3.0) + f(3), f.compiled, f.loaded, folder)
 """
-    assert run(program)[0] == 7.0
+    assert run(program, err=None)[:3] == (14.0, 2, 0)
     assert run.err.count("compiled kernels cannot be kept") == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
+def test_a_full_disk_ends_no_simulation(run: Run) -> None:
+    """A file that has come to its limit of size stands in for it."""
+    full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+    assert run(full + RUN, err=None)[:3] == (7.0, 1, 0)
+    assert run.err.count("compiled kernels cannot be kept") == 1  # type: ignore[attr-defined]
+    assert run()[:3] == (7.0, 1, 0)  # what had been begun is thrown away
+    assert run()[:3] == (7.0, 0, 1)
+
+
+# ---- more than one process, or thread
+
+
+def test_of_two_cold_processes_one_compiles(start: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    """Whichever it is, it goes on only when the other is about to call the kernel as well."""
+    ready = f"""
+import os, pathlib, sledenv.kernel.caller
+pathlib.Path({str(tmp_path)!r}, f"ready-{{os.getpid()}}").touch()
+"""
+    wait = f"""
+pathlib.Path({str(tmp_path)!r}, f"compiling-{{os.getpid()}}").touch()
+while len(list(pathlib.Path({str(tmp_path)!r}).glob("ready-*"))) < 2:
+    time.sleep(0.01)
+"""
+    with start(ready + RUN, WHILE_COMPILING=wait) as one, start(ready + RUN, WHILE_COMPILING=wait) as other:
+        found = [line_of(process.communicate()[0]) for process in (one, other)]
+    assert sorted(line[:3] for line in found) == [(7.0, 0, 1), (7.0, 1, 0)]
+    assert len(list(tmp_path.glob("compiling-*"))) == 1
+
+
+def test_a_process_that_is_killed_leaves_nothing_in_the_way(
+    start: Callable[..., subprocess.Popen[str]], run: Run
+) -> None:
+    with start(WHILE_COMPILING="os._exit(9)") as process:
+        assert process.wait() == 9
+    folder = Path(run()[3])
+    (record,) = folder.rglob(jit._RECORD)
+    record.unlink()  # as if it had been killed when numba had written its files
+    assert run()[:3] == (7.0, 1, 0)
+    assert run()[:3] == (7.0, 0, 1)
+
+
+# ---- what is said
 
 
 def test_long_compilation_is_announced_once_and_only_then(package: Path, run: Run) -> None:
     run()
-    assert run.err == ""  # type: ignore[attr-defined]
-    impatient = "from sledenv.kernel import jit; jit._PATIENCE = 0.0\n" + RUN
-    assert run(impatient)[1] == 0
-    assert run.err == ""  # type: ignore[attr-defined]  # nothing was compiled
-    (package / "callee.py").write_text(CALLEE.replace("2.0", "5.0"))
-    folder = run(impatient)[3]
+    assert run(IMPATIENT + RUN)[1] == 0  # nothing was compiled, nothing is said
+    change_callee(package)
+    folder = run(IMPATIENT + RUN.replace("f(3.0)", "f(3.0) + f(3)"), err=None)[3]
     (line,) = run.err.splitlines()  # type: ignore[attr-defined]
     assert line.startswith("sledenv: compiling doubled_and_one for its first use")
     assert folder in line
     assert "sledenv doctor" in line
 
 
-def test_the_announcement_obeys_logging_and_leaves_the_kernels_of_others_alone(run: Run) -> None:
+def test_the_announcement_obeys_logging(run: Run) -> None:
     quiet = "import logging; logging.getLogger('sledenv').setLevel(logging.ERROR)\n"
-    impatient = "from sledenv.kernel import jit; jit._PATIENCE = 0.0\n"
-    assert run(quiet + impatient + RUN)[0] == 7.0
-    assert run.err == ""  # type: ignore[attr-defined]
-    run(impatient + "import numba; print(numba.njit(lambda x: x + 1.0)(1.0), 0, 0, '-')")
-    assert run.err == ""  # type: ignore[attr-defined]
+    assert run(quiet + IMPATIENT + RUN)[0] == 7.0
+
+
+def test_without_a_folder_it_is_announced_how_to_get_one(package: Path, tmp_path: Path, run: Run) -> None:
+    nobody_can_write_beside(package)
+    (tmp_path / "home").write_text("in the way")
+    run(IMPATIENT + RUN, err=None)
+    assert "set NUMBA_CACHE_DIR" in run.err  # type: ignore[attr-defined]
+
+
+def test_patience_ends_with_the_compilation(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    timers: list[threading.Timer] = []
+
+    class Timer(threading.Timer):
+        def start(self) -> None:
+            timers.append(self)
+
+    monkeypatch.setattr(threading, "Timer", Timer)
+    assert entry(halved)(3.0) == 1.5
+    (timer,) = timers
+    assert timer.interval == jit._PATIENCE
+    assert timer.finished.is_set()
+    assert entry(halved)(3.0) == 1.5  # from the cache
+    assert len(timers) == 1
+
+
+# ---- an entry, in this process
+
+
+class Law(NamedTuple):
+    factor: float
+    count: float = 0.0
+
+
+class OtherLaw(NamedTuple):
+    factor: float
+    count: float = 0.0
+
+
+@kernel
+def halved(x: Any) -> Any:
+    """Half of x."""
+    return 0.5 * x
+
+
+@kernel
+def first_of(law: Any) -> Any:
+    return law[0]
+
+
+@kernel
+def total(x: Any) -> Any:
+    result = 0.0
+    for i in range(len(x)):
+        result += x[i]
+    return result
+
+
+@kernel
+def chunk_size(x: Any) -> None:
+    size = numba.get_parallel_chunksize()
+    for i in prange(len(x)):
+        x[i] = size
+
+
+@kernel
+def squares(x: Any) -> None:
+    for i in prange(len(x)):
+        x[i] *= x[i]
+
+
+def disturbed() -> None:
+    """A test says what happens when this is compiled."""
+
+
+interruptions: list[type[BaseException]] = []
+
+
+@overload(disturbed)
+def _disturbed() -> Any:
+    if interruptions:
+        raise interruptions.pop()
+    return lambda: None
+
+
+@kernel
+def disturbed_half(x: Any) -> Any:
+    disturbed()
+    return halved(x)
+
+
+def counts(f: Any) -> tuple[int, int, int]:
+    return f.compiled, f.loaded, len(f.damaged)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where this process keeps the kernels of a test."""
+    folder = tmp_path / f"sledenv-{jit.FINGERPRINT}"
+    monkeypatch.setattr(jit, "cache_folder", lambda: folder)
+    monkeypatch.setattr(jit, "_told", set())
+    monkeypatch.setattr(jit, "_entries", [])
+    return folder
+
+
+def test_a_kernel_stays_a_function_and_an_entry_has_its_name(folder: Path) -> None:
+    f: Any = entry(halved)
+    assert halved(3) == 1.5
+    assert (f.__name__, f.__doc__, f.__wrapped__) == ("halved", "Half of x.", halved)
+    assert jit.entries() == [f]
+    assert counts(f) == (0, 0, 0)
+
+
+def test_without_compilation_both_are_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    for made in (kernel, entry, parallel_entry):
+        assert made(halved) is halved
+
+
+def test_each_kind_of_arguments_has_a_version(folder: Path) -> None:
+    f: Any = entry(first_of)
+    assert (f(Law(1.5)), f(OtherLaw(2.5)), f(Law(3.5))) == (1.5, 2.5, 3.5)
+    assert counts(f) == (2, 0, 0)
+    assert len(list(folder.glob("*.lock"))) == 2
+    again: Any = entry(first_of)
+    assert again(OtherLaw(2.5)) == 2.5
+    assert counts(again) == (0, 1, 0)
+
+
+def test_numbers_in_tuples_are_never_rounded(folder: Path) -> None:
+    """Numba would give a tuple of floats to a version for whole numbers, and cut them."""
+    f: Any = entry(first_of)
+    assert f(Law(1, 2)) == 1  # type: ignore[arg-type]
+    assert f(Law(1.5, 2.5)) == 1.5
+    assert f(Law(2, 3)) == 2
+    assert f((1, 2.5)) == 1
+    assert f((1.5, 2)) == 1.5
+    assert f((1.5, 2.5)) == 1.5
+
+
+def test_arrays_of_any_kind_are_taken(folder: Path) -> None:
+    f: Any = entry(total)
+    x = np.arange(8.0)
+    fixed = x.copy()
+    fixed.flags.writeable = False
+    for _ in range(2):
+        assert (f(x), f(x[::2]), f(fixed), f(x.astype(int)), f(x)) == (28.0, 12.0, 28.0, 28.0, 28.0)
+    assert counts(f) == (4, 0, 0)
+
+
+def test_arguments_that_cannot_be_compiled_are_refused(folder: Path) -> None:
+    f: Any = entry(halved)
+    for _ in range(2):
+        with pytest.raises(numba.errors.TypingError):
+            f("x")
+    assert f(3.0) == 1.5
+    assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
+
+
+def test_a_loop_is_shared_between_threads_turn_by_turn(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = numba.get_parallel_chunksize()
+    x = np.arange(5.0)
+    for expected in ((1, 0, 0), (0, 1, 0)):
+        f: Any = parallel_entry(squares)
+        f(x)
+        assert counts(f) == expected
+    assert x.tolist() == [0.0, 1.0, 16.0, 81.0, 256.0]
+    monkeypatch.setattr(jit, "cache_folder", lambda: None)  # the size that is in force cannot be cached
+    parallel_entry(chunk_size)(x)
+    assert x.tolist() == 5 * [1.0]
+    assert numba.get_parallel_chunksize() == before
+
+
+def test_threads_that_call_at_once_compile_once(folder: Path) -> None:
+    f: Any = entry(halved)
+    barrier = threading.Barrier(4)
+    results: list[float] = []
+
+    def call() -> None:
+        barrier.wait()
+        results.append(f(3.0))
+
+    threads = [threading.Thread(target=call) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == 4 * [1.5]
+    assert counts(f) == (1, 0, 0)
+
+
+def test_after_an_interrupt_the_next_call_compiles(folder: Path) -> None:
+    f: Any = entry(disturbed_half)
+    interruptions.append(KeyboardInterrupt)
+    with pytest.raises(KeyboardInterrupt):
+        f(3.0)
+    assert counts(f) == (0, 0, 0)
+    assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
+    assert f(3.0) == 1.5
+    assert counts(f) == (1, 0, 0)
+    again: Any = entry(disturbed_half)
+    assert again(3.0) == 1.5
+    assert counts(again) == (0, 1, 0)
+
+
+def flipped(data: bytes) -> bytes:
+    middle = len(data) // 2
+    return data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda data: b"",
+    "truncated": lambda data: data[:-1],
+    "longer": lambda data: data + b"\0",
+    "zeros": lambda data: bytes(len(data)),
+    "random": lambda data: np.random.default_rng(0).bytes(len(data)),
+    "one bit": flipped,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("ending", ["*.nbi", "*.nbc", jit._RECORD])
+def test_a_damaged_file_is_named_and_replaced(
+    folder: Path, caplog: pytest.LogCaptureFixture, ending: str, damage: str
+) -> None:
+    assert entry(halved)(3.0) == 1.5
+    (path,) = folder.rglob(ending)
+    sound = path.read_bytes()
+    path.write_bytes(DAMAGES[damage](sound))
+    f: Any = entry(halved)
+    assert f(3.0) == 1.5
+    assert counts(f) == (1, 0, 1)
+    (message,) = caplog.messages
+    assert "sledenv: compiling halved again, because of damaged files" in message
+    if ending != jit._RECORD or damage != "one bit":  # that damages the digest of another file
+        assert f.damaged == [str(path)]
+        assert str(path) in message
+    after: Any = entry(halved)
+    assert after(3.0) == 1.5
+    assert counts(after) == (0, 1, 0)
+    assert len(caplog.messages) == 1
+
+
+@pytest.mark.parametrize("damage", ["missing", "extra", "other", "no dictionary"])
+def test_a_folder_that_is_not_as_it_was_left_is_compiled_again(
+    folder: Path, caplog: pytest.LogCaptureFixture, damage: str
+) -> None:
+    assert entry(halved)(3.0) == 1.5
+    assert entry(first_of)(Law(3.0)) == 3.0
+    index = next(path for path in folder.rglob("*.nbi") if "halved" in path.name)
+    data = next(path for path in folder.rglob("*.nbc") if "halved" in path.name)
+    if damage == "missing":
+        data.unlink()
+    elif damage == "extra":
+        index.with_suffix(".new").touch()
+    elif damage == "other":  # sound, but of another kernel
+        data.write_bytes(next(path for path in folder.rglob("*.nbc") if "first_of" in path.name).read_bytes())
+    else:
+        (index.parents[1] / jit._RECORD).write_text("1")
+    f: Any = entry(halved)
+    assert f(3.0) == 1.5
+    assert counts(f) == (1, 0, 1)
+    assert len(caplog.messages) == 1
+
+
+def test_nothing_is_read_before_it_is_known_to_be_sound(folder: Path) -> None:
+    """A pickle could run anything, as this one does."""
+    assert entry(halved)(3.0) == 1.5
+    (index,) = folder.rglob("*.nbi")
+    index.write_bytes(b"cos\nabort\n(tR.")
+    assert entry(halved)(3.0) == 1.5
+
+
+def test_the_record_says_what_numba_has_written(folder: Path) -> None:
+    assert entry(halved)(3.0) == 1.5
+    (record,) = folder.rglob(jit._RECORD)
+    there = {path.relative_to(record.parent).as_posix() for path in folder.rglob("*.nb?")}
+    assert set(json.loads(record.read_text())) == there
+    assert len(there) == 2
+
+
+def test_an_entry_in_a_compilation_does_not_wait_for_itself(folder: Path) -> None:
+    inner: Any = entry(halved)
+
+    @overload(entry_user := lambda: None)
+    def _() -> Any:
+        value = inner(3.0)
+        return lambda: value
+
+    @kernel
+    def outer() -> Any:
+        return entry_user()
+
+    f: Any = entry(outer)
+    assert f() == 1.5
+    assert isinstance(f, Entry)
+    assert counts(inner) == counts(f) == (1, 0, 0)
+    assert {path.name.rpartition("-")[0] for path in folder.glob("*.lock")} == {
+        "test_jit.halved",
+        "test_jit.test_an_entry_in_a_compilation_does_not_wait_for_itself..outer",
+    }

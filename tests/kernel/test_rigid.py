@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 import random
 
-import numba
 import numpy as np
 import pytest
 
-from sledenv.kernel.bounce import MOST_PHASES
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.jit import entry
 from sledenv.kernel.records import PHASE
-from sledenv.kernel.rigid import ENERGETIC, NEWTON, POISSON, impact
+from sledenv.kernel.state import HOP, new
 from tests.oracles import ImpactResult, rational_impact, wang_mason
 
 HYPOTHESES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
 NO_PHASES = np.empty(0, PHASE)
 
-# Columns of a case, the arguments of impact() but for the hypothesis.
+# Columns of a case: what an impact is told.
 MASS, INERTIA, A, B, SIZE, FRICTION, ARM, RESTITUTION, V_T, OMEGA, V_N = range(11)
 
 
@@ -65,9 +65,33 @@ def coarse_impacts(n: int, seed: int) -> np.ndarray:
     return np.array([[rng.choice(values) for values in columns] for _ in range(n)])
 
 
+def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
+    """Fill found with v_t, omega, v_n, three impulses, three losses, phases, how often compression began anew."""
+    hop = hops[0]
+    for i in range(len(cases)):
+        case, row = cases[i], found[i]
+        hop["per_mass"], hop["per_inertia"], hop["size"] = 1.0 / case[MASS], 1.0 / case[INERTIA], case[SIZE]
+        hop["a"], hop["b"], hop["friction"], hop["arm"] = case[A], case[B], case[FRICTION], case[ARM]
+        hop["restitution"] = case[RESTITUTION]
+        hop["v_t"], hop["omega"], hop["v_n"] = case[V_T], case[OMEGA], case[V_N]
+        count = impact(hypothesis, hop, phases)
+        row[0], row[1], row[2] = hop["v_t"], hop["omega"], hop["v_n"]
+        row[3], row[4], row[5] = hop["normal_impulse"], hop["tangential_impulse"], hop["rolling_impulse"]
+        row[6], row[7], row[8] = hop["hysteresis"], hop["sliding"], hop["rolling"]
+        row[9], row[10] = count, 0
+        for k in range(1, min(count, len(phases))):
+            if phases[k]["restitution"] < phases[k - 1]["restitution"]:
+                row[10] += 1
+
+
+compiled_impacts = entry(impacts)
+
+
 def solve(case: list[float], hypothesis: int = ENERGETIC, phases: np.ndarray = NO_PHASES) -> tuple:
-    """Result of impact() for one row."""
-    return impact(*case[:V_T], hypothesis, *case[V_T:], phases)
+    """Velocities, impulses and losses of one impact, and the number of its phases."""
+    found = np.zeros((1, 11))
+    compiled_impacts(np.array([case]), hypothesis, phases, new(HOP), found)
+    return *found[0, :9].tolist(), int(found[0, 9])
 
 
 def oracle(case: list[float], hypothesis: str = "energetic") -> ImpactResult:
@@ -93,26 +117,17 @@ def worst_error(case: list[float], found: tuple, expected: ImpactResult) -> floa
     return max(abs(p - q) / unit for p, q, unit in zip(found[:9], expected[:9], units, strict=True))
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def survey(cases: np.ndarray, hypothesis: int, phases: np.ndarray, out: np.ndarray) -> None:
-    """Fill out with: energy before, after, three losses, phases, v_n, how often compression began anew."""
-    for i in range(len(cases)):
-        m, inertia, a, b, size, f, delta, e, v_t, w, v_n = cases[i]
-        r = impact(m, inertia, a, b, size, f, delta, e, hypothesis, v_t, w, v_n, phases)
-        out[i, 0] = 0.5 * m * ((v_t - b * w) ** 2 + (v_n + a * w) ** 2) + 0.5 * inertia * w * w
-        out[i, 1] = 0.5 * m * ((r[0] - b * r[1]) ** 2 + (r[2] + a * r[1]) ** 2) + 0.5 * inertia * r[1] ** 2
-        out[i, 2:5] = r[6:9]
-        out[i, 5] = r[9]
-        out[i, 6] = r[2]
-        for k in range(1, min(r[9], len(phases))):
-            if phases[k]["restitution"] < phases[k - 1]["restitution"]:
-                out[i, 7] += 1
-
-
 def surveyed(cases: np.ndarray, hypothesis: int = ENERGETIC) -> np.ndarray:
-    out = np.zeros((len(cases), 8))
-    survey(cases, hypothesis, np.zeros(MOST_PHASES, PHASE), out)
-    return out
+    """Energy before, after, three losses, phases, v_n, how often compression began anew."""
+    found = np.zeros((len(cases), 11))
+    compiled_impacts(cases, hypothesis, np.zeros(MOST_PHASES, PHASE), new(HOP), found)
+
+    def energies(v_t: np.ndarray, omega: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+        u, v = v_t - cases[:, B] * omega, v_n + cases[:, A] * omega
+        return 0.5 * cases[:, MASS] * (u * u + v * v) + 0.5 * cases[:, INERTIA] * omega * omega
+
+    before, after = energies(*cases[:, V_T:].T), energies(*found[:, :3].T)
+    return np.column_stack([before, after, found[:, 6:9], found[:, 9], found[:, 2], found[:, 10]])
 
 
 # --- against the exact oracle ----------------------------------------------------------------------------------------

@@ -10,8 +10,12 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel.roots import first_root, horner
-from sledenv.kernel.rows import WIDTH
+from sledenv.kernel import roots
+from sledenv.kernel.jit import entry
+from sledenv.kernel.roots import horner
+from sledenv.kernel.state import WIDTH
+
+first_root, locate = entry(roots.first_root), entry(roots.locate)
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 
@@ -154,3 +158,40 @@ def test_a_series_of_positive_terms_has_no_root() -> None:
 def test_an_interval_of_no_length_holds_no_root(series: list[float], vanishing: int) -> None:
     """Oracle: what is zero by construction is no root, and there is nothing behind it."""
     assert root_of(series, 0.0, vanishing) == math.inf
+
+
+def row_of(*coefficients: float) -> np.ndarray:
+    """Row of a series."""
+    row = np.zeros(WIDTH)
+    row[: len(coefficients)] = coefficients
+    return row
+
+
+def test_a_place_where_the_method_stands_still_is_not_taken_for_a_root() -> None:
+    """Oracle: a parabola at whose guess the two parts of a step of Chebyshev's method cancel; its roots by hand."""
+    series = row_of(0.2 - 0.5 - 5.0 * 0.25, 1.0 + 5.0, -5.0)  # .2 + (t - .5) - 5 (t - .5)^2
+    for guess in np.linspace(0.45, 0.55, 11):
+        found = locate(series, float(guess), 2.0)
+        assert found == -1.0 or abs(horner(series, found)) < 1e-14
+
+
+def test_the_first_root_is_located_and_a_later_one_is_not() -> None:
+    """Oracle: (t - .4) (t - 1.1) (t + 3)."""
+    series = row_of(*np.poly([0.4, 1.1, -3.0])[::-1])
+    assert locate(series, 0.42, 2.0) == pytest.approx(0.4, rel=1e-14)
+    assert locate(series, 1.09, 2.0) == -1.0
+    assert locate(series, 0.42, 0.3) == -1.0
+    assert locate(series, math.nan, 0.3) == -1.0
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_a_root_beside_another_is_as_good_as_any(apart: float) -> None:
+    """Oracle: (t - .5) (t - .5 - apart): the value there is rounding, from guesses near and far."""
+    series = row_of(*np.poly([0.5, 0.5 + apart])[::-1])
+    located = 0
+    for guess in 0.5 - apart * np.concatenate([np.logspace(-8.0, -1.0, 30), [0.0]]):
+        found = locate(series, float(guess), 2.0)
+        if found > 0.0:
+            located += 1
+            assert abs(found - 0.5) * apart < 1e-15
+    assert located > 0

@@ -9,52 +9,58 @@ import numpy as np
 import pytest
 
 from sledenv.kernel import rows
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.trace import compiled, rough_angle, rough_root, scalar, sums
+from sledenv.kernel.jit import entry
+from sledenv.kernel.state import WIDTH, new, record
+from sledenv.kernel.trace import rough_angle, rough_root, scalar, straight, sums
 
-WIDTH = rows.WIDTH
+ANSWERS = (
+    "powers",
+    "without_constant",
+    "times",
+    "moved_on",
+    "with_first",
+    "sums_from",
+    "of",
+    "numbers",
+    "values",
+)
+HANDLED = record(("series", "f8", (WIDTH,)), *((name, "f8", (WIDTH,)) for name in ANSWERS))
 VECTORS = 11  # more than are summed at once
 
 
-def _handled(z: Any, c: Any) -> None:
-    """Write what each function makes of the row in ``z``, from the second row of ``c`` on."""
-    row = rows.read(z, 0)
-    s = z[1]
-    answers = [
-        rows.powers(s),
-        rows.without_constant(row),
-        rows.times(row, rows.COUNT),
-        rows.moved_on(row, s),
-        rows.with_first(row, s),
-        rows.sums_from(row),
-        rows.of([z[2], 7.0, z[3]]),
-    ]
-    for i, answer in enumerate(answers):
-        rows.write(c, i, answer)
-    many = [part * float(i + 1) for i in range(VECTORS) for part in (row[i % 3],)]
-    numbers = [*sums([rows.added(row), rows.sizes(row)]), *sums(many)]
-    rows.write(c, len(answers), rows.of(numbers))
-    places = row[0] * 0.01
-    rows.write(c, len(answers) + 1, [rows.values(z, 0, 19, places), row[1], row[2]])
+def _handled(given: Any) -> None:
+    """Write what each function makes of a series."""
+    row = rows.read(given.series)
+    s = given.series[1]
+    given.powers = rows.powers(s)
+    given.without_constant = rows.without_constant(row)
+    given.times = rows.times(row, rows.COUNT)
+    given.moved_on = rows.moved_on(row, s)
+    given.with_first = rows.with_first(row, s)
+    given.sums_from = rows.sums_from(row)
+    given.of = rows.of([given.series[2], 7.0, given.series[3]])
+    many = [row[i % 3] * float(i + 1) for i in range(VECTORS)]
+    given.numbers = rows.of([*sums([rows.added(row), rows.sizes(row)]), *sums(many)])
+    given.values = [rows.values(given.series, 19, row[0] * 0.01), row[1], row[2]]
 
 
-_program = compiled(_handled)
+_program = straight(_handled)
 ORDERS = (15, 17, 18)
 _root = scalar(lambda a: tuple(rough_root(a, n) for n in ORDERS))
 _angle = scalar(lambda sine, cosine: (rough_angle(sine, cosine),))
 
 
-@kernel
-def _run(z: np.ndarray, c: np.ndarray) -> None:
-    _program(z, c)
+@entry
+def _run(given: np.ndarray) -> None:
+    _program(given[0])
 
 
-@kernel
+@entry
 def _run_root(a: float) -> tuple[float, float, float]:
     return _root(a)
 
 
-@kernel
+@entry
 def _run_angle(sine: float, cosine: float) -> float:
     return _angle(sine, cosine)[0]
 
@@ -64,23 +70,25 @@ def test_rows_are_handled_as_numpy_does() -> None:
     for seed in range(20):
         generator = np.random.default_rng(seed)
         z = generator.normal(size=WIDTH) * 10.0 ** generator.uniform(-3.0, 1.0, WIDTH)
-        c = np.full((9, WIDTH), math.nan)
-        _run(z, c)
+        given = new(HANDLED)
+        given["series"] = z
+        _run(given)
+        c = given[0]
         s = z[1]
         count = np.arange(WIDTH)
         weights = np.arange(1.0, VECTORS + 1)
         parts = z.reshape(-1, rows.EIGHT)
         numbers = [z.sum(), np.abs(z[2:]).sum(), *(w * parts[i % 3].sum() for i, w in enumerate(weights))]
         tolerance = {"rel": 1e-13, "abs": 1e-13 * np.abs(z).sum() * VECTORS}
-        assert c[0] == pytest.approx(s**count, rel=1e-14)
-        assert np.array_equal(c[1], [0.0, *z[1:]])
-        assert np.array_equal(c[2], z * count)
-        assert np.array_equal(c[3], [s, *z[:-1]])
-        assert np.array_equal(c[4], [s, *z[1:]])
-        assert c[5] == pytest.approx(np.cumsum(z[::-1])[::-1], **tolerance)
-        assert np.array_equal(c[6], [z[2], 7.0, z[3], *np.zeros(WIDTH - 3)])
-        assert c[7] == pytest.approx([*numbers, *np.zeros(WIDTH - len(numbers))], **tolerance)
-        assert c[8, : rows.EIGHT] == pytest.approx(np.polyval(z[18::-1], 0.01 * z[: rows.EIGHT]), **tolerance)
+        assert c["powers"] == pytest.approx(s**count, rel=1e-14)
+        assert np.array_equal(c["without_constant"], [0.0, *z[1:]])
+        assert np.array_equal(c["times"], z * count)
+        assert np.array_equal(c["moved_on"], [s, *z[:-1]])
+        assert np.array_equal(c["with_first"], [s, *z[1:]])
+        assert c["sums_from"] == pytest.approx(np.cumsum(z[::-1])[::-1], **tolerance)
+        assert np.array_equal(c["of"], [z[2], 7.0, z[3], *np.zeros(WIDTH - 3)])
+        assert c["numbers"] == pytest.approx([*numbers, *np.zeros(WIDTH - len(numbers))], **tolerance)
+        assert c["values"][: rows.EIGHT] == pytest.approx(np.polyval(z[18::-1], 0.01 * z[: rows.EIGHT]), **tolerance)
 
 
 def test_a_rough_root_is_at_most_two_thousandths_too_small() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks import work
+from perf import work
 
 
 @pytest.mark.jit_only
 def test_a_rebound_takes_no_more_integration_steps_than_it_used_to() -> None:
-    """Oracle: benchmarks/baseline.json; ``python -m benchmarks.work --update`` makes what is better the baseline."""
+    """Oracle: perf/baseline.json; ``python -m perf.work --update`` makes what is better the baseline."""
     before = work.baseline()
     now = work.measure()
     assert now.keys() == before.keys()

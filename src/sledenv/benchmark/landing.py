@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts
-from sledenv.kernel.geometry import support_heights
+from sledenv.geometry import support_heights
 from sledenv.scenario import Context
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.descent import Descent, DescentBatch, Record, simulate, simulate_batch
-from sledenv.kernel.geometry import directions, support_heights
+from sledenv.geometry import directions, support_heights
 from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.kernel.records import (
     FINISH,

@@ -6,41 +6,22 @@ import math
 
 import numpy as np
 
-from sledenv.kernel.chord import NOW_ROWS
-from sledenv.kernel.chord import ROWS as CHORD_ROWS
-from sledenv.kernel.flight import arrive_at, finish_time, touchdown_time
+from sledenv.kernel.chord import CHORD
+from sledenv.kernel.flight import arrive, finish_time, tell_body, tell_flight, touchdown
 from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
-from sledenv.kernel.jit import allocating, kernel
+from sledenv.kernel.jit import kernel
 from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.params import Body, Incline, Limits, Slope, State
-from sledenv.kernel.records import CHORD, FINISH, LOG_FULL, NON_FINITE, RUNNING, TIMEOUT
-from sledenv.kernel.rows import WIDTH, table
-from sledenv.kernel.series import ROWS, Z_ROWS
-from sledenv.kernel.state import (
-    ARM_A,
-    ARM_B,
-    FEATURE,
-    GAP,
-    HYSTERESIS,
-    IMPULSE_N,
-    IMPULSE_R,
-    IMPULSE_T,
-    OMEGA,
-    ON_CHORD,
-    PHI,
-    ROLLING,
-    SLIDING,
-    STATE_SIZE,
-    STORED,
-    TIME,
-    V_N,
-    V_T,
-    X,
-)
-from sledenv.kernel.trajectory import add_sample
+from sledenv.kernel.records import CHORD as CHORD_CODE
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
+from sledenv.kernel.state import CONTACT, HOP, PACK, STEP, record
+from sledenv.kernel.trajectory import next_row, write_forces, write_motion
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed
+
+# What a descent works in; it may get the same again and again.
+SPACE = record(("pack", PACK), ("step", STEP), ("chord", CHORD), ("contact", CONTACT), ("hop", HOP))
 
 
 @kernel
@@ -67,75 +48,22 @@ def stuck_code(body: Body, entry_speed: float, u: float, omega: float) -> int:
 
 
 @kernel
-def fly(
-    slope: Incline,
-    limits: Limits,
-    start: float,
-    duration: float,
-    x: float,
-    y: float,
-    phi: float,
-    u: float,
-    v: float,
-    omega: float,
-    trajectory: np.ndarray,
-    samples: int,
-) -> int:
-    """Add the rows of one flight to the trajectory, its start included; return the number of rows needed."""
-    downhill, inward = slope.downhill, slope.inward
-    rows = max(1, math.ceil(duration / limits.sample_interval))
-    for i in range(rows):
-        t = duration * i / rows
-        samples = add_sample(
-            trajectory,
-            samples,
-            start + t,
-            x + t * (u + 0.5 * downhill * t),
-            y + t * (v - 0.5 * inward * t),
-            phi + omega * t,
-            u + downhill * t,
-            v - inward * t,
-            omega,
-            0.0,
-            0.0,
-            0.0,
-            0,
-            0,
-            0,
-        )
-    return samples
-
-
-@kernel
 def energy(body: Body, slope: Incline, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
     kinetic = 0.5 * body.mass * (u * u + v * v) + 0.5 * body.inertia * omega * omega
-    downhill, inward = slope.downhill, slope.inward
-    return kinetic, body.mass * (y * inward - x * downhill)
+    return kinetic, body.mass * (y * slope.inward - x * slope.downhill)
 
 
 @kernel
 def begin(launch: State, flight: np.void) -> None:
     """Put a flight at its launch: nothing touched, nothing lost."""
     flight["status"] = RUNNING
-    flight["rebounds"] = 0
-    flight["samples"] = 0
-    flight["steps"] = 0
+    flight["rebounds"] = flight["samples"] = flight["steps"] = 0
     flight["t"] = 0.0
-    flight["x"] = launch.x
-    flight["y"] = launch.y
-    flight["phi"] = launch.phi
-    flight["u"] = launch.u
-    flight["v"] = launch.v
-    flight["omega"] = launch.omega
-    flight["trim"] = 0.0
-    flight["stored"] = 0.0
-    flight["hysteresis"] = 0.0
-    flight["sliding"] = 0.0
-    flight["rolling"] = 0.0
-    flight["rotor"] = 0.0
-    flight["work"] = 0.0
-    flight["absorbed"] = 0.0
+    flight["x"], flight["y"], flight["phi"] = launch.x, launch.y, launch.phi
+    flight["u"], flight["v"], flight["omega"] = launch.u, launch.v, launch.omega
+    flight["trim"] = flight["rotor"] = flight["work"] = flight["absorbed"] = 0.0
+    flight["stored"] = flight["hysteresis"] = flight["sliding"] = flight["rolling"] = 0.0
 
 
 @kernel
@@ -174,8 +102,7 @@ def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> N
     drop = max(0.0, launch.y - lowest_support(body))
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    downhill, inward = slope.downhill, slope.inward
-    flight["supplied"] = kinetic + body.mass * (drop * inward + along * downhill) + flight["work"]
+    flight["supplied"] = kinetic + body.mass * (drop * slope.inward + along * slope.downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
     if flight["status"] != RUNNING and not finite:
@@ -183,68 +110,63 @@ def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> N
 
 
 @kernel
-def write_rebound(
-    body: Body,
-    rebound: np.void,
-    before: np.ndarray,
-    state: np.ndarray,
-    feature: int,
-    b: float,
-    a: float,
-    u: float,
-    v: float,
-) -> None:
-    """Fill one rebound record from the contact states at touchdown and at separation."""
-    u_after = state[V_T] - b * state[OMEGA]
-    rebound["t"] = state[TIME]
-    rebound["x"] = state[X]
-    rebound["phi"] = state[PHI]
-    rebound["duration"] = state[TIME] - before[TIME]
-    rebound["feature"] = CHORD if state[ON_CHORD] != 0.0 else feature
-    rebound["mode"] = contact_mode(before[V_T], before[OMEGA], state[V_T], state[OMEGA])
-    rebound["normal_impulse"] = state[IMPULSE_N]
-    rebound["tangential_impulse"] = state[IMPULSE_T]
-    rebound["rolling_impulse"] = state[IMPULSE_R]
+def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: float) -> None:
+    """Fill one rebound record from a contact that has ended, with the arms ``a``, ``b`` [m] of what touched last."""
+    u, v = contact["u_before"], contact["v_before"]
+    u_after = contact["v_t"] - b * contact["omega"]
+    rebound["t"] = contact["time"]
+    rebound["x"] = contact["x"]
+    rebound["phi"] = contact["phi"]
+    rebound["duration"] = contact["time"] - contact["time_before"]
+    rebound["feature"] = CHORD_CODE if contact["on_chord"] != 0.0 else int(contact["feature_before"])
+    rebound["mode"] = contact_mode(contact["v_t_before"], contact["omega_before"], contact["v_t"], contact["omega"])
+    rebound["normal_impulse"] = contact["normal_impulse"]
+    rebound["tangential_impulse"] = contact["tangential_impulse"]
+    rebound["rolling_impulse"] = contact["rolling_impulse"]
     rebound["u_before"] = u
     rebound["v_before"] = v
-    rebound["omega_before"] = before[OMEGA]
+    rebound["omega_before"] = contact["omega_before"]
     rebound["u_after"] = u_after
-    rebound["v_after"] = state[V_N] + a * state[OMEGA]
-    rebound["omega_after"] = state[OMEGA]
-    rebound["loss_hysteresis"] = state[HYSTERESIS]
-    rebound["loss_sliding"] = state[SLIDING]
-    rebound["loss_rolling"] = state[ROLLING]
-    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, state[OMEGA])
-
-
-@allocating
-def work_space() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Arrays that :func:`hop` works in; it may get the same ones again and again."""
-    tables, told = table(ROWS + CHORD_ROWS, WIDTH), np.zeros(Z_ROWS + NOW_ROWS)  # of a contact, and of the chord
-    return tables, told, np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+    rebound["v_after"] = contact["v_n"] + a * contact["omega"]
+    rebound["omega_after"] = contact["omega"]
+    rebound["loss_hysteresis"] = contact["hysteresis"]
+    rebound["loss_sliding"] = contact["sliding"]
+    rebound["loss_rolling"] = contact["rolling"]
+    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, contact["omega"])
 
 
 @kernel
-def arrive(
-    body: Body,
-    slope: Incline,
-    limits: Limits,
-    flight: np.void,
-    touchdown: float,
-    state: np.ndarray,
-    before: np.ndarray,
-    trajectory: np.ndarray,
-) -> int:
+def _sample_flight(slope: Incline, limits: Limits, flight: np.void, duration: float, trajectory: np.ndarray) -> None:
+    """Add the rows of a flight that is at its start, this included."""
+    x, y, phi = flight["x"], flight["y"], flight["phi"]
+    u, v, omega = flight["u"], flight["v"], flight["omega"]
+    rows = max(1, math.ceil(duration / limits.sample_interval))
+    for i in range(rows):
+        t = duration * i / rows
+        row = next_row(trajectory, flight)
+        write_motion(
+            row,
+            flight["t"] + t,
+            x + t * (u + 0.5 * slope.downhill * t),
+            y + t * (v - 0.5 * slope.inward * t),
+            phi + omega * t,
+            u + slope.downhill * t,
+            v - slope.inward * t,
+            omega,
+        )
+        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
+
+
+@kernel
+def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.void, trajectory: np.ndarray) -> int:
     """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
 
-    Arguments are those of :func:`land`; the state of the contact is written to ``state`` and to ``before``.
+    ``at`` is the record of HOP in which the touchdown was found; it then says how the body touches.
     """
-    t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
-    u, v, omega = flight["u"], flight["v"], flight["omega"]
     status = RUNNING
-    left = limits.max_time - t
-    duration = touchdown
-    finish = finish_time(x, u, slope.downhill, slope.length)
+    left = limits.max_time - flight["t"]
+    duration = at["touchdown"]
+    finish = finish_time(flight["x"], flight["u"], slope.downhill, slope.length)
     if finish <= min(duration, left):
         duration = finish
         status = FINISH
@@ -254,65 +176,49 @@ def arrive(
     if not math.isfinite(duration):
         return NON_FINITE
     if trajectory.shape[0] > 0:
-        samples = flight["samples"]
-        flight["samples"] = fly(slope, limits, t, duration, x, y, phi, u, v, omega, trajectory, samples)
-    t, x, y, phi, u, v, feature, a, b, v_n, v_t = arrive_at(
-        body, duration, t, x, y, phi, u, v, omega, slope.downhill, slope.inward
-    )
-    if status == FINISH:
-        x = slope.length
-    flight["t"], flight["x"], flight["y"], flight["phi"] = t, x, y, phi
-    flight["u"], flight["v"] = u, v
-    if status == RUNNING:
-        # Contact, in its own coordinates; the energy of the rounding error in y is far below that of the ledger.
-        for i in range(STATE_SIZE):
-            state[i] = 0.0
-        state[TIME] = t
-        state[X] = x
-        state[PHI] = phi
-        state[V_N] = v_n
-        state[V_T] = v_t
-        state[OMEGA] = omega
-        state[FEATURE] = feature
-        state[ARM_A], state[ARM_B] = a, b
-        for i in range(STATE_SIZE):
-            before[i] = state[i]
+        _sample_flight(slope, limits, flight, duration, trajectory)
+    arrive(body, duration, at)
+    flight["t"], flight["y"], flight["phi"] = at["t_landing"], at["y_landing"], at["phi_landing"]
+    flight["x"] = slope.length if status == FINISH else at["x_landing"]
+    flight["u"], flight["v"] = at["u_landing"], at["v_landing"]
     return status
 
 
 @kernel
-def depart(
-    body: Body,
-    flight: np.void,
-    rebound: np.void,
-    log_length: int,
-    status: int,
-    steps: int,
-    samples: int,
-    state: np.ndarray,
-    before: np.ndarray,
-) -> int:
-    """Record a contact and put the flight at its end; return the status of the descent.
+def _touch_down(at: np.void, contact: np.void) -> None:
+    """Begin a contact where a flight has ended, in its own coordinates.
 
-    The flight is at the touchdown, ``status``, ``steps`` and ``samples`` are what :func:`touch` returns.
+    The energy of the rounding error in the height is far below that of the ledger.
     """
-    a, b = before[ARM_A], before[ARM_B]
-    if state[PHI] != before[PHI] or state[FEATURE] != before[FEATURE]:
-        a, b = arms(body, int(state[FEATURE]), state[PHI] - whole_turns(state[PHI]))
-    write_rebound(body, rebound, before, state, int(before[FEATURE]), b, a, flight["u"], flight["v"])
-    flight["t"], flight["x"], flight["phi"], flight["omega"] = state[TIME], state[X], state[PHI], state[OMEGA]
-    flight["y"] = b + state[GAP]
-    flight["u"], flight["v"] = rebound["u_after"], rebound["v_after"]
+    contact["time"] = contact["time_before"] = at["t_landing"]
+    contact["x"], contact["gap"] = at["x_landing"], 0.0
+    contact["phi"] = contact["phi_before"] = at["phi_landing"]
+    contact["u_before"], contact["v_before"] = at["u_landing"], at["v_landing"]
+    contact["v_n"] = at["v_n_landing"]
+    contact["v_t"] = contact["v_t_before"] = at["v_t_landing"]
+    contact["omega"] = contact["omega_before"] = at["omega_landing"]
+    contact["feature"] = contact["feature_before"] = at["feature"]
+    contact["a_before"], contact["b_before"] = at["a"], at["b"]
+    contact["normal_impulse"] = contact["tangential_impulse"] = contact["rolling_impulse"] = 0.0
+    contact["hysteresis"] = contact["sliding"] = contact["rolling"] = contact["stored"] = 0.0
+    contact["on_chord"] = 0.0
+
+
+@kernel
+def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -> None:
+    """Record a contact and put the flight at its end."""
+    a, b = contact["a_before"], contact["b_before"]
+    if contact["phi"] != contact["phi_before"] or contact["feature"] != contact["feature_before"]:
+        a, b = arms(body, int(contact["feature"]), contact["phi"] - whole_turns(contact["phi"]))
+    write_rebound(body, rebound, contact, a, b)
+    flight["t"], flight["x"], flight["phi"] = contact["time"], contact["x"], contact["phi"]
+    flight["y"] = b + contact["gap"]
+    flight["u"], flight["v"], flight["omega"] = rebound["u_after"], rebound["v_after"], contact["omega"]
     flight["rebounds"] += 1
-    flight["steps"] = steps
-    flight["samples"] = samples
-    flight["stored"] = state[STORED]
-    flight["hysteresis"] += state[HYSTERESIS]
-    flight["sliding"] += state[SLIDING]
-    flight["rolling"] += state[ROLLING]
-    if status == RUNNING and flight["rebounds"] == log_length:
-        status = LOG_FULL
-    return status
+    flight["stored"] = contact["stored"]
+    flight["hysteresis"] += contact["hysteresis"]
+    flight["sliding"] += contact["sliding"]
+    flight["rolling"] += contact["rolling"]
 
 
 @kernel
@@ -322,29 +228,28 @@ def land(
     slope: Incline,
     limits: Limits,
     flight: np.void,
-    touchdown: float,
-    rebound: np.void,
-    log_length: int,
-    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    log: np.ndarray,
+    space: np.void,
     trajectory: np.ndarray,
 ) -> None:
     """Follow one hop whose touchdown is known, up to the rebound or to whatever ends the descent.
 
-    ``touchdown`` is the duration [s] of the flight, inf if it is longer than ``limits.max_time`` allows; the other
-    arguments are those of :func:`hop`.
+    ``space["hop"]`` holds the flight and its touchdown; arguments are those of :func:`hop`.
     """
-    c, z, state, before = space
-    status = arrive(body, slope, limits, flight, touchdown, state, before, trajectory)
+    contact = space["contact"]
+    status = _fly(body, slope, limits, flight, space["hop"], trajectory)
     if status == RUNNING:
-        samples = flight["samples"]
-        status, steps, samples = touch(body, law, slope, limits, state, c, z, flight["steps"], trajectory, samples)
-        status = depart(body, flight, rebound, log_length, status, steps, samples, state, before)
+        _touch_down(space["hop"], contact)
+        status = touch(body, law, slope, limits, flight, space, trajectory)
+        _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], contact)
+        if status == SEPARATED:
+            status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
     flight["status"] = status
     if status != RUNNING and trajectory.shape[0] > 0:
-        t, x, y, phi = flight["t"], flight["x"], flight["y"], flight["phi"]
-        u, v, omega = flight["u"], flight["v"], flight["omega"]
-        samples = flight["samples"]
-        flight["samples"] = add_sample(trajectory, samples, t, x, y, phi, u, v, omega, 0.0, 0.0, 0.0, 0, 0, 0)
+        row = next_row(trajectory, flight)
+        x, y, phi = flight["x"], flight["y"], flight["phi"]
+        write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
+        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @kernel
@@ -354,9 +259,8 @@ def hop(
     slope: Incline,
     limits: Limits,
     flight: np.void,
-    rebound: np.void,
-    log_length: int,
-    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    log: np.ndarray,
+    space: np.void,
     trajectory: np.ndarray,
 ) -> None:
     """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
@@ -364,22 +268,21 @@ def hop(
     Parameters
     ----------
     body, law, slope, limits
-        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
     flight : record of OUTCOME
         Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
         :func:`close_books`.
-    rebound : record of REBOUND
-        Overwritten if there was a contact, that is if ``flight["rebounds"]`` has grown.
-    log_length : int
-        Number of rebounds at which the descent ends with status LOG_FULL.
-    space : tuple of ndarray
-        See :func:`work_space`.
+    log : ndarray of REBOUND
+        If there was a contact, that is if ``flight["rebounds"]`` has grown, its record is the row of that number, or
+        the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
+    space : record of SPACE
+        Work space, told the body by :func:`sledenv.kernel.flight.tell_body`.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
-    y, phi, v, omega = flight["y"], flight["phi"], flight["v"], flight["omega"]
-    touchdown = touchdown_time(body, slope.inward, y, phi, v, omega, limits.max_time - flight["t"])
-    land(body, law, slope, limits, flight, touchdown, rebound, log_length, space, trajectory)
+    tell_flight(slope, limits, flight, space["hop"])
+    touchdown(body, space["hop"])
+    land(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -389,29 +292,63 @@ def descend(
     slope: Slope,
     launch: State,
     limits: Limits,
-    rebounds: np.ndarray,
-    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    log: np.ndarray,
+    spaces: np.ndarray,
     trajectory: np.ndarray,
-    outcome: np.void,
+    outcomes: np.ndarray,
 ) -> None:
     """Simulate one descent: hop after hop.
 
     Parameters
     ----------
     body, law, slope, launch, limits
-        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact, at compile time.
-    rebounds : ndarray of REBOUND, shape (max_rebounds,)
-        The log; a descent that fills it ends with status LOG_FULL.
-    space : tuple of ndarray
-        See :func:`work_space`.
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
+    log : ndarray of REBOUND, shape (max_rebounds,)
+    spaces : ndarray of SPACE, shape (1,)
+        Work space.
     trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``outcome["samples"]`` tells how many were needed.
-    outcome : record of OUTCOME
+        Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
+    outcomes : ndarray of OUTCOME, shape (1,)
         Overwritten.
     """
-    begin(launch, outcome)
+    space, flight = spaces[0], outcomes[0]
+    begin(launch, flight)
     incline = incline_of(slope)
-    while outcome["status"] == RUNNING:
-        rebound = rebounds[outcome["rebounds"]]
-        hop(body, law, incline, limits, outcome, rebound, rebounds.shape[0], space, trajectory)
-    close_books(body, incline, launch, outcome)
+    tell_body(body, space["hop"])
+    while flight["status"] == RUNNING:
+        hop(body, law, incline, limits, flight, log, space, trajectory)
+    close_books(body, incline, launch, flight)
+
+
+@kernel
+def hop_once(
+    body: Body,
+    law: Law,
+    slope: Slope,
+    launch: State,
+    limits: Limits,
+    log: np.ndarray,
+    spaces: np.ndarray,
+    trajectory: np.ndarray,
+    flights: np.ndarray,
+) -> None:
+    """Follow one hop of a descent, and close its books; arguments are those of :func:`descend`."""
+    space, flight = spaces[0], flights[0]
+    incline = incline_of(slope)
+    tell_body(body, space["hop"])
+    hop(body, law, incline, limits, flight, log, space, trajectory)
+    close_books(body, incline, launch, flight)
+
+
+@kernel
+def embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
+    """Put a descent at its launch, and open its books."""
+    begin(launch, flights[0])
+    close_books(body, incline_of(slope), launch, flights[0])
+
+
+@kernel
+def trim_once(body: Body, slope: Slope, launch: State, rotor_inertia: float, flights: np.ndarray, spin: float) -> None:
+    """Trim one descent, and close its books: see :func:`trim`."""
+    trim(body, rotor_inertia, flights[0], spin)
+    close_books(body, incline_of(slope), launch, flights[0])

@@ -8,148 +8,154 @@ import numpy as np
 
 from sledenv.kernel.descend import begin, close_books, write_rebound
 from sledenv.kernel.geometry import arms, feature_at, has_corners, incline_of, whole_turns
-from sledenv.kernel.jit import allocating
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, Slope, State
 from sledenv.kernel.records import ARC, FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, TUMBLED
-from sledenv.kernel.state import (
-    GAP,
-    HYSTERESIS,
-    IMPULSE_N,
-    IMPULSE_R,
-    IMPULSE_T,
-    OMEGA,
-    PHI,
-    ROLLING,
-    SLIDING,
-    STATE_SIZE,
-    TIME,
-    V_N,
-    V_T,
-    X,
-)
-from sledenv.kernel.trajectory import add_sample
+from sledenv.kernel.trajectory import next_row, write_forces, write_motion
 
 
-@allocating
+@kernel
+def _look(body: Body, flight: np.void, contact: np.void) -> tuple[float, float]:
+    """Write where the lowest point of the body is and how it moves; return its arms ``a``, ``b`` [m]."""
+    local = flight["phi"] - whole_turns(flight["phi"])
+    feature = feature_at(body, local)
+    a, b = arms(body, feature, local)
+    contact["time"], contact["x"], contact["phi"] = flight["t"], flight["x"], flight["phi"]
+    contact["feature"] = feature
+    contact["gap"] = flight["y"] - b
+    contact["v_n"] = flight["v"] - a * flight["omega"]
+    contact["v_t"] = flight["u"] + b * flight["omega"]
+    contact["omega"] = flight["omega"]
+    return a, b
+
+
+@kernel
+def _status(body: Body, slope: Incline, limits: Limits, flight: np.void, contact: np.void) -> int:
+    """Whether the descent goes on, or why it ends here."""
+    if not math.isfinite(contact["gap"] + contact["v_n"] + contact["v_t"]):
+        return NON_FINITE
+    if contact["x"] >= slope.length:
+        return FINISH
+    if has_corners(body) and contact["feature"] != ARC:
+        local = contact["phi"] - whole_turns(contact["phi"])
+        both_corners = 2.0 * body.radius * math.sin(body.half_angle)
+        if contact["gap"] + both_corners * abs(math.sin(local)) < 0.0:  # the other corner is in the slope too
+            return TUMBLED
+    if flight["t"] >= limits.max_time:
+        return TIMEOUT
+    return STEP_BUDGET if flight["steps"] >= limits.max_steps else RUNNING
+
+
+@kernel
+def _touch_down(flight: np.void, contact: np.void) -> None:
+    """Keep the state at a touchdown; nothing has been added up yet."""
+    contact["time_before"], contact["phi_before"] = contact["time"], contact["phi"]
+    contact["u_before"], contact["v_before"] = flight["u"], flight["v"]
+    contact["v_t_before"], contact["omega_before"] = contact["v_t"], contact["omega"]
+    contact["feature_before"] = contact["feature"]
+    contact["normal_impulse"] = contact["tangential_impulse"] = contact["rolling_impulse"] = 0.0
+    contact["hysteresis"] = contact["sliding"] = contact["rolling"] = 0.0
+    contact["on_chord"] = 0.0
+
+
+@kernel
+def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void, a: float, b: float) -> None:
+    """Record a contact that has ended."""
+    write_rebound(body, rebound, contact, a, b)
+    flight["rebounds"] += 1
+    flight["hysteresis"] += contact["hysteresis"]
+    flight["sliding"] += contact["sliding"]
+    flight["rolling"] += contact["rolling"]
+
+
+@kernel
+def _forces(law: ContactLaw, contact: np.void) -> tuple[float, float, float]:
+    """Normal force [N], force along the slope [N] and rolling moment [N m]; (10)-(13) are the paper's equations."""
+    arm = law.rolling_arm if contact["feature"] == ARC else law.corner_rolling_arm
+    normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(contact["v_n"])) * contact["gap"]  # (13)
+    return normal, -law.friction * normal * np.sign(contact["v_t"]), -arm * normal * np.sign(contact["omega"])  # (11)
+
+
+@kernel
+def _add_up(law: ContactLaw, contact: np.void, normal: float, force: float, moment: float, dt: float) -> None:
+    """Add up impulses and losses over one step in contact."""
+    contact["normal_impulse"] += normal * dt
+    contact["tangential_impulse"] += force * dt
+    contact["rolling_impulse"] += moment * dt
+    contact["sliding"] -= force * contact["v_t"] * dt
+    contact["rolling"] -= moment * contact["omega"] * dt
+    if contact["v_n"] > 0.0:
+        contact["hysteresis"] -= 2.0 * law.stiffness * law.asymmetry * contact["gap"] * contact["v_n"] * dt
+
+
+@kernel
 def descend_euler(
     body: Body,
     law: ContactLaw,
     slope: Slope,
     launch: State,
     limits: Limits,
-    rebounds: np.ndarray,
+    log: np.ndarray,
+    contacts: np.ndarray,
     trajectory: np.ndarray,
-    outcome: np.void,
+    outcomes: np.ndarray,
 ) -> None:
     """Simulate one descent by explicit Euler: paper equations (10)-(13) with gravity, docs/physics.md, section 2.
 
-    The arguments are those of :func:`sledenv.kernel.descend.descend`. ``limits.step`` is the time step [s];
-    ``limits.printed_sign`` = 1 takes the moment of friction with the paper's printed sign, which creates energy. Its
-    events lie on the grid of steps: errors are of first order, and a body at rest chatters.
+    Its events lie on the grid of steps: errors are of first order, and a body at rest chatters.
+
+    Parameters
+    ----------
+    body, law, slope, launch, limits
+        See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
+        moment of friction with the paper's printed sign, which creates energy.
+    log : ndarray of REBOUND
+        As long as ``limits.max_rebounds`` or longer.
+    contacts : ndarray of CONTACT, shape (1,)
+        Work space.
+    trajectory : ndarray of TRAJECTORY
+        Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
+    outcomes : ndarray of OUTCOME, shape (1,)
+        Overwritten.
     """
+    flight, contact = outcomes[0], contacts[0]
+    incline = incline_of(slope)
     dt = limits.step
-    downhill = slope.gravity * math.sin(slope.angle)
-    inward = slope.gravity * math.cos(slope.angle)
     moment_sign = -1.0 if limits.printed_sign == 1.0 else 1.0
-    corners = has_corners(body)
-    both_corners = 2.0 * body.radius * math.sin(body.half_angle)
     stride = max(1, round(limits.sample_interval / dt))
-    state = np.zeros(STATE_SIZE)
-    before = np.zeros(STATE_SIZE)
-    x, y, phi, u, v, omega = launch.x, launch.y, launch.phi, launch.u, launch.v, launch.omega
-    hysteresis, sliding, rolling = 0.0, 0.0, 0.0
-    u_before, v_before = 0.0, 0.0
-    feature_before = ARC
+    begin(launch, flight)
     touching = False
-    count, samples, index = 0, 0, 0
-    a, b, gap = 0.0, 0.0, 0.0
-    status = RUNNING
     while True:
-        local = phi - whole_turns(phi)
-        feature = feature_at(body, local)
-        a, b = arms(body, feature, local)
-        gap = y - b
-        v_n = v - a * omega
-        v_t = u + b * omega
-        if not math.isfinite(gap + v_n + v_t):
-            status = NON_FINITE
-        elif x >= slope.length:
-            status = FINISH
-        elif corners and feature != ARC and gap + both_corners * abs(math.sin(local)) < 0.0:
-            status = TUMBLED
-        elif index * dt >= limits.max_time:
-            status = TIMEOUT
-        elif index >= limits.max_steps:
-            status = STEP_BUDGET
-        inside = gap < 0.0
+        a, b = _look(body, flight, contact)
+        status = _status(body, incline, limits, flight, contact)
+        inside = contact["gap"] < 0.0
         if inside and not touching:
-            state[:] = 0.0
-            state[TIME] = index * dt
-            state[X], state[PHI], state[V_N], state[V_T], state[OMEGA] = x, phi, v_n, v_t, omega
-            before[:] = state
-            u_before, v_before, feature_before = u, v, feature
+            _touch_down(flight, contact)
         if touching and (not inside or status != RUNNING):
-            state[TIME] = index * dt
-            state[X], state[PHI], state[GAP] = x, phi, gap
-            state[V_N], state[V_T], state[OMEGA] = v_n, v_t, omega
-            write_rebound(body, rebounds[count], before, state, feature_before, b, a, u_before, v_before)
-            hysteresis += state[HYSTERESIS]
-            sliding += state[SLIDING]
-            rolling += state[ROLLING]
-            count += 1
-            if status == RUNNING and count == rebounds.shape[0]:
+            _take_off(body, flight, log[flight["rebounds"]], contact, a, b)
+            if status == RUNNING and flight["rebounds"] >= limits.max_rebounds:
                 status = LOG_FULL
         touching = inside
-        normal, force, moment = 0.0, 0.0, 0.0
-        if inside:
-            arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
-            normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(v_n)) * gap  # (13)
-            force = -law.friction * normal * np.sign(v_t)  # (11)
-            moment = -arm * normal * np.sign(omega)
-        if trajectory.shape[0] > 0 and (index % stride == 0 or status != RUNNING):
-            samples = add_sample(
-                trajectory,
-                samples,
-                index * dt,
-                x,
-                y,
-                phi,
-                u,
-                v,
-                omega,
-                normal,
-                force,
-                moment,
-                feature if inside else 0,
-                int(np.sign(v_t)) if inside else 0,
-                int(np.sign(omega)) if inside else 0,
-            )
+        normal, force, moment = _forces(law, contact) if inside else (0.0, 0.0, 0.0)
+        if trajectory.shape[0] > 0 and (flight["steps"] % stride == 0 or status != RUNNING):
+            row = next_row(trajectory, flight)
+            x, y, phi = flight["x"], flight["y"], flight["phi"]
+            write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
+            slip = int(np.sign(contact["v_t"])) if inside else 0
+            spin = int(np.sign(contact["omega"])) if inside else 0
+            write_forces(row, normal, force, moment, int(contact["feature"]) if inside else 0, slip, spin)
         if status != RUNNING:
             break
         if inside:
-            state[IMPULSE_N] += normal * dt
-            state[IMPULSE_T] += force * dt
-            state[IMPULSE_R] += moment * dt
-            state[SLIDING] -= force * v_t * dt
-            state[ROLLING] -= moment * omega * dt
-            if v_n > 0.0:
-                state[HYSTERESIS] -= 2.0 * law.stiffness * law.asymmetry * gap * v_n * dt
-        x += dt * u
-        y += dt * v
-        phi += dt * omega
-        u += dt * (force / body.mass + downhill)
-        v += dt * (normal / body.mass - inward)
-        omega += dt * (-a * normal + moment_sign * b * force + moment) / body.inertia
-        index += 1
-    begin(launch, outcome)
-    outcome["status"] = status
-    outcome["rebounds"] = count
-    outcome["samples"] = samples
-    outcome["steps"] = index
-    outcome["t"], outcome["x"], outcome["y"], outcome["phi"] = index * dt, x, y, phi
-    outcome["u"], outcome["v"], outcome["omega"] = u, v, omega
-    outcome["stored"] = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(gap, 0.0) ** 2
-    outcome["hysteresis"] = hysteresis
-    outcome["sliding"] = sliding
-    outcome["rolling"] = rolling
-    close_books(body, incline_of(slope), launch, outcome)
+            _add_up(law, contact, normal, force, moment, dt)
+        flight["x"] += dt * flight["u"]
+        flight["y"] += dt * flight["v"]
+        flight["phi"] += dt * flight["omega"]
+        flight["u"] += dt * (force / body.mass + incline.downhill)
+        flight["v"] += dt * (normal / body.mass - incline.inward)
+        flight["omega"] += dt * (-a * normal + moment_sign * b * force + moment) / body.inertia
+        flight["steps"] += 1
+        flight["t"] = flight["steps"] * dt
+    flight["status"] = status
+    flight["stored"] = 0.5 * law.stiffness * (1.0 + law.asymmetry) * min(contact["gap"], 0.0) ** 2
+    close_books(body, incline, launch, flight)

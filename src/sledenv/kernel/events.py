@@ -1,4 +1,7 @@
-"""What ends a step of a contact, and when: each event is the first root of a series."""
+"""What ends a step of a contact, and when: each event is the first root of a series.
+
+Each event that is found shortens the interval in which the next one is sought.
+"""
 
 from __future__ import annotations
 
@@ -9,49 +12,25 @@ import numpy as np
 from sledenv.kernel.geometry import has_corners
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
-from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.roots import first_root, horner
-from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.series import (
-    E_SAFE_FORCE,
-    E_SAFE_FORCE_BACK,
-    E_SAFE_GAP,
-    E_SAFE_LARGEST,
-    E_SAFE_LEAST,
-    E_SAFE_MOMENT,
-    E_SAFE_MOMENT_BACK,
-    E_SAFE_OMEGA,
-    E_SAFE_OTHER,
-    E_SAFE_V_N,
-    E_SAFE_V_T,
-    E_TRAVEL,
-    E_TURN,
-    R_COSINE,
-    R_FORCE,
-    R_MOMENT,
-    R_NORMAL,
-    R_SCRATCH,
-    R_SINE,
-    Z_ARM,
-    Z_FRICTION,
-    Z_LARGEST,
-    Z_LEAST,
-    Z_OTHER,
-    Z_OTHER_COSINE,
-    Z_OTHER_SINE,
-    Z_PHI,
-    Z_STEP,
-    Z_THETA,
-    Z_UNIT,
-    Z_X,
+from sledenv.kernel.state import WIDTH
+from sledenv.kernel.step import (
+    CHORD_DOWN,
+    FEATURE_ENDS,
+    MIDDLE_PASSED,
+    RATE_RELEASED,
+    RATE_ZERO,
+    SEPARATION,
+    SLIP_RELEASED,
+    SLIP_ZERO,
+    SLOPE_ENDS,
+    SPIN_RELEASED,
+    SPIN_ZERO,
 )
-from sledenv.kernel.state import GAP, OMEGA, PHI, V_N, V_T, X
 
-FLAT = 1e-13  # [rad] rounding error of an orientation after many turns
-MOST_POLISHED = 4
-
-NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
-RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
+TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
+MOST_POLISHED = 4  # steps of Newton's method
 
 
 @kernel
@@ -70,208 +49,168 @@ def before_separation(at: float) -> float:
 
 
 @kernel
-def series_root(c: np.ndarray, row: int, sign: int, step: float, vanishing: int) -> float:
+def series_root(series: np.ndarray, scratch: np.ndarray, sign: float, step: float, vanishing: int) -> float:
     """Time at which ``sign`` times a series, positive at first, becomes negative; see :func:`first_root`."""
-    q = c[R_SCRATCH]
     for k in range(WIDTH):
-        q[k] = sign * c[row, k]
-    return first_root(q, step, vanishing, 0.0)
+        scratch[k] = sign * series[k]
+    return first_root(scratch, step, vanishing, 0.0)
 
 
 @kernel
-def bound_root(c: np.ndarray, load: int, row: int, sign: int, factor: float, step: float) -> float:
+def bound_root(
+    load: np.ndarray, force: np.ndarray, scratch: np.ndarray, sign: float, factor: float, step: float
+) -> float:
     """Time at which ``sign`` times a locked force exceeds ``factor`` times its load."""
-    q = c[R_SCRATCH]
     for k in range(WIDTH):
-        q[k] = factor * c[load, k] - sign * c[row, k]
-    noise = 1e-15 * (abs(factor * c[load, 0]) + abs(c[row, 0]))
-    return first_root(q, step, 0, noise)
+        scratch[k] = factor * load[k] - sign * force[k]
+    noise = 1e-15 * (abs(factor * load[0]) + abs(force[0]))
+    return first_root(scratch, step, 0, noise)
 
 
 @kernel
-def _normal_root(c: np.ndarray, sign: int, limit: float, step: float) -> float:
-    """Time at which the normal force of a locked gap passes ``limit``, upwards if ``sign`` is 1."""
-    q = c[R_SCRATCH]
+def level_root(
+    series: np.ndarray, scratch: np.ndarray, sign: float, level: float, step: float, vanishing: int, noise: float
+) -> float:
+    """Time at which a series passes a level, upwards if ``sign`` is 1, downwards if it is -1."""
     for k in range(WIDTH):
-        q[k] = -sign * c[R_NORMAL, k]
-    q[0] += sign * limit
-    return first_root(q, step, 0, 1e-15 * (abs(limit) + abs(c[R_NORMAL, 0])))
+        scratch[k] = -sign * series[k]
+    scratch[0] += sign * level
+    return first_root(scratch, step, vanishing, noise)
 
 
 @kernel
-def _feature_end(body: Body, feature: int, c: np.ndarray, step: float, vanishing: int) -> float:
+def slope_end(x: np.ndarray, scratch: np.ndarray, length: float, step: float) -> float:
+    """Time at which the mass centre reaches the end of the slope."""
+    return level_root(x, scratch, 1.0, length, step, 0, 0.0)
+
+
+@kernel
+def _feature_end(body: Body, contact: np.void, step: np.void) -> float:
     """Time at which the contact passes from the arc to a corner or back."""
-    q = c[R_SCRATCH]
+    phi, length = step["phi"], step["length"]
     best = math.inf
-    for side in (1, -1):
-        if feature == ARC:
-            sign = -side
-        elif (feature == TAIL and side == 1) or (feature == NOSE and side == -1):
-            sign = side
+    for side in (1.0, -1.0):
+        if contact["feature"] == ARC:
+            outwards = side
+        elif (contact["feature"] == TAIL) == (side > 0.0):
+            outwards = -side
         else:
             continue
-        for k in range(WIDTH):
-            q[k] = sign * c[PHI, k]
-        q[0] -= sign * side * body.half_angle
-        at_edge = vanishing if abs(q[0]) <= 1e-15 * (body.half_angle + abs(c[PHI, 1]) * step) else 0
-        best = min(best, first_root(q, step, at_edge, 0.0))
+        edge = side * body.half_angle
+        close = 1e-15 * (body.half_angle + abs(phi[1]) * length)
+        vanishing = 1 if contact["at_edge"] != 0.0 and abs(phi[0] - edge) <= close else 0
+        best = min(best, level_root(phi, step["scratch"], outwards, edge, length, vanishing, 0.0))
     return best
 
 
 @kernel
-def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, float]:
-    """What the gap of the corner on the other side has over that of the feature: docs/physics.md, section 8.2.
-
-    Returns
-    -------
-    tuple of float
-        A constant [m], and the factors of sine and cosine of ``phi + shift``; inf, 0, 0 where no corner can come down.
-        Where the arc touches, the factor of the sine is that for ``phi > 0``; it changes its sign with ``phi``.
-    """
-    if not has_corners(body):
-        return math.inf, 0.0, 0.0
-    across = body.radius * math.sin(body.half_angle)
-    if feature == ARC:
-        if body.half_angle <= 0.5 * math.pi:
-            return math.inf, 0.0, 0.0
-        # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
-        return body.radius, across, -body.radius * math.cos(body.half_angle)
-    reach = 2.0 * across * (1.0 if feature == TAIL else -1.0)
-    return 0.0, reach * math.cos(shift), -reach * math.sin(shift)
-
-
-@kernel
-def _chord_down(z: np.ndarray, c: np.ndarray, step: float) -> float:
+def _chord_down(contact: np.void, step: np.void) -> float:
     """Time at which the corner on the other side comes down."""
-    q = c[R_SCRATCH]
+    other, reach, height = contact["other"], contact["other_sine"], contact["other_cosine"]
+    q, gap, length = step["scratch"], step["gap"], step["length"]
     for k in range(WIDTH):
-        q[k] = c[GAP, k] + z[Z_OTHER_SINE] * c[R_SINE, k] + z[Z_OTHER_COSINE] * c[R_COSINE, k]
-    q[0] += z[Z_OTHER]
-    at = first_root(q, step, 0, FLAT * (abs(z[Z_OTHER_SINE]) + abs(z[Z_OTHER_COSINE])))
+        q[k] = gap[k] + reach * step["sines"][k] + height * step["cosines"][k]
+    q[0] += other
+    at = first_root(q, length, 0, TURN_ROUNDING * (abs(reach) + abs(height)))
     if 0.0 < at < math.inf:
         # The step is chosen for the velocities: sine and cosine may converge less.
         for _ in range(MOST_POLISHED):
-            theta = z[Z_THETA] - z[Z_PHI] + horner(c[PHI], at)
+            theta = step["theta"] - contact["phi"] + horner(step["phi"], at)
             sine, cosine = math.sin(theta), math.cos(theta)
-            gap = horner(c[GAP], at) + z[Z_OTHER] + z[Z_OTHER_SINE] * sine + z[Z_OTHER_COSINE] * cosine
-            turning = z[Z_OTHER_SINE] * cosine - z[Z_OTHER_COSINE] * sine
-            rate = z[Z_UNIT] * (horner(c[V_N], at) + turning * horner(c[OMEGA], at))
+            left = horner(gap, at) + other + reach * sine + height * cosine
+            turning = reach * cosine - height * sine
+            rate = step["unit"] * (horner(step["v_n"], at) + turning * horner(step["omega"], at))
             if not rate < 0.0:
                 break
-            at = max(at - gap / rate, 0.0)
-    return at if at <= step else math.inf
+            at = max(at - left / rate, 0.0)
+    return at if at <= length else math.inf
 
 
 @kernel
-def slope_end(length: float, c: np.ndarray, step: float) -> float:
-    """Time at which the mass centre reaches the end of the slope."""
-    q = c[R_SCRATCH]
-    for k in range(WIDTH):
-        q[k] = -c[X, k]
-    q[0] += length
-    return first_root(q, step, 0, 0.0)
+def _happens(at: float, event: int, step: np.void) -> bool:
+    """Let the step end with an event, if there is one; say whether."""
+    if not at < math.inf:
+        return False
+    step["length"], step["event"], step["released"] = at, event, 0.0
+    return True
 
 
 @kernel
-def first_event(
-    body: Body,
-    feature: int,
-    length: float,
-    branch: tuple[int, int, int],
-    vanishing: tuple[int, int, int],
-    at_edge: int,
-    event: int,
-    z: np.ndarray,
-    c: np.ndarray,
-) -> tuple[float, int, int]:
-    """Find the first event of a step that has been completed.
+def _gap_events(contact: np.void, step: np.void) -> None:
+    """Look for the end of a locked gap, for the deepest place, and for the separation."""
+    scratch = step["scratch"]
+    if contact["gap_rate"] == 0.0:
+        normal, least, largest = step["normal"], step["least"], step["largest"]
+        if largest < math.inf and not step["safe_largest"] > 0.0:
+            noise = 1e-15 * (abs(largest) + abs(normal[0]))
+            if _happens(level_root(normal, scratch, 1.0, largest, step["length"], 0, noise), RATE_RELEASED, step):
+                step["released"] = -1.0
+        if not step["safe_least"] > 0.0:
+            noise = 1e-15 * (abs(least) + abs(normal[0]))
+            if _happens(level_root(normal, scratch, -1.0, least, step["length"], 0, noise), RATE_RELEASED, step):
+                step["released"] = 1.0
+        return
+    if step["event"] != RATE_ZERO and not step["safe_v_n"] > 0.0:
+        zeros = int(contact["gap_zeros"])
+        _happens(series_root(step["v_n"], scratch, contact["gap_rate"], step["length"], zeros), RATE_ZERO, step)
+    if contact["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_gap"] > 0.0:
+        _happens(series_root(step["gap"], scratch, -1.0, step["length"], 0), SEPARATION, step)
 
-    The answers of :func:`sledenv.kernel.series.complete` tell most of what cannot happen; the rest is sought.
 
-    Parameters
-    ----------
-    body : Body
-    feature : int
-        What touches.
-    length : float
-        End of the slope [m].
-    branch : tuple of int
-        Signs of v_n, v_t and omega, 0 where locked.
-    vanishing : tuple of int
-        Number of leading coefficients of v_n, v_t and omega that are zero by construction.
-    at_edge : int
-        1 if the contact has just passed from one feature to the other.
-    event : int
-        What happens at the end of the step, NOTHING if that is not known.
-    z, c : ndarray, shapes (Z_ROWS,) and (ROWS, WIDTH)
-        The series of the step, completed.
+@kernel
+def _friction_events(contact: np.void, step: np.void) -> None:
+    """Look for the end of a locked slip or spin, and for where a free one stops."""
+    scratch, normal = step["scratch"], step["normal"]
+    before = before_separation(step["length"]) if step["event"] == SEPARATION else math.inf
+    if contact["slip"] == 0.0:
+        for sign in both_signs(step["force"][0]):
+            if not (step["safe_force"] if sign > 0 else step["safe_force_back"]) > 0.0:
+                at = bound_root(normal, step["force"], scratch, sign, contact["friction"], step["length"])
+                if at < before and _happens(at, SLIP_RELEASED, step):
+                    step["released"] = -sign
+    elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:
+        zeros = int(contact["slip_zeros"])
+        _happens(series_root(step["v_t"], scratch, contact["slip"], step["length"], zeros), SLIP_ZERO, step)
+    if contact["spin"] == 0.0:
+        for sign in both_signs(step["moment"][0]):
+            if not (step["safe_moment"] if sign > 0 else step["safe_moment_back"]) > 0.0:
+                at = bound_root(normal, step["moment"], scratch, sign, contact["arm"], step["length"])
+                if at < before and _happens(at, SPIN_RELEASED, step):
+                    step["released"] = -sign
+    elif step["event"] != SPIN_ZERO and not step["safe_omega"] > 0.0:
+        zeros = int(contact["spin_zeros"])
+        _happens(series_root(step["omega"], scratch, contact["spin"], step["length"], zeros), SPIN_ZERO, step)
 
-    Returns
-    -------
-    tuple
-        Time of the event in units (that of the step if there is none), its code, and the sign with which a released
-        velocity leaves.
+
+@kernel
+def _corner_events(body: Body, contact: np.void, step: np.void) -> None:
+    """Look for where another feature takes over, and for where a second one comes down."""
+    on_arc = contact["feature"] == ARC
+    inside = body.half_angle - abs(contact["phi"])
+    if contact["at_edge"] != 0.0 or not (inside if on_arc else -inside) > step["turn"]:
+        _happens(_feature_end(body, contact, step), FEATURE_ENDS, step)
+    if contact["other"] < math.inf and not step["safe_other"] > 0.0:
+        at = _chord_down(contact, step)
+        if at < math.inf and on_arc and contact["other_sine"] * horner(step["phi"], at) < 0.0:
+            # By then the other end of the arc is further away: that one is heeded from the middle on.
+            side = 1.0 if contact["other_sine"] > 0.0 else -1.0
+            _happens(series_root(step["phi"], step["scratch"], side, step["length"], 0), MIDDLE_PASSED, step)
+        else:
+            _happens(at, CHORD_DOWN, step)
+
+
+@kernel
+def first_event(body: Body, contact: np.void, step: np.void) -> None:
+    """Let a step that has been completed end with its first event.
+
+    ``step["event"]`` is what is known to happen at its end, NOTHING if nothing is. What
+    :func:`sledenv.kernel.step.complete` has proved not to happen is not sought. Overwrites ``length``, ``event`` and
+    ``released``, the sign with which a released velocity leaves.
     """
-    gap_rate, slip, spin = branch
-    step = z[Z_STEP]
-    released = 0
-    # Each event found shortens the interval in which the next one is sought.
-    if gap_rate == 0:
-        if z[Z_LARGEST] < math.inf and not z[E_SAFE_LARGEST] > 0.0:
-            at = _normal_root(c, 1, z[Z_LARGEST], step)
-            if at < math.inf:
-                step, event, released = at, RATE_RELEASED, -1
-        if not z[E_SAFE_LEAST] > 0.0:
-            at = _normal_root(c, -1, z[Z_LEAST], step)
-            if at < math.inf:
-                step, event, released = at, RATE_RELEASED, 1
-    else:
-        if event != RATE_ZERO and not z[E_SAFE_V_N] > 0.0:
-            at = series_root(c, V_N, gap_rate, step, vanishing[0])
-            if at < math.inf:
-                step, event = at, RATE_ZERO
-        if gap_rate > 0 and event != SEPARATION and not z[E_SAFE_GAP] > 0.0:
-            at = series_root(c, GAP, -1, step, 0)
-            if at < math.inf:
-                step, event = at, SEPARATION
-    before = before_separation(step) if event == SEPARATION else math.inf
-    if slip == 0:
-        for sign in both_signs(c[R_FORCE, 0]):
-            if not z[E_SAFE_FORCE if sign > 0 else E_SAFE_FORCE_BACK] > 0.0:
-                at = bound_root(c, R_NORMAL, R_FORCE, sign, z[Z_FRICTION], step)
-                if at < before:
-                    step, event, released = at, SLIP_RELEASED, -sign
-    elif event != SLIP_ZERO and not z[E_SAFE_V_T] > 0.0:
-        at = series_root(c, V_T, slip, step, vanishing[1])
-        if at < math.inf:
-            step, event = at, SLIP_ZERO
-    if spin == 0:
-        for sign in both_signs(c[R_MOMENT, 0]):
-            if not z[E_SAFE_MOMENT if sign > 0 else E_SAFE_MOMENT_BACK] > 0.0:
-                at = bound_root(c, R_NORMAL, R_MOMENT, sign, z[Z_ARM], step)
-                if at < before:
-                    step, event, released = at, SPIN_RELEASED, -sign
-    elif event != SPIN_ZERO and not z[E_SAFE_OMEGA] > 0.0:
-        at = series_root(c, OMEGA, spin, step, vanishing[2])
-        if at < math.inf:
-            step, event = at, SPIN_ZERO
+    step["released"] = 0.0
+    _gap_events(contact, step)
+    _friction_events(contact, step)
     if has_corners(body):
-        inside = body.half_angle - abs(z[Z_PHI])
-        if at_edge != 0 or not (inside if feature == ARC else -inside) > z[E_TURN]:
-            at = _feature_end(body, feature, c, step, at_edge)
-            if at < math.inf:
-                step, event = at, FEATURE_ENDS
-        if z[Z_OTHER] < math.inf and not z[E_SAFE_OTHER] > 0.0:
-            at = _chord_down(z, c, step)
-            if at < math.inf and feature == ARC and z[Z_OTHER_SINE] * horner(c[PHI], at) < 0.0:
-                # By then the other end of the arc is further away: that one is heeded from the middle on.
-                at = series_root(c, PHI, 1 if z[Z_OTHER_SINE] > 0.0 else -1, step, 0)
-                if at < math.inf:
-                    step, event = at, MIDDLE_PASSED
-            elif at < math.inf:
-                step, event = at, CHORD_DOWN
-    if not length - z[Z_X] > z[E_TRAVEL]:
-        at = slope_end(length, c, step)
-        if at < math.inf:
-            step, event = at, SLOPE_ENDS
-    return step, event, released
+        _corner_events(body, contact, step)
+    if not contact["length"] - contact["x"] > step["travel"]:
+        _happens(slope_end(step["x"], step["scratch"], contact["length"], step["length"]), SLOPE_ENDS, step)

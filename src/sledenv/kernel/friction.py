@@ -8,87 +8,97 @@ either sign. The branch of least violation is the answer: docs/physics.md, secti
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.trace import absolute, larger, less, scalar, where
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
 CLEAR = 1e-9  # violations above this are told from none
 
 
-@kernel
-def mobility(mass: float, inertia: float, a: float, b: float) -> tuple[float, float, float, float]:
-    """What a body at the arms ``a``, ``b`` [m] opposes to contact forces: 1/mass, 1/inertia, a, b."""
-    return 1.0 / mass, 1.0 / inertia, a, b
+class Mobility(NamedTuple):
+    """What a body answers a contact force with."""
+
+    per_mass: float  # [1/kg]
+    per_inertia: float  # [1/(kg m^2)]
+    a: float  # [m] arms of the contact point
+    b: float  # [m]
 
 
-def rates_of(w: Any, drive_t: Any, drive_n: Any, force: Any, moment: Any, normal: Any) -> tuple[Any, Any, Any]:
+class Drive(NamedTuple):
+    """Rates of the velocities without contact forces."""
+
+    t: float  # [m/s^2] of v_t
+    n: float  # [m/s^2] of v_n
+
+
+class Bounds(NamedTuple):
+    """Normal force while the gap closes and while it opens; where ``v_n`` is locked it lies between them."""
+
+    closing: float  # [N] inf of a rigid contact, whose gap cannot close
+    opening: float  # [N] 0 of a rigid contact
+
+
+class Branch(NamedTuple):
+    """Signs of ``v_n``, ``v_t`` and ``omega``, 0 where a velocity is locked."""
+
+    gap_rate: int
+    slip: int
+    spin: int
+
+
+def rates_of(w: Any, drive: Any, force: Any, moment: Any, normal: Any) -> tuple[Any, Any, Any]:
     """Rates of (v_t, omega, v_n) under the contact forces, as a program and as a kernel: docs/physics.md (4.1)."""
-    per_mass, per_inertia, a, b = w
-    spin_rate = (moment - a * normal + b * force) * per_inertia
-    return force * per_mass + drive_t + b * spin_rate, spin_rate, normal * per_mass + drive_n - a * spin_rate
+    spin_rate = (moment - w.a * normal + w.b * force) * w.per_inertia
+    return force * w.per_mass + drive.t + w.b * spin_rate, spin_rate, normal * w.per_mass + drive.n - w.a * spin_rate
 
 
 rates = kernel(rates_of)
 
 
-def opening_of(
-    per_mass: Any, per_inertia: Any, a: Any, b: Any, mu: Any, rho: Any, drive_n: Any, closing: Any, opening: Any
-) -> tuple[Any, Any]:
-    """Program of how a contact at its deepest opens: the rate of its gap rate [m/s^2], and above which it clearly does.
+@kernel
+def _clearly_opens(w: Mobility, mu: float, rho: float, drive_n: float, bounds: Bounds) -> bool:
+    """Whether a contact at its deepest opens, by more than rounding.
 
-    ``mu`` and ``rho`` are tangential force and moment over the normal force, ``closing`` and ``opening`` its bounds.
+    ``mu`` and ``rho`` are tangential force and moment over the normal force.
     """
-    yielding = per_mass - a * (rho - a + mu * b) * per_inertia
-    largest = larger(absolute(drive_n), larger(yielding, per_mass + a * a * per_inertia) * closing)
-    return where(less(0.0, yielding), drive_n + yielding * opening, -math.inf), CLEAR * largest
-
-
-_opening = scalar(opening_of)
+    yielding = w.per_mass - w.a * (rho - w.a + mu * w.b) * w.per_inertia
+    largest = max(abs(drive_n), max(yielding, w.per_mass + w.a * w.a * w.per_inertia) * bounds.closing)
+    return yielding > 0.0 and drive_n + yielding * bounds.opening > CLEAR * largest
 
 
 @kernel
 def branch_forces(
-    w: tuple[float, float, float, float],
-    drive_t: float,
-    drive_n: float,
-    friction: float,
-    arm: float,
-    normal: float,
-    locked_normal: bool,
-    slip: int,
-    spin: int,
+    w: Mobility, drive: Drive, friction: float, arm: float, normal: float, locked_normal: bool, slip: int, spin: int
 ) -> tuple[float, float, float]:
     """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md, section 4.2.
 
     Each force is solved for in turn: a general solution of the three equations would cancel for a slender body. Where a
     normal force would pull the surfaces together (the Painleve region) a locked gap repels: the branch is NaN.
     """
-    per_mass, per_inertia, a, b = w
-    mass = 1.0 / per_mass
+    mass = 1.0 / w.per_mass
     if spin == 0:
         if locked_normal:
-            normal = -mass * drive_n
-        force = -mass * drive_t if slip == 0 else -slip * friction * normal
-        return force, a * normal - b * force, normal
+            normal = -mass * drive.n
+        force = -mass * drive.t if slip == 0 else -slip * friction * normal
+        return force, w.a * normal - w.b * force, normal
     if slip == 0:
-        lever = -spin * arm - a  # of the normal force about the mass centre
-        hinge = 1.0 + mass * b * b * per_inertia
+        lever = -spin * arm - w.a  # of the normal force about the mass centre
+        hinge = 1.0 + mass * w.b * w.b * w.per_inertia
         if locked_normal:
-            yielding = hinge - mass * a * lever * per_inertia
+            yielding = hinge - mass * w.a * lever * w.per_inertia
             if not yielding > 0.0:
                 return math.nan, math.nan, math.nan
-            spin_rate = -mass * (lever * drive_n + b * drive_t) * per_inertia / yielding
-            normal = mass * (a * spin_rate - drive_n)
+            spin_rate = -mass * (lever * drive.n + w.b * drive.t) * w.per_inertia / yielding
+            normal = mass * (w.a * spin_rate - drive.n)
         else:
-            spin_rate = (lever * normal - mass * b * drive_t) * per_inertia / hinge
-        return -mass * (drive_t + b * spin_rate), -spin * arm * normal, normal
+            spin_rate = (lever * normal - mass * w.b * drive.t) * w.per_inertia / hinge
+        return -mass * (drive.t + w.b * spin_rate), -spin * arm * normal, normal
     if locked_normal:
-        yielding = per_mass - a * (-spin * arm - a - slip * friction * b) * per_inertia
+        yielding = w.per_mass - w.a * (-spin * arm - w.a - slip * friction * w.b) * w.per_inertia
         if not yielding > 0.0:
             return math.nan, math.nan, math.nan
-        normal = -drive_n / yielding
+        normal = -drive.n / yielding
     return -slip * friction * normal, -spin * arm * normal, normal
 
 
@@ -99,89 +109,79 @@ def _excluded(sign: int, branch: int) -> bool:
 
 
 @kernel
+def _beyond(velocity: int, branch: int, rate: float, excess: float) -> float:
+    """How far a velocity is from what its branch wants of it.
+
+    That of a velocity that is locked is what its force exceeds its bound by, ``excess``; that of one which leaves zero
+    is how fast it goes the other way. One that was not zero is free to do as it does.
+    """
+    if abs(velocity) == 1:
+        return 0.0
+    return max(0.0, excess) if branch == 0 else max(0.0, -branch * rate)
+
+
+@kernel
+def _violation(
+    w: Mobility, drive: Drive, friction: float, arm: float, length: float, bounds: Bounds, signs: Branch, branch: Branch
+) -> float:
+    """How far the forces of a branch are from what it wants, relative to the normal force; NaN if it has none."""
+    given = bounds.closing if branch.gap_rate < 0 else bounds.opening
+    locked = branch.gap_rate == 0
+    force, moment, normal = branch_forces(w, drive, friction, arm, given, locked, branch.slip, branch.spin)
+    rate_t, rate_w, rate_n = rates(w, drive, force, moment, normal)
+    w_tt = w.per_mass + w.b * w.b * w.per_inertia
+    w_nn = w.per_mass + w.a * w.a * w.per_inertia
+    scale = max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
+    slipping = _beyond(signs.slip, branch.slip, rate_t / w_tt, abs(force) - friction * normal)
+    spinning = _beyond(signs.spin, branch.spin, rate_w / w.per_inertia, abs(moment) - arm * normal)
+    outside = max(normal - bounds.closing, bounds.opening - normal)
+    return (slipping + spinning / length + _beyond(signs.gap_rate, branch.gap_rate, rate_n / w_nn, outside)) / scale
+
+
+@kernel
 def resolve(
-    w: tuple[float, float, float, float],
-    drive_t: float,
-    drive_n: float,
-    friction: float,
-    arm: float,
-    length: float,
-    closing_normal: float,
-    opening_normal: float,
-    gap_rate: int,
-    slip: int,
-    spin: int,
-) -> tuple[int, int, int]:
+    w: Mobility, drive: Drive, friction: float, arm: float, length: float, bounds: Bounds, signs: Branch
+) -> Branch:
     """Choose the branch of a contact whose velocities have the given signs: docs/physics.md (4.3).
 
     Parameters
     ----------
-    w : tuple of float
-        From :func:`mobility`.
-    drive_t, drive_n : float
-        Rates of ``v_t`` and ``v_n`` [m/s^2] without contact forces.
+    w, drive, bounds
+        How the body yields, what drives it, and between which bounds the normal force lies.
     friction, arm : float
         Coulomb coefficient f [-] and rolling arm delta [m].
     length : float
         Size of the body [m], which makes the violation of a moment comparable with that of a force.
-    closing_normal, opening_normal : float
-        Normal force [N] while the gap closes and while it opens; where ``v_n`` is locked it lies between them. A rigid
-        contact has inf and 0: its gap cannot close.
-    gap_rate, slip, spin : int
+    signs : Branch
         Signs of ``v_n``, ``v_t`` and ``omega``; 0 where the velocity is exactly zero, 2 or -2 where it is zero but has
         just been released with that sign, its force at the bound.
 
     Returns
     -------
-    tuple of int
-        Signs (gap rate, slip, spin) of the branch to follow, 0 where the velocity stays locked.
+    Branch
+        Which branch to follow.
     """
-    per_mass, per_inertia, a, b = w
-    w_tt = per_mass + b * b * per_inertia
-    w_nn = per_mass + a * a * per_inertia
-    if gap_rate == 0 and abs(slip) == 1 and abs(spin) == 1 and closing_normal < math.inf:
-        # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
-        rate, clear = _opening(*w, -slip * friction, -spin * arm, drive_n, closing_normal, opening_normal)
-        if rate > clear:
-            return 1, slip, spin
-    best = (0, 0, 0)
+    turning_back = signs.gap_rate == 0 and abs(signs.slip) == 1 and abs(signs.spin) == 1 and bounds.closing < math.inf
+    # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
+    if turning_back and _clearly_opens(w, -signs.slip * friction, -signs.spin * arm, drive.n, bounds):
+        return Branch(1, signs.slip, signs.spin)
+    best = Branch(0, 0, 0)
     least = 1e300
-    for normal_branch in (0, -1, 1):
-        if _excluded(gap_rate, normal_branch) or (normal_branch < 0 and closing_normal == math.inf):
+    for gap_rate in (0, -1, 1):
+        if _excluded(signs.gap_rate, gap_rate) or (gap_rate < 0 and bounds.closing == math.inf):
             continue
-        given = closing_normal if normal_branch < 0 else opening_normal
-        for slip_branch in (0, 1, -1):
-            if _excluded(slip, slip_branch):
+        for slip in (0, 1, -1):
+            if _excluded(signs.slip, slip):
                 continue
-            for spin_branch in (0, 1, -1):
-                if _excluded(spin, spin_branch):
+            for spin in (0, 1, -1):
+                if _excluded(signs.spin, spin):
                     continue
-                force, moment, normal = branch_forces(
-                    w, drive_t, drive_n, friction, arm, given, normal_branch == 0, slip_branch, spin_branch
-                )
-                reference = closing_normal if closing_normal < math.inf else abs(drive_n) / w_nn
-                scale = max(abs(normal), reference)
-                rate_t, rate_w, rate_n = rates(w, drive_t, drive_n, force, moment, normal)
-                violation = 0.0
-                if abs(slip) != 1:
-                    if slip_branch == 0:
-                        violation += max(0.0, abs(force) - friction * normal) / scale
-                    else:
-                        violation += max(0.0, -slip_branch * rate_t) / (w_tt * scale)
-                if abs(spin) != 1:
-                    if spin_branch == 0:
-                        violation += max(0.0, abs(moment) - arm * normal) / (length * scale)
-                    else:
-                        violation += max(0.0, -spin_branch * rate_w) / (per_inertia * length * scale)
-                if abs(gap_rate) != 1:
-                    if normal_branch == 0:
-                        violation += max(0.0, normal - closing_normal, opening_normal - normal) / scale
-                    else:
-                        violation += max(0.0, -normal_branch * rate_n) / (w_nn * scale)
-                # A singular branch (NaN) compares false and is never chosen.
+                branch = Branch(gap_rate, slip, spin)
+                violation = _violation(w, drive, friction, arm, length, bounds, signs, branch)
+                # A branch without forces (NaN) compares false and is never chosen.
                 if violation < least - TIE:
                     least = violation
-                    best = (normal_branch, slip_branch, spin_branch)
+                    best = branch
                     if violation == 0.0:
                         return best  # which none of those behind it can beat
     return best

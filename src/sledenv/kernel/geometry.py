@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.jit import allocating, kernel
+from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.trace import nearest, scalar, sine_cosine
@@ -95,7 +95,7 @@ def support_height(body: Body, phi: float) -> float:
     return arms(body, feature_at(body, local), local)[1]
 
 
-@allocating
+@kernel
 def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
     """Support height [m] at each of many orientations [rad], shape (N,)."""
     heights = np.empty(phi.shape[0])
@@ -104,7 +104,7 @@ def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
     return heights
 
 
-@allocating
+@kernel
 def directions(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cosine and sine of many angles [rad], shapes (N,): the same whatever N is, NaN where an angle is infinite."""
     cosine, sine = np.empty(phi.shape[0]), np.empty(phi.shape[0])
@@ -120,3 +120,25 @@ def lowest_support(body: Body) -> float:
     if has_corners(body):
         lowest = min(lowest, corner_lengths(body)[0])  # on the chord
     return lowest
+
+
+@kernel
+def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, float]:
+    """What the gap of the corner on the other side has over that of the feature: docs/physics.md, section 8.2.
+
+    Returns
+    -------
+    tuple of float
+        A constant [m], and the factors of sine and cosine of ``phi + shift``; inf, 0, 0 where no corner can come down.
+        Where the arc touches, the factor of the sine is that for ``phi > 0``; it changes its sign with ``phi``.
+    """
+    if not has_corners(body):
+        return math.inf, 0.0, 0.0
+    across = body.radius * math.sin(body.half_angle)
+    if feature == ARC:
+        if body.half_angle <= 0.5 * math.pi:
+            return math.inf, 0.0, 0.0
+        # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
+        return body.radius, across, -body.radius * math.cos(body.half_angle)
+    reach = 2.0 * across * (1.0 if feature == TAIL else -1.0)
+    return 0.0, reach * math.cos(shift), -reach * math.sin(shift)

@@ -1,24 +1,21 @@
-"""The one place where a descent tells its contact laws apart: by the type of the law, at compile time."""
+"""The one place where a descent tells its contact laws apart: by the type of the law, when it is compiled."""
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import types
-from numba.extending import lower_builtin, overload, type_callable
+from numba import config
+from numba.extending import overload
 
-from sledenv.kernel.chord import ONE_CORNER, chord_contact
-from sledenv.kernel.contact import BOTH_CORNERS, Pair, contact
+from sledenv.kernel.chord import chord_contact
+from sledenv.kernel.contact import follow
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw
-from sledenv.kernel.records import TUMBLED
+from sledenv.kernel.records import BOTH_CORNERS, ONE_CORNER, TUMBLED
 from sledenv.kernel.rigid import strike
-from sledenv.kernel.series import ROWS, Z_ROWS
-from sledenv.kernel.state import ON_CHORD, TIME
 
 Law = ContactLaw | RigidLaw
 _Law = TypeVar("_Law", ContactLaw, RigidLaw, Law)
@@ -30,80 +27,58 @@ BRIEF = 1e-9
 
 
 @kernel
-def pair_of(law: ContactLaw) -> Pair:
-    """How two surfaces meet by a law of two stiffnesses."""
-    return Pair(
-        law.stiffness * (1.0 + law.asymmetry),
-        law.stiffness * (1.0 - law.asymmetry),
-        law.friction,
-        law.rolling_arm,
-        law.corner_rolling_arm,
-        np.inf,
-    )
-
-
-@kernel
-def _compliant_touch(
+def _meet(
     body: Body,
     law: ContactLaw,
     slope: Incline,
     limits: Limits,
-    state: np.ndarray,
-    c: np.ndarray,
-    z: np.ndarray,
-    steps: int,
+    flight: np.void,
+    space: np.void,
     trajectory: np.ndarray,
-    samples: int,
-) -> tuple[int, int, int]:
-    pair = pair_of(law)
-    brief = BRIEF * math.sqrt(body.mass / pair.k_closing)
+) -> int:
+    """Follow a touch of compliant surfaces, with one point or with both corners, until the body leaves or rests."""
+    contact = space["contact"]
+    contact["k_closing"] = law.stiffness * (1.0 + law.asymmetry)
+    contact["k_opening"] = law.stiffness * (1.0 - law.asymmetry)
+    contact["friction"] = law.friction
+    contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
+    contact["most_normal"] = math.inf
+    brief = BRIEF * math.sqrt(body.mass / contact["k_closing"])
     idle = 0
     while True:
-        start = state[TIME]
-        status, steps, samples = contact(body, pair, slope, limits, state, c, z, steps, trajectory, samples)
+        start = contact["time"]
+        status = follow(body, slope, limits, flight, contact, space["step"], trajectory)
         if status != BOTH_CORNERS:
-            break
-        state[ON_CHORD] = 1.0
-        status, steps, samples = chord_contact(
-            body, pair, slope, limits, state, c[ROWS:], z[Z_ROWS:], steps, trajectory, samples
-        )
+            return status
+        contact["on_chord"] = 1.0
+        status = chord_contact(body, slope, limits, flight, contact, space["chord"], trajectory)
         if status != ONE_CORNER:
-            break
-        idle = 0 if state[TIME] - start > brief else idle + 1
+            return status
+        idle = 0 if contact["time"] - start > brief else idle + 1
         if idle > MOST_IDLE:
-            status = TUMBLED
-            break
-    return status, steps, samples
+            return TUMBLED
 
 
 def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function whose second argument is a law, the type of which chooses the kernel when it is compiled."""
+    """Return a function whose second argument is a law, the type of which chooses the kernel when it is compiled.
+
+    Both kernels have the same names of arguments.
+    """
 
     def choice(*given: Any) -> Any:
         return (rigid if isinstance(given[1], RigidLaw) else compliant)(*given)
 
-    def chosen(law: Any) -> Any:
-        return types.Dispatcher(rigid if law.instance_class is RigidLaw else compliant)
+    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-    # numba hands the names of the arguments to the implementation, which must repeat them.
-    def result_type(context: Any) -> Callable[..., Any]:
-        def result(*given: Any) -> Any:
-            return chosen(given[1]).get_call_type(context, given, {}).return_type
+        @overload(choice, strict=False)
+        def chosen(*given: Any) -> Callable[..., Any]:
+            return rigid if given[1].instance_class is RigidLaw else compliant
 
-        result.__signature__ = inspect.signature(compliant)  # type: ignore[attr-defined]
-        return result
-
-    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        follow = context.get_function(chosen(signature.args[1]), signature)
-        context.add_linking_libs(follow.libs)
-        return follow(builder, arguments)
-
-    type_callable(choice)(result_type)
-    lower_builtin(choice, types.VarArg(types.Any))(lower)  # type: ignore[no-untyped-call]
     return choice
 
 
-touch = by_law(_compliant_touch, strike)
+# Follow a touch until the body leaves, or its descent ends; return SEPARATED or the status of the descent.
+touch = by_law(_meet, strike)
 
 
 def law_of_row(like: _Law, row: np.ndarray) -> _Law:

@@ -302,13 +302,22 @@ class _LimitsFields(NamedTuple):
     sample_interval: float  # [s] longest time between two rows of a trajectory
     step: float  # [s] of the explicit Euler solver
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
+    max_rebounds: float  # [-] at which a descent ends
 
 
 class Limits(_LimitsFields):
     """Where a simulation stops and how finely it is integrated and sampled."""
 
     __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, POSITIVE, _TOLERANCE, POSITIVE, POSITIVE, CLOSED_FRACTION)
+    rules: ClassVar[tuple[Rule, ...]] = (
+        POSITIVE,
+        POSITIVE,
+        _TOLERANCE,
+        POSITIVE,
+        POSITIVE,
+        CLOSED_FRACTION,
+        POSITIVE,
+    )
 
     def __new__(
         cls,
@@ -318,6 +327,7 @@ class Limits(_LimitsFields):
         sample_interval: float = 0.01,
         step: float = 2.5e-7,
         printed_sign: float = 0.0,
+        max_rebounds: float = 1000.0,
     ) -> Self:
-        values = _checked_fields(cls, max_time, max_steps, tolerance, sample_interval, step, printed_sign)
+        values = _checked_fields(cls, max_time, max_steps, tolerance, sample_interval, step, printed_sign, max_rebounds)
         return super().__new__(cls, *values)

@@ -17,6 +17,11 @@ LOG_FULL: Final = 5
 STEP_BUDGET: Final = 6
 NON_FINITE: Final = 7
 BURIED: Final = 8
+# How a contact may end without ending the descent.
+SEPARATED: Final = -1  # the body leaves the slope
+BOTH_CORNERS: Final = -2  # the corner on the other side has come down
+ONE_CORNER: Final = -3  # one of two corners has left, the other still touches
+INCONSISTENT: Final = -4  # no finite normal force keeps rigid surfaces apart: an impact follows
 
 ARC: Final = 1
 NOSE: Final = 2

@@ -10,8 +10,8 @@ import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.trace import absolute, element, fma, scalar, smaller, sums, where_less
+from sledenv.kernel.state import WIDTH
+from sledenv.kernel.trace import absolute, element, fma, scalar, smaller, sums, where_less, write_series
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000
@@ -43,7 +43,7 @@ def _value(coefficients: Sequence[Any], s: Any) -> Any:
     return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
 
 
-def approach(q: Any, s: Any, count: int) -> tuple[Any, ...]:
+def _approach(q: Any, s: Any, count: int) -> tuple[Any, ...]:
     """Come closer to a root of a series of so many terms by Chebyshev's method, of third order.
 
     Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
@@ -58,13 +58,13 @@ def approach(q: Any, s: Any, count: int) -> tuple[Any, ...]:
     return s - fma(0.5 * step, bent, step), step, absolute(step) * fma(step, step, bent * bent)
 
 
-def certificate(q: Any, s: Any) -> tuple[Any, ...]:
+def _certificate(q: Any, s: Any) -> tuple[Any, ...]:
     """Number that is positive if a root of a series is known to be its first: docs/physics.md, 10.1.
 
     The series is (t - s) B, and its root is the first if B has none in [0, s]. There the coefficients of B, times the
     powers of s, are the sums of all later terms.
     """
-    later = rows.sums_from(rows.times(rows.read(q, 0), rows.powers(s)))
+    later = rows.sums_from(rows.times(rows.read(q), rows.powers(s)))
     first, second = element(later[0], 1), element(later[0], 2)
     (rest,) = sums([rows.sizes(later)])
     against = where_less(first, 0.0, -second, second)
@@ -73,8 +73,8 @@ def certificate(q: Any, s: Any) -> tuple[Any, ...]:
 
 def _scaling(q: Any, step: Any) -> tuple[Any, ...]:
     """Make the interval of a series [0, 1]; sizes of all terms and of those from the quadratic one on, and its end."""
-    row = rows.times(rows.read(q, 0), rows.powers(step))
-    rows.write(q, 0, row)
+    row = rows.times(rows.read(q), rows.powers(step))
+    write_series(q, row)
     return tuple(sums([rows.added([absolute(part) for part in row]), rows.sizes(row), rows.added(row)]))
 
 
@@ -83,19 +83,35 @@ _SECOND = rows.COUNT * (rows.COUNT - 1.0)
 
 def _bending(q: Any, end: Any) -> tuple[Any, ...]:
     """Bound on the second derivative of a series on [0, end]."""
-    row = [absolute(part) for part in rows.times(rows.read(q, 0), rows.powers(end))]
+    row = [absolute(part) for part in rows.times(rows.read(q), rows.powers(end))]
     return (sums([rows.added(rows.times(row, _SECOND))])[0] / (end * end),)
 
 
 def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
     """Value and slope of a series at ``s`` > 0."""
-    row = rows.times(rows.read(q, 0), rows.powers(s))
+    row = rows.times(rows.read(q), rows.powers(s))
     value, slope = sums([rows.added(row), rows.added(rows.times(row, rows.COUNT))])
     return value, slope / s
 
 
 _scaled, _curvature, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
-_closer, _certainty = scalar(lambda q, s: approach(q, s, WIDTH)), scalar(certificate)
+_closer, _certainty = scalar(lambda q, s: _approach(q, s, WIDTH)), scalar(_certificate)
+_closer_in_step = scalar(lambda q, s: _approach(q, s, rows.TERMS))
+
+
+@kernel
+def locate(q: np.ndarray, guess: float, most: float) -> float:
+    """Root of a series near ``guess`` and up to ``most``, if it is surely the first one; else -1."""
+    s = guess
+    before = most
+    for _ in range(MOST_APPROACHES):
+        s, step, error = _closer_in_step(q, s)
+        if not abs(step) < before:
+            return -1.0
+        before = 0.25 * abs(step)
+        if error <= CLOSE:
+            return s if 0.0 < s <= most and _certainty(q, s)[0] > 0.0 else -1.0
+    return -1.0
 
 
 @kernel

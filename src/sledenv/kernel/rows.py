@@ -1,4 +1,4 @@
-"""Power series as rows of numbers, in blocks of eight that vector instructions handle at a time."""
+"""Arithmetic of power series in straight-line programs: a row of coefficients, as three vectors of eight."""
 
 from __future__ import annotations
 
@@ -8,36 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.jit import allocating
-from sledenv.kernel.trace import (
-    BLANK,
-    absolute,
-    blank,
-    block,
-    element,
-    filled_up,
-    fma,
-    repeated,
-    set_block,
-    shuffled,
-    side_by_side,
-)
+from sledenv.kernel.state import WIDTH
+from sledenv.kernel.trace import absolute, block, element, fma, repeated, shuffled, side_by_side
 
 EIGHT = 8
-TERMS = 19  # of a series,
-WIDTH = 3 * EIGHT  # and of a row, which zeros fill up
-COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each
+TERMS = 19  # of a series; zeros fill up its row to WIDTH
+COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each number of a row
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
 _EVEN, _ODD = range(0, 2 * EIGHT, 2), range(1, 2 * EIGHT, 2)
-
-
-@allocating
-def table(count: int, width: int) -> np.ndarray:
-    """Zeros, shape (count, width), that begin at a line of cache: no vector of eight of them lies across two."""
-    numbers = np.zeros(count * width + EIGHT)
-    first = (-numbers.ctypes.data % (EIGHT * numbers.itemsize)) // numbers.itemsize
-    return numbers[first : first + count * width].reshape((count, width))
 
 
 def powers(s: Any) -> list[Any]:
@@ -52,31 +31,25 @@ def powers(s: Any) -> list[Any]:
     return [first, second, second * eighth]
 
 
-def without_constant(blocks: Sequence[Any]) -> list[Any]:
-    """Terms of a series without the constant one."""
-    return [blocks[0] * _VARIABLE, *blocks[1:]]
+def without_constant(row: Sequence[Any]) -> list[Any]:
+    """Row without the constant term."""
+    return [row[0] * _VARIABLE, *row[1:]]
 
 
-def read(c: Any, row: int) -> list[Any]:
-    """Row of a table."""
-    return [filled_up(block(c, row * WIDTH + i, EIGHT), TERMS - i) for i in range(0, WIDTH, EIGHT)]
-
-
-def write(c: Any, row: int, blocks: Sequence[Any]) -> None:
-    """Overwrite a row of a table."""
-    for i, part in enumerate(blocks):
-        set_block(c, row * WIDTH + i * EIGHT, part)
+def read(series: Any) -> list[Any]:
+    """Row of a series."""
+    return [block(series, i, EIGHT) for i in range(0, WIDTH, EIGHT)]
 
 
 def of(numbers: Sequence[Any]) -> list[Any]:
     """Row of up to WIDTH numbers, with zeros behind them."""
-    padded = [*numbers, *([BLANK] * (WIDTH - len(numbers)))]
+    padded = [*numbers, *([0.0] * (WIDTH - len(numbers)))]
     return [side_by_side(*padded[i : i + EIGHT]) for i in range(0, WIDTH, EIGHT)]
 
 
 def apart(pairs: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Rows of the first and of the second numbers of up to WIDTH pairs."""
-    joined = [*pairs, *([blank(2, pairs[0])] * (WIDTH - len(pairs)))]
+    joined = [*pairs, *([np.zeros(2)] * (WIDTH - len(pairs)))]
     for count in (4, EIGHT):
         joined = [shuffled(a, b, range(count)) for a, b in zip(joined[::2], joined[1::2], strict=True)]
     fours = list(zip(joined[::2], joined[1::2], strict=True))
@@ -114,14 +87,14 @@ def sizes(row: Sequence[Any]) -> Any:
     return absolute(row[0] * _LATER) + absolute(row[1]) + absolute(row[2])
 
 
-def values(c: Any, row: int, terms: int, s: Any) -> Any:
-    """Values of the first terms of a row of a table at eight places."""
+def values(series: Any, terms: int, s: Any) -> Any:
+    """Values of the first terms of a series at eight places."""
     square = s * s
     chains = []
     for first in (0, 1):
         chain: Any = None
         for k in reversed(range(first, terms, 2)):
-            coefficient = repeated(c[row * WIDTH + k], EIGHT)
+            coefficient = repeated(series[k], EIGHT)
             chain = coefficient if chain is None else fma(chain, square, coefficient)
         chains.append(chain)
     return fma(chains[1], s, chains[0])

@@ -1,11 +1,267 @@
-"""Places of the contact state in its array: contact coordinates, then what a contact accumulates."""
+"""What a descent works on while it runs, as records with named fields: a contact, a step of it, a flight, an impact.
+
+In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sledenv.kernel.trace`) ``step.length``.
+"""
 
 from __future__ import annotations
 
-TIME, X, PHI, GAP, V_N, V_T, OMEGA = range(7)
-IMPULSE_N, IMPULSE_T, IMPULSE_R, HYSTERESIS, SLIDING, ROLLING = range(7, 13)
-STORED = 13  # elastic energy at the end of the contact
-ON_CHORD = 14  # 1 if both corners have touched
-FEATURE = 15  # whose gap, v_n and v_t these are
-ARM_A, ARM_B = 16, 17  # [m] arms at the touchdown
-STATE_SIZE = 18
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.kernel.trace import pack_of, where
+
+WIDTH: Final = 24  # numbers of a series: three vectors of eight; see rows.py
+
+
+_LINE = 64  # bytes of cache
+
+
+def record(*fields: tuple[Any, ...]) -> np.dtype:
+    """Type of a record that fills whole lines of cache: no vector of eight numbers then lies across two of them."""
+    size = np.dtype(list(fields)).itemsize
+    filling = (-size % _LINE) // 8  # numbers
+    return np.dtype([*fields, ("filling", "f8", (filling,))] if filling else list(fields))
+
+
+def new(record: np.dtype, count: int = 1) -> np.ndarray:
+    """Return zeroed records, shape (count,), the first of which begins at a line of cache."""
+    size = count * record.itemsize
+    room = np.zeros(size + _LINE, np.uint8)
+    first = -room.ctypes.data % _LINE
+    return room[first : first + size].view(record)
+
+
+# A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
+# not suffer from cancellation.
+CONTACT: Final = record(
+    ("time", "f8"),  # [s] since the launch
+    ("x", "f8"),  # [m] of the mass centre
+    ("phi", "f8"),  # [rad] orientation
+    ("gap", "f8"),  # [m] between feature and slope
+    ("v_n", "f8"),  # [m/s] gap rate
+    ("v_t", "f8"),  # [m/s] slip velocity
+    ("omega", "f8"),  # [rad/s] spin
+    # What the contact adds up.
+    ("normal_impulse", "f8"),  # [N s]
+    ("tangential_impulse", "f8"),  # [N s]
+    ("rolling_impulse", "f8"),  # [N m s]
+    ("hysteresis", "f8"),  # [J] losses
+    ("sliding", "f8"),
+    ("rolling", "f8"),
+    ("stored", "f8"),  # [J] elastic energy at the end
+    ("on_chord", "f8"),  # 1 if both corners have touched
+    # The touchdown.
+    ("time_before", "f8"),  # [s]
+    ("phi_before", "f8"),  # [rad]
+    ("u_before", "f8"),  # [m/s] of the mass centre
+    ("v_before", "f8"),
+    ("v_t_before", "f8"),  # [m/s]
+    ("omega_before", "f8"),  # [rad/s]
+    ("feature_before", "f8"),  # Feature
+    ("a_before", "f8"),  # [m] its arms
+    ("b_before", "f8"),
+    # The feature that touches: its lowest point lies at (-a, -b) from the mass centre, see geometry.py.
+    ("feature", "f8"),  # Feature
+    ("h", "f8"),  # [m] a = h sin(phi + shift),
+    ("r", "f8"),  # [m] b = r - h cos(phi + shift)
+    ("shift", "f8"),  # [rad]
+    ("arm", "f8"),  # [m] of its rolling resistance
+    # The gap of the corner on the other side is that of the feature, this,
+    ("other", "f8"),  # [m]
+    ("other_sine", "f8"),  # [m] and these times sine and cosine of phi + shift.
+    ("other_cosine", "f8"),
+    ("pace_closing", "f8"),  # [s] unit of time of a step, as long as the spin is slow
+    ("pace_opening", "f8"),
+    # Body, slope and law.
+    ("per_mass", "f8"),  # [1/kg]
+    ("ratio", "f8"),  # [1/m^2] mass over inertia
+    ("size", "f8"),  # [m] of the body
+    ("inward", "f8"),  # [m/s^2] gravity along the inward normal
+    ("downhill", "f8"),  # [m/s^2] and along the slope
+    ("length", "f8"),  # [m] of the slope
+    ("k_closing", "f8"),  # [N/m] while the gap closes; inf if rigid
+    ("k_opening", "f8"),  # [N/m] while it opens; 0 if rigid
+    ("friction", "f8"),  # [-]
+    ("arc_arm", "f8"),  # [m] rolling arm of the arc
+    ("corner_arm", "f8"),  # [m] and of a corner
+    ("most_normal", "f8"),  # [N] above which a rigid contact counts as having no finite normal force
+    ("scale", "f8"),  # [m/s] of the velocities
+    ("tolerance", "f8"),  # [-] of the last terms of a step's series, relative to the scale
+    ("turns", "f8"),  # [rad] that phi leaves out
+    # The branch: what each velocity does from here on.
+    ("gap_rate", "f8"),  # signs of v_n, v_t and omega, 0 where locked
+    ("slip", "f8"),
+    ("spin", "f8"),
+    ("mu", "f8"),  # [-] tangential force over normal force, where it slips
+    ("rho", "f8"),  # [m] rolling moment over normal force, where it spins
+    ("stiffness", "f8"),  # [N/m]
+    ("pace", "f8"),  # [s] unit of time
+    ("gap_zeros", "f8"),  # leading coefficients of v_n, v_t and omega that are zero by construction
+    ("slip_zeros", "f8"),
+    ("spin_zeros", "f8"),
+    ("gap_left", "f8"),  # signs with which velocities have just been released, or 0
+    ("slip_left", "f8"),
+    ("spin_left", "f8"),
+    ("at_edge", "f8"),  # 1 if the contact has just passed from one feature to another
+    ("stalled", "f8"),  # events in a row without any progress in time
+)
+
+# One step of a contact: power series in time, counted in a unit of the step's own, so that a coefficient is what its
+# term adds after one unit; then what ends the step, and how.
+STEP: Final = record(
+    # The series.
+    ("x", "f8", (WIDTH,)),  # [m]
+    ("phi", "f8", (WIDTH,)),  # [rad]
+    ("gap", "f8", (WIDTH,)),  # [m]
+    ("v_n", "f8", (WIDTH,)),  # [m/s]
+    ("v_t", "f8", (WIDTH,)),  # [m/s]
+    ("omega", "f8", (WIDTH,)),  # [rad/s]
+    ("normal", "f8", (WIDTH,)),  # [N]
+    ("force", "f8", (WIDTH,)),  # [N] of a locked slip
+    ("moment", "f8", (WIDTH,)),  # [N m] of a locked spin
+    ("sines", "f8", (WIDTH,)),  # of theta
+    ("cosines", "f8", (WIDTH,)),
+    ("scratch", "f8", (WIDTH,)),  # whose root is sought
+    ("theta", "f8"),  # [rad] phi + shift,
+    ("sine", "f8"),  # its sine
+    ("cosine", "f8"),  # and cosine
+    ("unit", "f8"),  # [s] of time
+    # When the contact oscillation, with frozen arms, is expected to end its phase.
+    ("per_pulsation", "f8"),  # [s]
+    ("abeam", "f8"),  # [m] direction of the phase angle up to there
+    ("ahead", "f8"),
+    ("expected", "f8"),  # code of the event,
+    ("guess", "f8"),  # [units] where its root is,
+    ("most", "f8"),  # [units] up to where it is sought,
+    ("root", "f8"),  # [units] and where it was found
+    ("length", "f8"),  # [units] of the step
+    ("event", "f8"),  # code of what happens at its end
+    ("released", "f8"),  # sign with which a velocity is released there
+    # The state at its end.
+    ("x_end", "f8"),
+    ("phi_end", "f8"),
+    ("gap_end", "f8"),
+    ("v_n_end", "f8"),
+    ("v_t_end", "f8"),
+    ("omega_end", "f8"),
+    ("normal_impulse", "f8"),  # [N s]
+    ("force_impulse", "f8"),  # [N s] of a locked slip
+    ("moment_impulse", "f8"),  # [N m s] of a locked spin
+    ("slip_work", "f8"),  # [J] integral of the normal force times the slip velocity,
+    ("spin_work", "f8"),  # [N] and times the spin
+    ("travel", "f8"),  # [m] most that x changes by on the way
+    ("turn", "f8"),  # [rad] and phi
+    # > 0 if a quantity keeps the sign of the branch on the way, or does so once it has left zero.
+    ("safe_gap", "f8"),
+    ("safe_v_n", "f8"),
+    ("safe_v_t", "f8"),
+    ("safe_omega", "f8"),
+    ("safe_other", "f8"),
+    # Where velocities are locked: bounds of the normal force, and > 0 if the forces stay within theirs.
+    ("least", "f8"),  # [N]
+    ("largest", "f8"),  # [N]
+    ("safe_least", "f8"),
+    ("safe_largest", "f8"),
+    ("safe_force", "f8"),  # below its bound,
+    ("safe_force_back", "f8"),  # and above the negative of that
+    ("safe_moment", "f8"),
+    ("safe_moment_back", "f8"),
+)
+
+# One hop: a flight, its touchdown, and the impact of a rigid body there. A pack of hops has LANES of each number.
+HOP: Final = record(
+    ("lane", "f8"),  # whose hop it is, in a batch
+    # The body.
+    ("radius", "f8"),  # [m]
+    ("eccentricity", "f8"),  # [m]
+    ("half_angle", "f8"),  # [rad]
+    ("along", "f8"),  # [m] where its corners are, see geometry.corner_lengths
+    ("across", "f8"),  # [m]
+    ("size", "f8"),  # [m] nothing of it reaches further from the mass centre
+    ("furthest", "f8"),  # [m] largest h of its features
+    ("per_mass", "f8"),  # [1/kg]
+    ("per_inertia", "f8"),  # [1/(kg m^2)]
+    # The slope.
+    ("downhill", "f8"),  # [m/s^2] gravity along it,
+    ("inward", "f8"),  # [m/s^2] and along its inward normal
+    ("length", "f8"),  # [m]
+    # The law of a rigid contact.
+    ("friction", "f8"),  # [-]
+    ("arc_arm", "f8"),  # [m] rolling arm of the arc
+    ("corner_arm", "f8"),  # [m] and of a corner
+    ("law_restitution", "f8"),  # [-]
+    ("settle_speed", "f8"),  # [m/s]
+    # The start of the flight.
+    ("t", "f8"),  # [s] since the launch
+    ("x", "f8"),  # [m]
+    ("y", "f8"),  # [m]
+    ("phi", "f8"),  # [rad]
+    ("u", "f8"),  # [m/s]
+    ("v", "f8"),  # [m/s]
+    ("omega", "f8"),  # [rad/s] spin, which the impact changes
+    ("max_time", "f8"),  # [s] when the descent ends,
+    ("horizon", "f8"),  # [s] from now: a later touchdown is of no interest
+    # The search for the touchdown; times are counted from the start of the flight.
+    ("phase", "f8"),  # FALLING, SEARCHING, LANDED or POISED, see ballistics.py
+    ("touchdown", "f8"),  # [s] reached so far; in the end that of the touchdown, inf if there is none
+    ("bound", "f8"),  # [m/s^2] the gap never accelerates more than this towards the slope
+    ("noise", "f8"),  # [m] rounding error of the gap
+    ("margin", "f8"),  # of the speeds: gap rates below it do not tell whether the body lifts off
+    ("in_reach", "f8"),  # [s] from when on the body is in reach of the slope
+    ("clear", "f8"),  # [s] up to which the gap is known to be open
+    ("last_step", "f8"),  # [s] length of the step before
+    ("root", "f8"),  # [s] a root of the gap,
+    ("alone_from", "f8"),  # [s] and from when on there is no other before it
+    # The touchdown, or whatever else ends the flight.
+    ("duration", "f8"),  # [s] of the flight
+    ("t_landing", "f8"),  # [s] since the launch
+    ("x_landing", "f8"),  # [m]
+    ("y_landing", "f8"),  # [m]
+    ("phi_landing", "f8"),  # [rad]
+    ("u_landing", "f8"),  # [m/s]
+    ("v_landing", "f8"),  # [m/s]
+    ("omega_landing", "f8"),  # [rad/s]
+    ("v_t_landing", "f8"),  # [m/s] slip velocity of what is lowest,
+    ("v_n_landing", "f8"),  # [m/s] gap rate,
+    ("feature", "f8"),  # Feature,
+    ("a", "f8"),  # [m] and arms
+    ("b", "f8"),  # [m]
+    # The impact, while it goes on and after it.
+    ("going", "f8"),  # 1 while it goes on, 0 when it has ended, -1 if there is none
+    ("arm", "f8"),  # [m] rolling arm of what touches
+    ("restitution", "f8"),  # [-] 0 of a plastic impact
+    ("v_t", "f8"),  # [m/s] slip velocity
+    ("v_n", "f8"),  # [m/s] gap rate
+    ("slip", "f8"),  # signs of slip and spin in the next phase, 0 where locked
+    ("spin", "f8"),
+    ("mu", "f8"),  # [-] tangential force over normal force
+    ("rho", "f8"),  # [m] rolling moment over normal force
+    ("opening", "f8"),  # 1 while the gap opens, 0 while it closes
+    ("span", "f8"),  # [N s] normal impulse of the phase that has just passed
+    ("normal_impulse", "f8"),  # [N s] so far
+    ("tangential_impulse", "f8"),  # [N s]
+    ("rolling_impulse", "f8"),  # [N m s]
+    ("closed", "f8"),  # [J] work of compression
+    ("opened", "f8"),  # [J] work of restitution, of impacts that are not energetic
+    ("stored", "f8"),  # [J] what may be given back
+    ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
+    ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
+    ("hysteresis", "f8"),  # [J] losses of the impact
+    ("sliding", "f8"),
+    ("rolling", "f8"),
+    # What the descent has come to, in a pack of rigid bodies.
+    ("fine", "f8"),  # 1 if this hop was an ordinary one, see bounce.py
+    ("rebounds", "f8"),
+    ("lost_hysteresis", "f8"),  # [J] losses of all impacts
+    ("lost_sliding", "f8"),
+    ("lost_rolling", "f8"),
+)
+
+PACK: Final = pack_of(HOP)
+
+
+def change(record: Any, mask: Any, **fields: Any) -> None:
+    """In a program: set fields of a record where a mask is true."""
+    for name, value in fields.items():
+        setattr(record, name, where(mask, value, getattr(record, name)))

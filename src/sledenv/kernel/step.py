@@ -1,459 +1,281 @@
-"""What nearly every step of a compliant contact consists of, as straight-line programs: docs/physics.md, section 5.
+"""One step of a contact: where it starts, when its phase is expected to end, the state at its end, what it adds up.
 
-Nearly all steps have all three velocities free, and nothing happens in them but the event that ends this phase of the
-contact oscillation, or a slip or spin that stops: such a step is ordinary. :func:`step_abreast` takes one in several
-contacts of a body without corners at once. What it cannot prove to be ordinary it leaves as it was, for
-:mod:`sledenv.kernel.contact`, which runs the same programs.
+While the series of a step hold, the state at its end is a sum. The same sums prove of most quantities that they do not
+change their sign on the way, which saves the search for a root: docs/physics.md, section 10.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sledenv.kernel import rows
-from sledenv.kernel.events import NOTHING, RATE_ZERO, SEPARATION, SLIP_ZERO, SPIN_ZERO
-from sledenv.kernel.friction import opening_of
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
-from sledenv.kernel.roots import CLOSE, MOST_APPROACHES, approach, certificate
-from sledenv.kernel.rows import TERMS, WIDTH
-from sledenv.kernel.series import (
-    E_FORCE,
-    E_GAP,
-    E_MOMENT,
-    E_NORMAL,
-    E_OMEGA,
-    E_PHI,
-    E_SAFE_GAP,
-    E_SAFE_OMEGA,
-    E_SAFE_V_N,
-    E_SAFE_V_T,
-    E_SLIP,
-    E_SPIN,
-    E_STATE,
-    E_TRAVEL,
-    E_V_N,
-    E_V_T,
-    E_X,
-    R_COSINE,
-    R_SCRATCH,
-    R_SINE,
-    Z_ABEAM,
-    Z_AHEAD,
-    Z_BEFORE,
-    Z_COSINE,
-    Z_EVENT,
-    Z_EXPECTED,
-    Z_FINE,
-    Z_FOUND,
-    Z_GAP_RATE,
-    Z_GAP_ZEROS,
-    Z_GUESS,
-    Z_H,
-    Z_INWARD,
-    Z_K_CLOSING,
-    Z_K_OPENING,
-    Z_LENGTH,
-    Z_MAX_TIME,
-    Z_MOST,
-    Z_MOST_STEPS,
-    Z_MU,
-    Z_OMEGA,
-    Z_OTHER_SINE,
-    Z_PACE,
-    Z_PACE_OPENING,
-    Z_PER_MASS,
-    Z_PER_PULSATION,
-    Z_R,
-    Z_RATIO,
-    Z_RHO,
-    Z_ROOT,
-    Z_SCALE,
-    Z_SEEKING,
-    Z_SHIFT,
-    Z_SINE,
-    Z_SIZE,
-    Z_SLIP,
-    Z_SLIP_ZEROS,
-    Z_SPIN,
-    Z_SPIN_ZEROS,
-    Z_STATE,
-    Z_STEP,
-    Z_STEPS,
-    Z_STIFFNESS,
-    Z_THETA,
-    Z_TOLERANCE,
-    Z_UNIT,
-    Z_V_T,
-    completion,
-    ends,
-    longest,
-    spinning,
-)
-from sledenv.kernel.state import (
-    FEATURE,
-    GAP,
-    HYSTERESIS,
-    IMPULSE_N,
-    IMPULSE_R,
-    IMPULSE_T,
-    OMEGA,
-    PHI,
-    ROLLING,
-    SLIDING,
-    STORED,
-    TIME,
-    V_N,
-    V_T,
-    X,
-)
+from sledenv.kernel.rows import EIGHT, TERMS
 from sledenv.kernel.trace import (
-    ABREAST,
-    abreast,
     absolute,
-    compiled,
+    equal,
+    fma,
     larger,
     less,
     not_more,
+    repeated,
     root,
     rough_angle,
-    section,
-    set_apart,
     sine_cosine,
+    smaller,
+    straight,
+    sums,
     where,
+    where_less,
     with_sign,
-    without,
 )
 
-MOST_UNITS = 2.0  # length of a step
-SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step,
-STRETCHED = 1.08  # which may be longer by this factor to end there: its last terms are four times larger then
-LEFT_ALONE = -1.0  # event of a step that was not taken
-DEEPEST = -1.0  # in place of leading zeros of the gap rate: the gap has just stopped closing, no branch is chosen yet
-NO_DEPTH = 1e-12  # share of the size of the body: a contact that is not deeper is resolved as if it carried no load
+# What ends a step.
+NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
+RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
+
+# Gauss's rule with eight nodes on [0, 1]; written out, so that the bits do not depend on the version of a library.
+_NODES = np.array(
+    [
+        0.019855071751231884,
+        0.10166676129318664,
+        0.2372337950418355,
+        0.4082826787521751,
+        0.591717321247825,
+        0.7627662049581645,
+        0.8983332387068134,
+        0.9801449282487681,
+    ]
+)
+_WEIGHTS = np.array(
+    [
+        0.05061426814518813,
+        0.11119051722668724,
+        0.15685332293894363,
+        0.181341891689181,
+        0.181341891689181,
+        0.15685332293894363,
+        0.11119051722668724,
+        0.05061426814518813,
+    ]
+)
+# A power t^k on [0, 1] lies below its chord t by so much at most.
+_ORDERS = np.maximum(rows.COUNT, 2.0)
+_SAGS = np.where(rows.COUNT > 1.0, (_ORDERS - 1.0) * _ORDERS ** (-_ORDERS / (_ORDERS - 1.0)), 0.0)
+_SAGS_TO_ONE = np.where(rows.COUNT > 1.0, 1.0 - _SAGS, 0.0)
 
 
 def _nonzero(a: Any) -> Any:
     return less(a, 0.0) | less(0.0, a)
 
 
-def orientation(z: Any, state: Any) -> None:
-    """Write how the feature lies."""
-    z[Z_THETA] = state[PHI] + z[Z_SHIFT]
-    z[Z_SINE], z[Z_COSINE] = sine_cosine(z[Z_THETA])
+def _orientation(contact: Any, step: Any) -> None:
+    """Program of how the feature lies."""
+    step.theta = contact.phi + contact.shift
+    step.sine, step.cosine = sine_cosine(step.theta)
 
 
-def paced(unit: Any, omega: Any) -> Any:
-    """Unit of time in which sine and cosine converge fast."""
-    return where(not_more(1.0, absolute(omega) * unit), 1.0 / absolute(omega), unit)
+def _beginning(contact: Any, step: Any) -> None:
+    """Program of the unit of time of a step, and of where it starts in the contact oscillation.
 
-
-def telling(z: Any, state: Any) -> None:
-    """Write where a step starts, its unit of time, and where it is in the contact oscillation with frozen arms."""
-    for i in (X, PHI, GAP, V_N, V_T, OMEGA):
-        z[Z_STATE + i] = state[i]
-    z[Z_UNIT] = paced(z[Z_PACE], state[OMEGA])
-    a, b = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE]
-    slipping, spinning = _nonzero(z[Z_SLIP]), _nonzero(z[Z_SPIN])
-    lever = z[Z_RHO] - a + where(slipping, z[Z_MU] * b, 0.0)
-    share = z[Z_RATIO] / where(slipping, 1.0, 1.0 + z[Z_RATIO] * b * b)
+    The contact is taken for a harmonic oscillator with frozen arms.
+    """
+    omega = contact.omega
+    # Sine and cosine must converge fast as well.
+    fast = not_more(1.0, absolute(omega) * contact.pace)
+    step.unit = where(fast, 1.0 / absolute(omega), contact.pace)
+    a, b = contact.h * step.sine, contact.r - contact.h * step.cosine
+    slipping, spinning = _nonzero(contact.slip), _nonzero(contact.spin)
+    lever = contact.rho - a + where(slipping, contact.mu * b, 0.0)
+    share = contact.ratio / where(slipping, 1.0, 1.0 + contact.ratio * b * b)
     yielding = where(spinning, larger(1.0 - a * lever * share, 0.05), 1.0)
-    z[Z_PER_PULSATION] = per_pulsation = 1.0 / root(z[Z_STIFFNESS] * z[Z_PER_MASS] * yielding)
-    turning = z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
-    gap, speed = state[GAP], state[V_N] * per_pulsation
-    rest = -(z[Z_INWARD] + turning) * per_pulsation * per_pulsation  # the gap in balance
+    per_pulsation = 1.0 / root(contact.stiffness * contact.per_mass * yielding)
+    turning = contact.h * step.cosine * omega * omega
+    gap, speed = contact.gap, contact.v_n * per_pulsation
+    rest = -(contact.inward + turning) * per_pulsation * per_pulsation  # the gap in balance
     # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
     beyond = speed * speed + gap * (gap - 2.0 * rest)
-    separating = less(0.0, z[Z_GAP_RATE]) & less(0.0, beyond)
-    z[Z_EXPECTED] = where(separating, SEPARATION, RATE_ZERO)
+    separating = less(0.0, contact.gap_rate) & less(0.0, beyond)
+    step.expected = where(separating, SEPARATION, RATE_ZERO)
     # and turns back where the tangent is speed / apart.
-    z[Z_ABEAM] = where(separating, -gap, speed)
-    z[Z_AHEAD] = where(separating, speed + root(beyond), gap - rest)
+    step.abeam = where(separating, -gap, speed)
+    step.ahead = where(separating, speed + root(beyond), gap - rest)
+    step.per_pulsation = per_pulsation
     # Of the two ends of the arc the one that is further away.
-    reach = z[Z_OTHER_SINE]
-    z[Z_OTHER_SINE] = where(not_more(state[FEATURE], ARC), with_sign(reach, state[PHI]), reach)
+    reach = contact.other_sine
+    contact.other_sine = where(not_more(contact.feature, ARC), with_sign(reach, contact.phi), reach)
 
 
-def expectation(z: Any) -> None:
-    """Write the event that ends this phase of the contact oscillation, and when to expect it.
+def _expectation(contact: Any, step: Any) -> None:
+    """Program of the event that ends this phase of the contact oscillation, and of when to expect it.
 
-    The contact is taken for a harmonic oscillator with frozen arms, and its angles to a thousandth: the event is found
-    exactly, only faster if the guess is good. Nothing is expected of a body that turns as fast.
+    Angles are right to a thousandth: the event is found exactly, only faster if the guess is good. Nothing is expected
+    of a body that turns as fast.
     """
-    separating, closing = not_more(z[Z_EXPECTED], SEPARATION), less(z[Z_GAP_RATE], 0.0)
-    angle = rough_angle(z[Z_ABEAM], z[Z_AHEAD])
+    separating, closing = not_more(step.expected, SEPARATION), less(contact.gap_rate, 0.0)
+    angle = rough_angle(step.abeam, step.ahead)
     later = where(closing & less(angle, 0.0), angle + math.pi, angle)
     angle = where(separating, 2.0 * angle, later)
-    z[Z_GUESS] = angle * z[Z_PER_PULSATION] / z[Z_UNIT]
-    kept = less(absolute(angle), math.inf) & not_more(z[Z_PACE], z[Z_UNIT])
-    z[Z_EXPECTED] = where(kept, z[Z_EXPECTED], NOTHING)
+    step.guess = angle * step.per_pulsation / step.unit
+    kept = less(absolute(angle), math.inf) & not_more(contact.pace, step.unit)
+    step.expected = where(kept, step.expected, NOTHING)
 
 
-def progress(z: Any, state: Any) -> None:
-    """Move the state, the impulses and the losses to the end of the step, at which Z_EVENT happens."""
-    slipping, spinning = _nonzero(z[Z_SLIP]), _nonzero(z[Z_SPIN])
-    separation = not_more(z[Z_EVENT], SEPARATION) & not_more(SEPARATION, z[Z_EVENT])
-    before = state[GAP]
-    state[TIME] = state[TIME] + z[Z_STEP] * z[Z_UNIT]
-    for i in (X, PHI, GAP, V_N, V_T, OMEGA):
-        state[i] = z[E_STATE + i]
-    state[GAP] = where(separation, 0.0, z[E_GAP])
-    normal = z[E_NORMAL]
-    state[IMPULSE_N] = state[IMPULSE_N] + normal
-    state[IMPULSE_T] = state[IMPULSE_T] + where(slipping, z[Z_MU] * normal, z[E_FORCE])
-    state[IMPULSE_R] = state[IMPULSE_R] + where(spinning, z[Z_RHO] * normal, z[E_MOMENT])
+def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
+    """How far a polynomial may sag below the chord between its ends, in eight parts: docs/physics.md (10.3).
+
+    Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below the line from there to its end.
+    """
+    sags: Any = _SAGS
+    if leaving is not None:
+        leave = repeated(leaving, EIGHT)
+        sags = [fma(leave, rest, sag) for rest, sag in zip(_SAGS_TO_ONE, _SAGS, strict=True)]
+    return rows.added(rows.times([larger(part, np.zeros(EIGHT)) for part in terms], sags))
+
+
+def _completion(contact: Any, step: Any) -> None:
+    """Program of the state and the work at the end of a step, and of whether anything changes its sign on the way.
+
+    Integrals are taken by Gauss's rule, whose error is below that of the series.
+    """
+    s = step.length
+    time = s * step.unit
+    powers = rows.without_constant(rows.powers(s))
+    nodes = repeated(s, EIGHT) * _NODES
+    normal, slip, spin = (rows.values(series, TERMS, nodes) for series in (step.normal, step.v_t, step.omega))
+    load = normal * _WEIGHTS
+    moving = (step.x, step.gap, step.v_n, step.v_t, step.omega)
+    terms = [rows.times(rows.read(series), powers) for series in moving]
+    along, gaps, *velocities = terms
+    starts = [series[0] for series in moving]
+    signs = (contact.gap_rate, contact.slip, contact.spin)
+    zeros = (contact.gap_zeros, contact.slip_zeros, contact.spin_zeros)
+    sagging = [_sagging([-part for part in gaps])]
+    for row, sign, vanishing in zip(velocities, signs, zeros, strict=True):
+        signed = repeated(sign, EIGHT)
+        sagging.append(_sagging([signed * part for part in row], smaller(vanishing, 1.0)))
+    # The gap of the corner on the other side.
+    sines, cosines = repeated(contact.other_sine, EIGHT), repeated(contact.other_cosine, EIGHT)
+    around = zip(*(rows.times(rows.read(series), powers) for series in (step.sines, step.cosines)), gaps, strict=True)
+    other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
+    ends = [rows.added(row) for row in terms]
+    *changes, turned, impulse, slid = sums([*ends, spin * _WEIGHTS, load, load * slip])
+    turning = _sagging([absolute(part) for part in velocities[2]])
+    rolled, rest, gap_sag, *sags, other_sag, other_change, turning_sag = sums(
+        [load * spin, rows.sizes(along), *sagging, _sagging(other), rows.added(other), turning]
+    )
+    x, gap, *rates = (start + change for start, change in zip(starts, changes, strict=True))
+    step.x_end, step.gap_end = x, gap
+    step.v_n_end, step.v_t_end, step.omega_end = rates
+    step.phi_end = fma(time, turned, contact.phi)
+    step.normal_impulse = time * impulse
+    step.slip_work = time * slid
+    step.spin_work = time * rolled
+    step.travel = absolute(step.x[1] * s) + rest
+    step.safe_gap = smaller(-starts[1], -gap) - gap_sag
+    safe = []
+    for series, rate, sign, vanishing, sag in zip(moving[2:], rates, signs, zeros, sags, strict=True):
+        end = sign * rate
+        # A second leading coefficient that is zero by construction is left out, and the third does not make it sag.
+        first, second = sign * series[1] * s, sign * series[2] * s * s
+        later = end - first + larger(second, 0.0)
+        least = where_less(vanishing, 0.5, smaller(sign * series[0], end), where_less(vanishing, 1.5, end, later))
+        safe.append(least - sag)
+    step.safe_v_n, step.safe_v_t, step.safe_omega = safe
+    start = fma(contact.other_sine, step.sines[0], fma(contact.other_cosine, step.cosines[0], starts[1]))
+    start = start + contact.other
+    step.safe_other = smaller(start, start + other_change) - other_sag
+    step.turn = time * (larger(absolute(starts[4]), absolute(rates[2])) + turning_sag)
+
+
+def _locked_completion(contact: Any, step: Any) -> None:
+    """Program of the impulses of the forces of locked velocities, and of whether they stay within their bounds."""
+    s = step.length
+    time = s * step.unit
+    powers = rows.without_constant(rows.powers(s))
+    nodes = repeated(s, EIGHT) * _NODES
+    forces = (step.normal, step.force, step.moment)
+    normals, *tangential = terms = [rows.times(rows.read(series), powers) for series in forces]
+    sizes = [[absolute(part) for part in row] for row in tangential]
+    sagging = [_sagging(row) for row in (normals, [-part for part in normals], *sizes)]
+    pushes = [rows.values(series, TERMS, nodes) * _WEIGHTS for series in forces[1:]]
+    *changes, impulse, twist, sag, rise, force_sag, moment_sag = sums(
+        [*(rows.added(row) for row in terms), *pushes, *sagging]
+    )
+    starts = [series[0] for series in forces]
+    ends = [start + change for start, change in zip(starts, changes, strict=True)]
+
+    def slack(i: int, sign: float, factor: Any, force_sags: Any) -> Any:
+        """How far ``sign`` times a force stays below ``factor`` times the normal force."""
+        slacks = [fma(factor, of[0], -sign * of[i]) for of in (starts, ends)]
+        return smaller(*slacks) - fma(factor, sag, force_sags)
+
+    step.safe_force = slack(1, 1.0, contact.friction, force_sag)
+    step.safe_force_back = slack(1, -1.0, contact.friction, force_sag)
+    step.safe_moment = slack(2, 1.0, contact.arm, moment_sag)
+    step.safe_moment_back = slack(2, -1.0, contact.arm, moment_sag)
+    step.force_impulse = time * impulse
+    step.moment_impulse = time * twist
+    step.safe_least = smaller(starts[0], ends[0]) - step.least - sag
+    step.safe_largest = step.largest - larger(starts[0], ends[0]) - rise
+
+
+def _progress(contact: Any, step: Any) -> None:
+    """Program that moves the state, the impulses and the losses to the end of a step."""
+    slipping, spinning = _nonzero(contact.slip), _nonzero(contact.spin)
+    before = contact.gap
+    contact.time = contact.time + step.length * step.unit
+    contact.x, contact.phi = step.x_end, step.phi_end
+    contact.gap = where(equal(step.event, SEPARATION), 0.0, step.gap_end)
+    contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
+    normal = step.normal_impulse
+    contact.normal_impulse = contact.normal_impulse + normal
+    contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * normal, step.force_impulse)
+    contact.rolling_impulse = contact.rolling_impulse + where(spinning, contact.rho * normal, step.moment_impulse)
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
-    slid, rolled = larger(-z[Z_MU] * z[E_SLIP], 0.0), larger(-z[Z_RHO] * z[E_SPIN], 0.0)
-    state[SLIDING] = state[SLIDING] + where(slipping, slid, 0.0)
-    state[ROLLING] = state[ROLLING] + where(spinning, rolled, 0.0)
-    eased = 0.5 * (z[Z_K_CLOSING] - z[Z_K_OPENING]) * (before * before - state[GAP] * state[GAP])
-    state[HYSTERESIS] = state[HYSTERESIS] + where(less(0.0, z[Z_GAP_RATE]), eased, 0.0)
+    slid, rolled = larger(-contact.mu * step.slip_work, 0.0), larger(-contact.rho * step.spin_work, 0.0)
+    contact.sliding = contact.sliding + where(slipping, slid, 0.0)
+    contact.rolling = contact.rolling + where(spinning, rolled, 0.0)
+    eased = 0.5 * (contact.k_closing - contact.k_opening) * (before * before - contact.gap * contact.gap)
+    contact.hysteresis = contact.hysteresis + where(less(0.0, contact.gap_rate), eased, 0.0)
 
 
-# An ordinary step.
-
-
-def _turning_back(z: Any, state: Any) -> Any:
-    """Program of the branch of a contact that has just been at its deepest; whether it opens, if it was.
-
-    It clearly does where the box rule would at once say so, and by more than rounding: see
-    :func:`sledenv.kernel.friction.resolve`. What is less clear is left to that.
-    """
-    pending = less(z[Z_GAP_ZEROS], 0.0)
-    a, b, depth = z[Z_H] * z[Z_SINE], z[Z_R] - z[Z_H] * z[Z_COSINE], -state[GAP]
-    mobility = (z[Z_PER_MASS], z[Z_RATIO] * z[Z_PER_MASS], a, b)
-    drive = -z[Z_INWARD] - z[Z_H] * z[Z_COSINE] * state[OMEGA] * state[OMEGA]
-    bounds = (z[Z_K_CLOSING] * depth, z[Z_K_OPENING] * depth)
-    rate, clear = opening_of(*mobility, z[Z_MU], z[Z_RHO], drive, *bounds)
-    opens = less(2.0 * clear, rate) & less(NO_DEPTH * z[Z_SIZE], depth) & _nonzero(state[V_T]) & _nonzero(state[OMEGA])
-    turns = pending & opens
-    z[Z_GAP_RATE] = where(turns, 1.0, z[Z_GAP_RATE])
-    z[Z_STIFFNESS] = where(turns, z[Z_K_OPENING], z[Z_STIFFNESS])
-    z[Z_PACE] = where(turns, z[Z_PACE_OPENING], z[Z_PACE])
-    z[Z_GAP_ZEROS] = where(turns, 1.0, z[Z_GAP_ZEROS])
-    return opens | ~pending
-
-
-def _beginning(z: Any, state: Any, c: Any) -> None:
-    """Program of an ordinary step up to the search for the root of the event that is expected."""
-    orientation(z, state)
-    clear = _turning_back(z, state)
-    telling(z, state)
-    unread = [row * WIDTH + k for row in (PHI, R_SINE, R_COSINE) for k in range(WIDTH)]
-    spinning(False, False)(z, without(c, unread))
-    expectation(z)
-    (most,) = longest(z[Z_SIZE], z[Z_SCALE], z[Z_TOLERANCE], MOST_UNITS, c)
-    left = larger(z[Z_MAX_TIME] - state[TIME], 0.0) / z[Z_UNIT]
-    fine = clear & less(STRETCHED * most, left) & less(z[Z_STEPS], z[Z_MOST_STEPS])
-    z[Z_FINE] = where(fine, 1.0, 0.0)
-    separating = not_more(z[Z_EXPECTED], SEPARATION)
-    sought = less(NOTHING, z[Z_EXPECTED]) & (separating | not_more(z[Z_GAP_ZEROS], 0.0))
-    z[Z_STEP], z[Z_EVENT] = most, NOTHING
-    _seek(z, c, fine & sought & less(z[Z_GUESS], SOUGHT * most), STRETCHED * most, separating, GAP, V_N)
-
-
-def _seek(z: Any, c: Any, sought: Any, most: Any, one: Any, row: int, other: int) -> None:
-    """Let the event that is expected be sought up to some time: the root of one row of the table or other."""
-    z[Z_SEEKING] = where(sought, 1.0, 0.0)
-    z[Z_FOUND] = 0.0
-    z[Z_ROOT] = z[Z_GUESS]
-    z[Z_MOST] = z[Z_BEFORE] = most
-    rows.write(c, R_SCRATCH, rows.of([where(one, c[row * WIDTH + k], c[other * WIDTH + k]) for k in range(TERMS)]))
-
-
-def _approaching(z: Any, c: Any) -> None:
-    """Program of one step of :func:`sledenv.kernel.series.locate`."""
-    s, step, error = approach(section(c, R_SCRATCH * WIDTH), z[Z_ROOT], TERMS)
-    seeking = less(0.0, z[Z_SEEKING]) & less(absolute(step), z[Z_BEFORE])
-    there = not_more(error, CLOSE)
-    z[Z_ROOT] = where(seeking, s, z[Z_ROOT])
-    z[Z_BEFORE] = 0.25 * absolute(step)
-    z[Z_FOUND] = where(seeking & there, 1.0, z[Z_FOUND])
-    z[Z_SEEKING] = where(seeking & ~there, 1.0, 0.0)
-
-
-def _certifying(z: Any, c: Any) -> None:
-    """Program of its end."""
-    (certainty,) = certificate(section(c, R_SCRATCH * WIDTH), z[Z_ROOT])
-    first = less(0.0, z[Z_ROOT]) & not_more(z[Z_ROOT], z[Z_MOST]) & less(0.0, certainty)
-    z[Z_FOUND] = where(first, z[Z_FOUND], 0.0)
-
-
-def _taking(z: Any) -> None:
-    """Let the step end with the event that has been found."""
-    found = less(0.0, z[Z_FOUND])
-    z[Z_STEP] = where(found, z[Z_ROOT], z[Z_STEP])
-    z[Z_EVENT] = where(found, z[Z_EXPECTED], z[Z_EVENT])
-    z[Z_FOUND] = 0.0
-
-
-def _foreseeing(z: Any, c: Any) -> None:
-    """Program of whether slip or spin changes its sign on the way to what has been found."""
-    _taking(z)
-    z[E_V_T], z[E_OMEGA] = ends(c, (V_T, OMEGA), z[Z_STEP])
-    slip = less(z[Z_V_T] * z[E_V_T], 0.0) & not_more(z[Z_SLIP_ZEROS], 0.0)
-    spin = less(z[Z_OMEGA] * z[E_OMEGA], 0.0) & not_more(z[Z_SPIN_ZEROS], 0.0)
-    z[Z_EXPECTED] = where(slip, SLIP_ZERO, SPIN_ZERO)
-    z[Z_SEEKING] = where((slip | spin) & less(0.0, z[Z_FINE]), 1.0, 0.0)
-
-
-def _turning(z: Any, c: Any) -> None:
-    """Program that lets that be sought."""
-    slip = not_more(z[Z_EXPECTED], SLIP_ZERO)
-    before, end = where(slip, z[Z_V_T], z[Z_OMEGA]), where(slip, z[E_V_T], z[E_OMEGA])
-    z[Z_GUESS] = z[Z_STEP] * before / (before - end)
-    _seek(z, c, less(0.0, z[Z_SEEKING]), z[Z_STEP], slip, V_T, OMEGA)
-
-
-def _completing(z: Any, c: Any) -> None:
-    """Program of the step up to what has been found."""
-    _taking(z)
-    completion(z, c, corners=False)
-
-
-def _happens(z: Any, event: int) -> Any:
-    return not_more(z[Z_EVENT], event) & not_more(event, z[Z_EVENT])
-
-
-def _proved(z: Any) -> Any:
-    """Whether nothing changes its sign on the way but what is zero at the end."""
-    separates, turns, sticks, stops = (_happens(z, event) for event in (SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO))
-    proved = turns | less(0.0, z[E_SAFE_V_N])
-    proved = proved & (sticks | less(0.0, z[E_SAFE_V_T]))
-    proved = proved & (stops | less(0.0, z[E_SAFE_OMEGA]))
-    return proved & (separates | less(z[Z_GAP_RATE], 0.0) | less(0.0, z[E_SAFE_GAP]))
-
-
-def _ending(z: Any, state: Any) -> None:
-    """Program of the end of an ordinary step."""
-    turns, sticks, stops = (_happens(z, event) for event in (RATE_ZERO, SLIP_ZERO, SPIN_ZERO))
-    fine = less(0.0, z[Z_FINE]) & _proved(z)
-    fine = fine & less(z[E_TRAVEL], z[Z_LENGTH] - z[Z_STATE + X])
-    fine = fine & less(state[TIME], state[TIME] + z[Z_STEP] * z[Z_UNIT])
-    size = absolute(z[E_X] + z[E_PHI] + z[E_GAP] + z[E_V_N] + z[E_V_T] + z[E_OMEGA])
-    fine = fine & less(size, math.inf)
-    before = {i: state[i] for i in range(STORED)}
-    progress(z, state)
-    for i, zero in ((V_N, turns), (V_T, sticks), (OMEGA, stops)):
-        state[i] = where(zero, 0.0, state[i])
-    for i, value in before.items():
-        state[i] = where(fine, state[i], value)
-    z[Z_EVENT] = where(fine, z[Z_EVENT], LEFT_ALONE)
-    z[Z_STEPS] = where(fine, z[Z_STEPS] + 1.0, z[Z_STEPS])
-    for row, zeros in ((Z_GAP_ZEROS, where(turns, DEEPEST, 0.0)), (Z_SLIP_ZEROS, 0.0), (Z_SPIN_ZEROS, 0.0)):
-        z[row] = where(fine, zeros, z[row])
-
-
-_orientation, _telling, _expectation, _progress = (
-    compiled(program) for program in (orientation, telling, expectation, progress)
-)
-_begin_all, _approach_all, _certify_all, _foresee_all, _turn_all, _complete_all, _end_all = (
-    abreast(program) for program in (_beginning, _approaching, _certifying, _foreseeing, _turning, _completing, _ending)
-)
+_orient, _begin, _expect = straight(_orientation), straight(_beginning), straight(_expectation)
+_complete, _complete_locked, _advance = straight(_completion), straight(_locked_completion), straight(_progress)
 
 
 @kernel
-def orient(z: np.ndarray, state: np.ndarray) -> None:
+def orient(contact: np.void, step: np.void) -> None:
     """Write how the feature lies."""
-    _orientation(z, state)
+    _orient(contact, step)
 
 
 @kernel
-def tell(z: np.ndarray, state: np.ndarray) -> None:
-    """Write where a step starts, its unit of time, and where it is in the contact oscillation with frozen arms."""
-    _telling(z, state)
+def begin_step(contact: np.void, step: np.void) -> None:
+    """Write the unit of time of a step, and where it starts in the contact oscillation with frozen arms."""
+    _begin(contact, step)
 
 
 @kernel
-def expect(z: np.ndarray) -> None:
+def expect(contact: np.void, step: np.void) -> None:
     """Write the event that ends this phase of the contact oscillation, and when to expect it."""
-    _expectation(z)
+    _expect(contact, step)
 
 
 @kernel
-def advance(z: np.ndarray, state: np.ndarray) -> None:
-    """Move the state, the impulses and the losses to the end of the step, at which Z_EVENT happens."""
-    _progress(z, state)
+def complete(contact: np.void, step: np.void) -> None:
+    """Write how a step of ``step["length"]`` ends, and whether anything changes its sign on the way."""
+    _complete(contact, step)
+    if contact["gap_rate"] == 0.0 or contact["slip"] == 0.0 or contact["spin"] == 0.0:
+        _complete_locked(contact, step)
 
 
 @kernel
-def _begin_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
-    set_apart()
-    _begin_all(z, state, c)
-
-
-@kernel
-def _approach_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    _approach_all(z, c)
-
-
-@kernel
-def _certify_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    _certify_all(z, c)
-
-
-@kernel
-def _foresee_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    set_apart()
-    _foresee_all(z, c)
-
-
-@kernel
-def _complete_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    set_apart()
-    _complete_all(z, c)
-
-
-@kernel
-def _turn_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    _turn_all(z, c)
-
-
-@kernel
-def _end_abreast(z: np.ndarray, state: np.ndarray) -> None:
-    set_apart()
-    _end_all(z, state)
-
-
-@kernel
-def _any(lanes: np.ndarray) -> bool:
-    total = 0.0
-    for k in range(ABREAST):
-        total += lanes[k]
-    return total > 0.0
-
-
-@kernel
-def _locate_abreast(z: np.ndarray, c: np.ndarray) -> None:
-    """Find the roots that are sought, each as :func:`sledenv.kernel.series.locate` does."""
-    for _ in range(MOST_APPROACHES):
-        if not _any(z[Z_SEEKING]):
-            break
-        _approach_abreast(z, c)
-    if _any(z[Z_FOUND]):
-        _certify_abreast(z, c)
-
-
-@kernel
-def step_abreast(z: np.ndarray, state: np.ndarray, c: np.ndarray) -> None:
-    """Take an ordinary step in each of ABREAST contacts; where it is not one, nothing but Z_EVENT, LEFT_ALONE, tells.
-
-    A contact that has stopped closing in the step before opens first, if it clearly does.
-
-    Parameters
-    ----------
-    z, state, c : ndarray, shapes (Z_ROWS, ABREAST), (STATE_SIZE, ABREAST) and (ROWS * WIDTH, ABREAST)
-        As for one contact of a body without corners, with the lanes side by side. The rows of ``z`` below Z_TOLD are
-        read, ``c`` is work space.
-    """
-    _begin_abreast(z, state, c)
-    _locate_abreast(z, c)
-    _foresee_abreast(z, c)
-    if _any(z[Z_SEEKING]):
-        _turn_abreast(z, c)
-        _locate_abreast(z, c)
-    _complete_abreast(z, c)
-    _end_abreast(z, state)
+def advance(contact: np.void, step: np.void) -> None:
+    """Move a contact to the end of a step, at which ``step["event"]`` happens."""
+    _advance(contact, step)

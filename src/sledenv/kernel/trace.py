@@ -1,41 +1,41 @@
-"""Straight-line programs written once in Python and compiled without a loop or a call in them.
+"""Straight-line programs, written once in Python and compiled without a loop or a call in them.
 
-A program may use arithmetic, the functions below and loops whose bounds are known beforehand. It is run once with
-values that write LLVM instructions instead of computing: an unrolled recurrence of thousands of instructions then costs
-no type inference, which is what takes numba long, and no loop stands between the processor and its order of execution.
+A program may use arithmetic, the functions below and loops whose bounds are known beforehand. It is run once, with
+values that write LLVM instructions instead of computing. An unrolled recurrence of thousands of instructions then costs
+no type inference, which is what takes numba long, and the processor finds many instructions that do not wait for each
+other.
 
-:func:`compiled` makes a function of arrays of numbers, and :func:`abreast` one of arrays that hold ABREAST of each;
-:func:`scalar` and :func:`packed` make one of numbers, or of arrays of them, and one that handles LANES of numbers side
-by side. With vector instructions each lane goes through the same sequence of correctly rounded operations as a single
-number does, so the results agree bit for bit.
+A program is given records and knows their fields by name: ``step.length`` loads a field, ``step.length = 2.0`` stores
+one. :func:`straight` makes a function of records that hold one number in a field, or a series of them. :func:`packed`
+makes one of records whose every field holds LANES numbers, one of each lane: the same text then works on all lanes at
+once, with vector instructions. Each lane goes through the same correctly rounded operations as a single number does, so
+the results agree bit for bit. :func:`scalar` makes a function of numbers.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
 
 from __future__ import annotations
 
-import copy
 import inspect
 import math
-import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils, config
+from numba import config, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 Program = Callable[..., None]
 
+LANES = 16  # of a pack: two AVX-512 registers; while one of them waits for a result the other goes on
 _LINE = 64  # bytes of cache
-_ROOM = 4096  # places of an array that a function of numbers may use
-LANES = 16  # two AVX-512 registers: while one of them waits for a result the other goes on
-ABREAST = 8  # lanes of a program of arrays: what a long recurrence keeps in registers leaves room for one
+_DOUBLE = ir.DoubleType()
+_ROOM = 64  # numbers of a series that a function of numbers may look at
 
 
-class _Value:
+class Value:
     """A double, a vector of them or a mask in the function that is being written."""
 
     __slots__ = ("builder", "value")
@@ -47,200 +47,125 @@ class _Value:
 
     def lift(self, other: Any) -> ir.Value:
         """Return the LLVM value of a number, of an array of them or of a value."""
-        if isinstance(other, _Value):
-            return other.value
-        kind = self.value.type
-        if isinstance(kind, ir.VectorType):
-            return ir.Constant(
-                kind, [ir.Constant(ir.DoubleType(), float(n)) for n in np.broadcast_to(other, kind.count)]
-            )
-        return ir.Constant(kind, float(other))
+        return other.value if isinstance(other, Value) else _constant(self.value.type, other)
 
-    def _make(self, value: ir.Value) -> _Value:
-        return type(self)(self.builder, value)
+    def make(self, value: ir.Value) -> Value:
+        """Return another value in the same function."""
+        return Value(self.builder, value)
 
-    def __add__(self, other: Any) -> _Value:
-        return self._make(self.builder.fadd(self.value, self.lift(other)))
+    def __add__(self, other: Any) -> Value:
+        return self.make(self.builder.fadd(self.value, self.lift(other)))
 
-    def __radd__(self, other: Any) -> _Value:
-        return self._make(self.builder.fadd(self.lift(other), self.value))
+    def __radd__(self, other: Any) -> Value:
+        return self.make(self.builder.fadd(self.lift(other), self.value))
 
-    def __sub__(self, other: Any) -> _Value:
-        return self._make(self.builder.fsub(self.value, self.lift(other)))
+    def __sub__(self, other: Any) -> Value:
+        return self.make(self.builder.fsub(self.value, self.lift(other)))
 
-    def __rsub__(self, other: Any) -> _Value:
-        return self._make(self.builder.fsub(self.lift(other), self.value))
+    def __rsub__(self, other: Any) -> Value:
+        return self.make(self.builder.fsub(self.lift(other), self.value))
 
-    def __mul__(self, other: Any) -> _Value:
-        return self._make(self.builder.fmul(self.value, self.lift(other)))
+    def __mul__(self, other: Any) -> Value:
+        return self.make(self.builder.fmul(self.value, self.lift(other)))
 
-    def __rmul__(self, other: Any) -> _Value:
-        return self._make(self.builder.fmul(self.lift(other), self.value))
+    def __rmul__(self, other: Any) -> Value:
+        return self.make(self.builder.fmul(self.lift(other), self.value))
 
-    def __truediv__(self, other: Any) -> _Value:
-        return self._make(self.builder.fdiv(self.value, self.lift(other)))
+    def __truediv__(self, other: Any) -> Value:
+        return self.make(self.builder.fdiv(self.value, self.lift(other)))
 
-    def __rtruediv__(self, other: Any) -> _Value:
-        return self._make(self.builder.fdiv(self.lift(other), self.value))
+    def __rtruediv__(self, other: Any) -> Value:
+        return self.make(self.builder.fdiv(self.lift(other), self.value))
 
-    def __neg__(self) -> _Value:
-        return self._make(self.builder.fneg(self.value))
+    def __neg__(self) -> Value:
+        return self.make(self.builder.fneg(self.value))
 
-    def __and__(self, other: _Value) -> _Value:
-        return self._make(self.builder.and_(self.value, other.value))
+    def __and__(self, other: Value) -> Value:
+        return self.make(self.builder.and_(self.value, other.value))
 
-    def __or__(self, other: _Value) -> _Value:
-        return self._make(self.builder.or_(self.value, other.value))
+    def __or__(self, other: Value) -> Value:
+        return self.make(self.builder.or_(self.value, other.value))
 
-    def __invert__(self) -> _Value:
-        return self._make(self.builder.not_(self.value))
+    def __invert__(self) -> Value:
+        return self.make(self.builder.not_(self.value))
 
-    def call(self, name: str, *others: Any) -> _Value:
+    def call(self, name: str, *others: Any) -> Value:
         """Call an LLVM intrinsic function of doubles."""
         kind = self.value.type
         suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         signature = ir.FunctionType(kind, [kind] * (1 + len(others)))
         write: Any = cgutils.get_or_insert_function
         function = write(self.builder.module, signature, f"{name}.{suffix}")
-        return self._make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
+        return self.make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
 
 
-class _Lanes(_Value):
-    """A number of each of the lanes, or a mask."""
-
-    __slots__ = ()
-
-
-class _Row:
-    """A vector in each of the lanes: the numbers at its places, each of all lanes."""
-
-    __slots__ = ("numbers",)
-    __array_ufunc__ = None
-
-    def __init__(self, numbers: Iterable[Any]) -> None:
-        self.numbers = list(numbers)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __add__(self, other: Any) -> _Row:
-        return _each(operator.add, self, other)
-
-    def __radd__(self, other: Any) -> _Row:
-        return _each(operator.add, other, self)
-
-    def __sub__(self, other: Any) -> _Row:
-        return _each(operator.sub, self, other)
-
-    def __rsub__(self, other: Any) -> _Row:
-        return _each(operator.sub, other, self)
-
-    def __mul__(self, other: Any) -> _Row:
-        return _each(operator.mul, self, other)
-
-    def __rmul__(self, other: Any) -> _Row:
-        return _each(operator.mul, other, self)
-
-    def __truediv__(self, other: Any) -> _Row:
-        return _each(operator.truediv, self, other)
-
-    def __neg__(self) -> _Row:
-        return _each(operator.neg, self)
+def _constant(kind: Any, number: Any) -> ir.Value:
+    """LLVM constant of a number, or of an array of them."""
+    if isinstance(kind, ir.VectorType):
+        return ir.Constant(kind, [ir.Constant(_DOUBLE, float(n)) for n in np.broadcast_to(number, kind.count)])
+    return ir.Constant(kind, float(number))
 
 
-class _Blank(float):
-    """Zero that fills up a row."""
-
-
-BLANK = _Blank()
-
-
-def _each(function: Callable[..., Any], *operands: Any) -> _Row:
-    """Apply a function place by place to rows, arrays and numbers that stand for a row of the same."""
-    count = next(len(operand) for operand in operands if isinstance(operand, _Row))
-    columns = [
-        _numbers_of(operand) if isinstance(operand, _Row | np.ndarray) else [operand] * count for operand in operands
-    ]
-    return _Row(_filled(function, *numbers) for numbers in zip(*columns, strict=True))
-
-
-def _filled(function: Callable[..., Any], *numbers: Any) -> Any:
-    """Apply a function at a place of a row; nothing is computed where it is only filled up."""
-    if any(isinstance(number, _Blank) for number in numbers):
-        nothing = all(isinstance(number, float) and number == 0.0 for number in numbers)
-        if function is operator.mul or (nothing and function in _IDLE):
-            return BLANK
-        if function is fma and any(isinstance(number, _Blank) for number in numbers[:2]):
-            return numbers[2] + BLANK  # as a single lane adds the product
-    return function(*numbers)
-
-
-def _numbers_of(vector: _Row | np.ndarray) -> list[Any]:
-    return vector.numbers if isinstance(vector, _Row) else vector.tolist()
+# What programs compute with.
 
 
 def fma(a: Any, b: Any, c: Any) -> Any:
     """``a * b + c``, rounded once."""
-    if any(isinstance(value, _Row) for value in (a, b, c)):
-        return _each(fma, a, b, c)
     for value in (a, b, c):
-        if isinstance(value, _Value):
-            return value._make(value.lift(a)).call("llvm.fma", b, c)
+        if isinstance(value, Value):
+            return value.make(value.lift(a)).call("llvm.fma", b, c)
     return a * b + c
 
 
 def absolute(a: Any) -> Any:
     """Absolute value."""
-    if isinstance(a, _Row):
-        return _each(absolute, a)
-    return a.call("llvm.fabs") if isinstance(a, _Value) else np.abs(a)
+    return a.call("llvm.fabs") if isinstance(a, Value) else np.abs(a)
 
 
 def with_sign(a: Any, b: Any) -> Any:
     """``a`` with the sign of ``b``."""
-    return a.call("llvm.copysign", b) if isinstance(a, _Value) else np.copysign(a, b)
+    return a.call("llvm.copysign", b) if isinstance(a, Value) else np.copysign(a, b)
 
 
 def nearest(a: Any) -> Any:
     """Round to the nearest integer, half to even."""
-    return a.call("llvm.rint") if isinstance(a, _Value) else np.rint(a)
+    return a.call("llvm.rint") if isinstance(a, Value) else np.rint(a)
 
 
 def root(a: Any) -> Any:
     """Square root; NaN for a negative number."""
-    return a.call("llvm.sqrt") if isinstance(a, _Value) else np.sqrt(a)
+    return a.call("llvm.sqrt") if isinstance(a, Value) else np.sqrt(a)
 
 
 def _compare(relation: str, a: Any, b: Any) -> Any:
-    value = a if isinstance(a, _Value) else b
-    return value._make(value.builder.fcmp_ordered(relation, value.lift(a), value.lift(b)))
+    value = a if isinstance(a, Value) else b
+    return value.make(value.builder.fcmp_ordered(relation, value.lift(a), value.lift(b)))
 
 
 def less(a: Any, b: Any) -> Any:
     """Mask of ``a < b``; false where one of them is not a number."""
-    if isinstance(a, _Row) or isinstance(b, _Row):
-        return _each(less, a, b)
-    return _compare("<", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less(a, b)
+    return _compare("<", a, b) if isinstance(a, Value) or isinstance(b, Value) else np.less(a, b)
 
 
 def not_more(a: Any, b: Any) -> Any:
     """Mask of ``a <= b``; false where one of them is not a number."""
-    if isinstance(a, _Row) or isinstance(b, _Row):
-        return _each(not_more, a, b)
-    return _compare("<=", a, b) if isinstance(a, _Value) or isinstance(b, _Value) else np.less_equal(a, b)
+    return _compare("<=", a, b) if isinstance(a, Value) or isinstance(b, Value) else np.less_equal(a, b)
+
+
+def equal(a: Any, b: Any) -> Any:
+    """Mask of ``a == b``."""
+    return _compare("==", a, b) if isinstance(a, Value) or isinstance(b, Value) else np.equal(a, b)
 
 
 def where(mask: Any, then: Any, otherwise: Any) -> Any:
     """``then`` where a mask is true, else ``otherwise``."""
-    if isinstance(mask, _Row):
-        return _each(where, mask, then, otherwise)
-    if not isinstance(mask, _Value):
+    if not isinstance(mask, Value):
         return np.where(mask, then, otherwise)[()]
-    kind: Any = ir.DoubleType()
+    kind: Any = _DOUBLE
     if isinstance(mask.value.type, ir.VectorType):
         kind = ir.VectorType(kind, mask.value.type.count)
-    zero = _Value(mask.builder, ir.Constant(kind, None))
-    return mask._make(mask.builder.select(mask.value, zero.lift(then), zero.lift(otherwise)))
+    zero = mask.make(ir.Constant(kind, None))
+    return mask.make(mask.builder.select(mask.value, zero.lift(then), zero.lift(otherwise)))
 
 
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
@@ -255,12 +180,13 @@ def smaller(a: Any, b: Any) -> Any:
 
 def larger(a: Any, b: Any) -> Any:
     """Return the larger of two; ``b`` if one of them is not a number."""
-    if isinstance(a, _Row):
-        return _each(larger, a, b)
     return where_less(b, a, a, b)
 
 
-_IDLE = frozenset({operator.add, operator.sub, operator.neg, absolute, larger, fma})  # leave zeros as they are
+def sign(a: Any) -> Any:
+    """-1, 0 or 1."""
+    return where_less(0.0, a, 1.0, where_less(a, 0.0, -1.0, 0.0))
+
 
 _MANTISSA = 52  # bits
 _BIAS = 1023
@@ -268,8 +194,6 @@ _BIAS = 1023
 
 def rough_root(a: Any, n: Any) -> Any:
     """Root of order ``n`` > 13 of a positive number, less than .2 per cent too small; NaN for what is not finite."""
-    if isinstance(a, _Row):
-        return _each(rough_root, a, n)
     logarithm = _bits(a) * 2.0**-_MANTISSA - _BIAS
     # Between powers of two the logarithm is that straight line and a parabola, its inverse a cubic polynomial.
     part = logarithm - nearest(logarithm - 0.5)
@@ -287,34 +211,76 @@ def _whole(kind: Any) -> Any:
 
 def _bits(a: Any) -> Any:
     """Whole number whose bits are those of a number."""
-    if not isinstance(a, _Value):
+    if not isinstance(a, Value):
         return np.asarray(a).view(np.int64).astype(float)
     kind = a.value.type
-    return a._make(a.builder.sitofp(a.builder.bitcast(a.value, _whole(kind)), kind))
+    return a.make(a.builder.sitofp(a.builder.bitcast(a.value, _whole(kind)), kind))
 
 
 def _of_bits(a: Any) -> Any:
     """Number whose bits are those of a whole number."""
-    if not isinstance(a, _Value):
+    if not isinstance(a, Value):
         return np.where(np.isfinite(a), a, 0.0).astype(np.int64).view(float)
     kind = a.value.type
-    return a._make(a.builder.bitcast(a.builder.fptosi(a.value, _whole(kind)), kind))
+    return a.make(a.builder.bitcast(a.builder.fptosi(a.value, _whole(kind)), kind))
+
+
+def rough_angle(sine: Any, cosine: Any) -> Any:
+    """Angle of a direction, to a thousandth; the lengths of both arguments play no part."""
+    along, across = absolute(cosine), absolute(sine)
+    steep = less(along, across)
+    ratio = where(steep, along, across) / where(steep, across, along)
+    square = ratio * ratio
+    angle = ratio * fma(square, fma(square, 0.0793, -0.2887), 0.9954)
+    angle = where(steep, 0.5 * math.pi - angle, angle)
+    angle = where_less(cosine, 0.0, math.pi - angle, angle)
+    return where_less(sine, 0.0, -angle, angle)
+
+
+def _polynomial(coefficients: Sequence[float], x: Any) -> Any:
+    """Value of a polynomial with eight coefficients, by halves that do not wait for each other."""
+    square = x * x
+    twos = [fma(x, b, a) for a, b in zip(coefficients[::2], coefficients[1::2], strict=True)]
+    fours = [fma(square, b, a) for a, b in zip(twos[::2], twos[1::2], strict=True)]
+    return fma(square * square, fours[1], fours[0])
+
+
+def sine_cosine(angle: Any) -> tuple[Any, Any]:
+    """Sine and cosine of an angle within a few turns of zero, to 1 ulp or two: Taylor series on [-pi/4, pi/4]."""
+    quarter = nearest(angle * (2.0 / math.pi))
+    # pi/2 in three parts, of which the first two are exact in 33 bits (Cody and Waite).
+    x = fma(quarter, -1.57079632673412561417e00, angle)
+    x = fma(quarter, -6.07710050630396597660e-11, x)
+    x = fma(quarter, -2.02226624879595063154e-21, x)
+    square = x * x
+    odd = _polynomial([(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)], square)
+    even = _polynomial([(-1.0) ** k / math.factorial(2 * k) for k in range(1, 9)], square)
+    s = fma(x, square * odd, x)
+    c = fma(square, even, 1.0)
+    # Which of the two, and with which sign: quarter modulo 4.
+    left = quarter - 4.0 * nearest(quarter * 0.25)  # -2, -1, 0, 1 or 2
+    swapped = 0.5 - absolute(absolute(left) - 1.0)  # positive where left is odd
+    sine = where_less(0.0, swapped, c, s)
+    cosine = where_less(0.0, swapped, s, c)
+    sine = where_less(left, -0.5, -sine, where_less(1.5, left, -sine, sine))
+    cosine = where_less(absolute(left), 1.5, where_less(0.5, left, -cosine, cosine), -cosine)
+    return sine, cosine
+
+
+# Vectors of the numbers of one lane.
 
 
 def side_by_side(*numbers: Any) -> Any:
     """Vector of some numbers."""
-    if any(isinstance(number, _Lanes) for number in numbers):
-        return _Row(numbers)
-    if not any(isinstance(number, _Value) for number in numbers):
+    builder = next((number.builder for number in numbers if isinstance(number, Value)), None)
+    if builder is None:
         return np.array(numbers)
-    builder = next(number.builder for number in numbers if isinstance(number, _Value))
-    known = [0.0 if isinstance(number, _Value) else float(number) for number in numbers]
-    kind = ir.DoubleType()
-    vector: Any = ir.Constant(ir.VectorType(kind, len(numbers)), [ir.Constant(kind, number) for number in known])
+    known = [0.0 if isinstance(number, Value) else float(number) for number in numbers]
+    vector: Any = _constant(ir.VectorType(_DOUBLE, len(numbers)), known)
     for i, number in enumerate(numbers):
-        if isinstance(number, _Value):
+        if isinstance(number, Value):
             vector = builder.insert_element(vector, number.value, ir.Constant(ir.IntType(32), i))
-    return _Value(builder, vector)
+    return Value(builder, vector)
 
 
 def repeated(number: Any, count: int) -> Any:
@@ -324,91 +290,25 @@ def repeated(number: Any, count: int) -> Any:
 
 def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
     """Vector of the elements of ``a`` and then ``b`` at some places; ``b`` may be None."""
-    if isinstance(a, _Row) or isinstance(b, _Row):
-        numbers = [number for vector in (a, b) if vector is not None for number in _numbers_of(vector)]
-        return _Row(numbers[i] for i in places)
-    if isinstance(b, _Value):
-        a = _Value(b.builder, b.lift(a))
-    if not isinstance(a, _Value):
+    if isinstance(b, Value):
+        a = Value(b.builder, b.lift(a))
+    if not isinstance(a, Value):
         return (a if b is None else np.concatenate([a, b]))[list(places)]
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
     other = ir.Constant(a.value.type, ir.Undefined) if b is None else a.lift(b)
-    return _Value(a.builder, a.builder.shuffle_vector(a.value, other, mask))
-
-
-def filled_up(vector: Any, count: int) -> Any:
-    """Vector of which all numbers but the first, so many, are known to be zero, and need not be computed with."""
-    if not isinstance(vector, _Row):
-        return vector
-    return _Row([*vector.numbers[:count], *([BLANK] * (len(vector) - count))])
-
-
-def blank(count: int, like: Any) -> Any:
-    """Vector of zeros that fills up a row."""
-    return _Row([BLANK] * count) if isinstance(like, _Row) else np.zeros(count)
+    return a.make(a.builder.shuffle_vector(a.value, other, mask))
 
 
 def element(vector: Any, i: int) -> Any:
     """Number at a place of a vector."""
-    if isinstance(vector, _Row):
-        return vector.numbers[i]
-    if not isinstance(vector, _Value):
+    if not isinstance(vector, Value):
         return vector[i]
-    return _Value(vector.builder, vector.builder.extract_element(vector.value, ir.Constant(ir.IntType(32), i)))
+    return vector.make(vector.builder.extract_element(vector.value, ir.Constant(ir.IntType(32), i)))
 
 
 def block(numbers: Any, first: int, count: int) -> Any:
-    """Vector of consecutive numbers of an array."""
-    if isinstance(numbers, _Section):
-        return block(numbers.numbers, numbers.first + first, count)
-    if not isinstance(numbers, _Numbers):
-        return numbers[first : first + count].copy()
-    if isinstance(numbers.kind, ir.VectorType):
-        return _Row(numbers[i] for i in range(first, first + count))
-    kind = ir.VectorType(ir.DoubleType(), count)
-    place = numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind))
-    return _Value(numbers.builder, numbers.builder.load(place, align=8, typ=kind))
-
-
-def without(numbers: Any, places: Iterable[int]) -> Any:
-    """Array of lanes of which some places need not be written, because nobody reads them."""
-    if isinstance(numbers, _Numbers):
-        numbers = copy.copy(numbers)
-        numbers.unread = frozenset(places)
-    return numbers
-
-
-class _Section:
-    """What lies behind a place of an array."""
-
-    def __init__(self, numbers: Any, first: int) -> None:
-        self.numbers = numbers
-        self.first = first
-
-    def __getitem__(self, i: int) -> Any:
-        return self.numbers[self.first + i]
-
-
-def section(numbers: Any, first: int) -> Any:
-    """Array that begins at a place of another."""
-    return _Section(numbers, first) if isinstance(numbers, _Numbers) else numbers[first:]
-
-
-def set_block(numbers: Any, first: int, vector: Any) -> None:
-    """Write a vector to consecutive places of an array."""
-    if isinstance(numbers, _Numbers) and isinstance(numbers.kind, ir.VectorType):
-        for i, number in enumerate(_numbers_of(vector)):
-            numbers[first + i] = number
-    elif isinstance(numbers, _Numbers):
-        kind = ir.VectorType(
-            ir.DoubleType(), len(vector) if isinstance(vector, np.ndarray) else vector.value.type.count
-        )
-        value = _Value(numbers.builder, ir.Constant(kind, None)).lift(vector)
-        numbers.builder.store(value, numbers.builder.bitcast(numbers.place(first), ir.PointerType(kind)), align=8)
-        for i in range(first, first + kind.count):
-            numbers.known.pop(i, None)
-    else:
-        numbers[first : first + len(vector)] = vector
+    """Vector of consecutive numbers of a series."""
+    return numbers.block(first, count) if isinstance(numbers, Series) else numbers[first : first + count].copy()
 
 
 # Sums of eight vectors of eight at once: each step adds two halves of which neither leaves its 128 bits until it must.
@@ -432,232 +332,186 @@ def sums(vectors: Sequence[Any]) -> list[Any]:
     return found
 
 
-class _Numbers:
-    """An array in the function that is being written, of doubles or of vectors of them; each is loaded once."""
+# What programs are given.
 
-    def __init__(self, builder: ir.IRBuilder, data: ir.Value, kind: ir.Type) -> None:
-        self.builder = builder
-        self.data = data if isinstance(kind, ir.DoubleType) else builder.bitcast(data, ir.PointerType(kind))
-        self.kind = kind
-        self.of: type[_Value] = _Lanes if isinstance(kind, ir.VectorType) else _Value
-        self.known: dict[int, Any] = {}
-        self.unread: frozenset[int] = frozenset()
 
-    def place(self, i: int) -> ir.Value:
-        """Pointer to an entry."""
-        return self.builder.gep(self.data, [ir.Constant(ir.IntType(64), i)], source_etype=self.kind)
+class Series:
+    """Consecutive numbers in memory, in the function that is being written; each is loaded once."""
 
-    def __getitem__(self, i: int) -> Any:
-        if i not in self.known:
-            self.known[i] = self.of(self.builder, self.builder.load(self.place(i), align=8, typ=self.kind))
-        return self.known[i]
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value) -> None:
+        self._builder = builder
+        self._data = builder.bitcast(data, ir.PointerType(_DOUBLE))
+        self._known: dict[int, Value] = {}
 
-    def __setitem__(self, i: int, value: Any) -> None:
-        zero = _Value(self.builder, ir.Constant(self.kind, None))
-        self.known[i] = value if isinstance(value, _Blank) else self.of(self.builder, zero.lift(value))
-        if i in self.unread or isinstance(value, _Blank):
+    def _place(self, i: int, kind: ir.Type) -> ir.Value:
+        place = self._builder.gep(self._data, [ir.Constant(ir.IntType(64), i)], source_etype=_DOUBLE)
+        return self._builder.bitcast(place, ir.PointerType(kind))
+
+    def __getitem__(self, i: int) -> Value:
+        if i not in self._known:
+            self._known[i] = Value(self._builder, self._builder.load(self._place(i, _DOUBLE), align=8, typ=_DOUBLE))
+        return self._known[i]
+
+    def block(self, first: int, count: int) -> Value:
+        """Load a vector of consecutive numbers."""
+        kind = ir.VectorType(_DOUBLE, count)
+        return Value(self._builder, self._builder.load(self._place(first, kind), align=8, typ=kind))
+
+    def write(self, blocks: Sequence[Any]) -> None:
+        """Overwrite all numbers by vectors, one behind the other."""
+        self._known.clear()
+        first = 0
+        for vector in blocks:
+            count = len(vector) if isinstance(vector, np.ndarray) else vector.value.type.count
+            kind = ir.VectorType(_DOUBLE, count)
+            value = vector.value if isinstance(vector, Value) else _constant(kind, vector)
+            self._builder.store(value, self._place(first, kind), align=8)
+            first += count
+
+
+class _Fields:
+    """A record in the function that is being written.
+
+    Reading an attribute loads the field of that name, once; setting one stores it. A field is a number, or as many as
+    there are lanes. In a record of one lane it may also be a series, which is set to a list of vectors.
+    """
+
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any, lanes: int) -> None:
+        kind = ir.VectorType(_DOUBLE, lanes) if lanes > 1 else _DOUBLE
+        # Past __setattr__, which stores.
+        self.__dict__.update(_builder=builder, _data=data, _record=record, _lanes=lanes, _kind=kind, _known={})
+
+    def _place(self, name: str) -> ir.Value:
+        byte = ir.IntType(8)
+        data = self._builder.bitcast(self._data, ir.PointerType(byte))
+        return self._builder.gep(data, [ir.Constant(ir.IntType(64), self._record.offset(name))], source_etype=byte)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self._known:
+            of: Any = self._record.typeof(name)
+            if isinstance(of, types.NestedArray) and of.shape != (self._lanes,):
+                self._known[name] = Series(self._builder, self._place(name))
+            else:
+                place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
+                loaded = self._builder.load(place, align=8, typ=self._kind)
+                self._known[name] = Value(self._builder, loaded)
+        return self._known[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, list):
+            getattr(self, name).write(value)
             return
-        self.builder.store(self.known[i].value, self.place(i), align=8)
+        lifted = value.value if isinstance(value, Value) else _constant(self._kind, value)
+        self._known[name] = Value(self._builder, lifted)
+        place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
+        self._builder.store(lifted, place, align=8)
 
 
-def _numbers(context: Any, builder: Any, of: Any, argument: Any, kind: ir.Type | None = None) -> _Numbers:
-    """Array that a kernel hands to a program."""
-    return _Numbers(builder, context.make_array(of)(context, builder, argument).data, kind or ir.DoubleType())
+class _Interpreted:
+    """A record for a program that runs as it stands."""
+
+    def __init__(self, record: Any) -> None:
+        self.__dict__["_record"] = record
+
+    def __getattr__(self, name: str) -> Any:
+        field = self._record[name]
+        # A copy, or the old number would change with the new one; but a series can be written.
+        return field.copy() if isinstance(field, np.ndarray) and len(field) == LANES else field
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._record[name] = np.concatenate(value) if isinstance(value, list) else value
 
 
-def compiled(program: Program) -> Callable[..., None]:
-    """Return a function of arrays that runs a program, for use in kernels, which compile it.
+# How programs are compiled.
 
-    Each call in a kernel writes the program into it: call it in one kernel of its own.
 
-    Parameters
-    ----------
-    program : callable
-        Of indexed objects: it reads and writes numbers of ``z`` and of ``c``, say, counted in the order of memory.
+def straight(program: Program) -> Callable[..., None]:
+    """Return a function that runs a program of records, for use in kernels, which compile it.
 
-    Returns
-    -------
-    callable
-        Of as many contiguous arrays of any shape.
+    Each call in a kernel writes the whole program into it: call it in one kernel of its own.
     """
+    return _of_records(program, 1)
+
+
+def packed(program: Program) -> Callable[..., None]:
+    """Return a function that runs a program of packs, for use in kernels, which compile it; see :func:`pack_of`."""
+    return _of_records(program, LANES)
+
+
+def pack_of(record: np.dtype) -> np.dtype:
+    """Return the type of a pack: a record with the same fields, each of LANES numbers."""
+    return np.dtype([(name, "f8", (LANES,)) for name in record.names or ()], align=True)
+
+
+def _of_records(program: Program, lanes: int) -> Callable[..., None]:
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-        def interpreted(*arrays: np.ndarray) -> None:
+        def interpreted(*records: Any) -> None:
             with np.errstate(all="ignore"):
-                program(*(array.reshape(-1) for array in arrays))
+                program(*(_Interpreted(record) for record in records))
 
         return interpreted
 
-    return _straight(program, ir.DoubleType())
-
-
-def abreast(program: Program) -> Callable[..., None]:
-    """Return what :func:`compiled` does, but of arrays with ABREAST lanes: shape (numbers, ABREAST) each.
-
-    A vector of the program is one number after the other here, and each number a vector of the lanes.
-    """
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
-
-        def interpreted(*arrays: np.ndarray) -> None:
-            with np.errstate(all="ignore"):
-                for lane in range(ABREAST):
-                    columns = [array[:, lane].copy() for array in arrays]
-                    program(*columns)
-                    for array, column in zip(arrays, columns, strict=True):
-                        array[:, lane] = column
-
-        return interpreted
-
-    return _straight(program, ir.VectorType(ir.DoubleType(), ABREAST))
-
-
-def _straight(program: Program, kind: ir.Type) -> Callable[..., None]:
-    def straight(typing_context: Any, *arrays: Any) -> Any:
+    def typed(typing_context: Any, *records: Any) -> Any:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             # Or vectors that are kept on the stack would lie across two lines.
             builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
             builder.function.attributes.alignstack = _LINE
             given = zip(signature.args, arguments, strict=True)
-            program(*(_numbers(context, builder, *array, kind) for array in given))
+            program(*(_Fields(builder, data, record, lanes) for record, data in given))
             return context.get_dummy_value()
 
-        return types.void(*arrays), write
+        return types.void(*records), write
 
-    return cast(Callable[..., None], _intrinsic_like(program, straight))
-
-
-if config.DISABLE_JIT:  # type: ignore[attr-defined]
-
-    def set_apart() -> None:
-        """Keep the kernel that calls this out of its callers."""
-
-else:
-
-    @intrinsic
-    def set_apart(typing_context: Any) -> Any:
-        """Keep the kernel that calls this out of its callers."""
-
-        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            builder.function.attributes.add("noinline")
-            return context.get_dummy_value()
-
-        return types.void(), write
-
-
-def _intrinsic_like(function: Callable[..., Any], straight: Any) -> Any:
-    """Return an intrinsic function with the arguments of a program: numba looks for their names."""
-    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    names = (context, *inspect.signature(function).parameters.values())
-    straight.__signature__ = inspect.Signature(names)
-    return intrinsic(straight)
+    return cast(Callable[..., None], _intrinsic_like(program, typed))
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
-    """Return a function of floats, and of arrays of them, that runs a program, for use in kernels, which compile it."""
+    """Return a function of numbers, and of series of them, that runs a program, for use in kernels, which compile it.
+
+    Series are contiguous arrays of doubles that are read, and may be written as a whole: see :func:`write_series`.
+    """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
         def interpreted(*numbers: Any) -> tuple[float, ...]:
             with np.errstate(all="ignore"):
-                return function(*(n.reshape(-1) if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
+                return function(*(n if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
 
         return interpreted
 
-    def straight(typing_context: Any, *numbers: Any) -> Any:
+    def typed(typing_context: Any, *numbers: Any) -> Any:
         kinds = tuple(number if isinstance(number, types.Array) else types.float64 for number in numbers)
         results = len(function(*(np.full(_ROOM, math.nan) if isinstance(n, types.Array) else math.nan for n in kinds)))
 
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             values: list[Any] = [
-                _numbers(context, builder, of, argument) if isinstance(of, types.Array) else _Value(builder, argument)
+                Series(builder, context.make_array(of)(context, builder, argument).data)
+                if isinstance(of, types.Array)
+                else Value(builder, argument)
                 for of, argument in zip(signature.args, arguments, strict=True)
             ]
-            zero = _Value(builder, ir.Constant(ir.DoubleType(), None))
+            zero = Value(builder, ir.Constant(_DOUBLE, None))
             found = [zero.lift(value) for value in function(*values)]
             return context.make_tuple(builder, signature.return_type, found)
 
         returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
         return returned(*kinds), write
 
-    return cast(Callable[..., tuple[float, ...]], _intrinsic_like(function, straight))
+    return cast(Callable[..., tuple[float, ...]], _intrinsic_like(function, typed))
 
 
-def packed(
-    function: Callable[..., tuple[Any, ...]], reads: Sequence[int], writes: Sequence[int]
-) -> Callable[[np.ndarray], None]:
-    """Return a function that runs a program on many lanes at once, for use in kernels, which compile it.
-
-    Parameters
-    ----------
-    function : callable
-        The program, as for :func:`scalar`.
-    reads, writes : sequence of int
-        Rows of its arguments and of its results.
-
-    Returns
-    -------
-    callable
-        Of a contiguous array, shape (rows, LANES).
-    """
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
-
-        def interpreted(z: np.ndarray) -> None:
-            with np.errstate(all="ignore"):
-                for row, result in zip(writes, function(*(z[row].copy() for row in reads)), strict=True):
-                    z[row] = result
-
-        return interpreted
-
-    @intrinsic
-    def straight(typing_context: Any, z: Any) -> Any:
-        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-            rows = _Numbers(builder, data, ir.VectorType(ir.DoubleType(), LANES))
-            for row, result in zip(writes, function(*(rows[row] for row in reads)), strict=True):
-                rows[row] = result
-            return context.get_dummy_value()
-
-        return types.void(z), write
-
-    return cast(Callable[[np.ndarray], None], straight)
+def write_series(numbers: Any, blocks: Sequence[Any]) -> None:
+    """Overwrite the numbers of a series by vectors, one behind the other."""
+    if isinstance(numbers, Series):
+        numbers.write(blocks)
+    else:
+        joined = np.concatenate(blocks)
+        numbers[: len(joined)] = joined
 
 
-def _halved(coefficients: Sequence[float], x: Any) -> Any:
-    """Value of a polynomial with eight coefficients, by halves that are evaluated side by side."""
-    square = x * x
-    twos = [fma(x, b, a) for a, b in zip(coefficients[::2], coefficients[1::2], strict=True)]
-    fours = [fma(square, b, a) for a, b in zip(twos[::2], twos[1::2], strict=True)]
-    return fma(square * square, fours[1], fours[0])
-
-
-def rough_angle(sine: Any, cosine: Any) -> Any:
-    """Angle of a direction, to a thousandth; the lengths of both arguments play no part."""
-    along, across = absolute(cosine), absolute(sine)
-    steep = less(along, across)
-    ratio = where(steep, along, across) / where(steep, across, along)
-    square = ratio * ratio
-    angle = ratio * fma(square, fma(square, 0.0793, -0.2887), 0.9954)
-    angle = where(steep, 0.5 * math.pi - angle, angle)
-    angle = where_less(cosine, 0.0, math.pi - angle, angle)
-    return where_less(sine, 0.0, -angle, angle)
-
-
-def sine_cosine(angle: Any) -> tuple[Any, Any]:
-    """Sine and cosine of an angle within a few turns of zero, to 1 ulp or two: Taylor series on [-pi/4, pi/4]."""
-    quarter = nearest(angle * (2.0 / math.pi))
-    # pi/2 in three parts, of which the first two are exact in 33 bits (Cody and Waite).
-    x = fma(quarter, -1.57079632673412561417e00, angle)
-    x = fma(quarter, -6.07710050630396597660e-11, x)
-    x = fma(quarter, -2.02226624879595063154e-21, x)
-    square = x * x
-    odd = _halved([(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)], square)
-    even = _halved([(-1.0) ** k / math.factorial(2 * k) for k in range(1, 9)], square)
-    s = fma(x, square * odd, x)
-    c = fma(square, even, 1.0)
-    # Which of the two, and with which sign: quarter modulo 4.
-    left = quarter - 4.0 * nearest(quarter * 0.25)  # -2, -1, 0, 1 or 2
-    swapped = 0.5 - absolute(absolute(left) - 1.0)  # positive where left is odd
-    sine = where_less(0.0, swapped, c, s)
-    cosine = where_less(0.0, swapped, s, c)
-    sine = where_less(left, -0.5, -sine, where_less(1.5, left, -sine, sine))
-    cosine = where_less(absolute(left), 1.5, where_less(0.5, left, -cosine, cosine), -cosine)
-    return sine, cosine
+def _intrinsic_like(function: Callable[..., Any], typed: Any) -> Any:
+    """Return an intrinsic function with the arguments of a program: numba looks for their names."""
+    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = (context, *inspect.signature(function).parameters.values())
+    typed.__signature__ = inspect.Signature(names)
+    return intrinsic(typed)

@@ -12,37 +12,36 @@ CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to d
 
 
 @kernel
-def add_sample(
-    trajectory: np.ndarray,
-    samples: int,
-    t: float,
-    x: float,
-    y: float,
-    phi: float,
-    u: float,
-    v: float,
-    omega: float,
-    normal: float,
-    tangential: float,
-    rolling: float,
-    feature: int,
-    slip: int,
-    spin: int,
-) -> int:
-    """Write one row if it fits; return the number of rows needed so far."""
-    if samples < trajectory.shape[0]:
-        row = trajectory[samples]
-        row["t"] = t
-        row["x"] = x
-        row["y"] = y
-        row["phi"] = phi
-        row["u"] = u
-        row["v"] = v
-        row["omega"] = omega
-        row["normal"] = normal
-        row["tangential"] = tangential
-        row["rolling"] = rolling
-        row["feature"] = feature
-        row["slip"] = slip
-        row["spin"] = spin
-    return samples + 1
+def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
+    """Count a row and return it, to be filled; where there is no room left, one that nobody will read.
+
+    ``trajectory`` has at least one row. If ``flight["samples"]`` is more than its length in the end, it was too short.
+    """
+    row: np.void = trajectory[min(flight["samples"], trajectory.shape[0] - 1)]
+    flight["samples"] += 1
+    return row
+
+
+@kernel
+def write_motion(row: np.void, t: float, x: float, y: float, phi: float, u: float, v: float, omega: float) -> None:
+    """Fill the time and the motion of a row."""
+    row["t"] = t
+    row["x"] = x
+    row["y"] = y
+    row["phi"] = phi
+    row["u"] = u
+    row["v"] = v
+    row["omega"] = omega
+
+
+@kernel
+def write_forces(
+    row: np.void, normal: float, tangential: float, rolling: float, feature: int, slip: int, spin: int
+) -> None:
+    """Fill the contact forces of a row: forces [N], moment [N m], what touches, signs of slip and spin."""
+    row["normal"] = normal
+    row["tangential"] = tangential
+    row["rolling"] = rolling
+    row["feature"] = feature
+    row["slip"] = slip
+    row["spin"] = spin

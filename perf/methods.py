@@ -8,13 +8,14 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
+import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import sledenv
-from benchmarks.contact_model import (
+from perf.contact_model import (
     GAP,
     OMEGA,
     PHI,
@@ -45,8 +46,7 @@ from benchmarks.contact_model import (
     rates,
     touch_down,
 )
-from benchmarks.reference import BODY, LAUNCH, LAW, SLOPE, Floats
-from sledenv.kernel.jit import allocating as compiled
+from perf.reference import BODY, LAUNCH, LAW, SLOPE, Floats
 
 _LONGEST = 10.0  # [s] of one flight or one mode; none comes near
 _UNDECIDED: Mode = (0, 0, 0)
@@ -64,61 +64,86 @@ def sled(rebounds: int, **options: Any) -> sledenv.Descent:
     return sledenv.simulate(BODY, LAW, SLOPE, LAUNCH, max_rebounds=rebounds, **options)
 
 
-@compiled
-def _sign_rates(s: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:
-    """Rates of (x, y, phi, u, v, omega) with sign functions and a penalty force."""
-    _, y, phi, u, v, omega = s
-    a = P.eccentricity * math.sin(phi)
-    b = P.radius - P.eccentricity * math.cos(phi)
-    gap = y - b
-    if gap >= 0.0:
-        return u, v, omega, P.downhill, -P.inward, 0.0
-    normal = -(P.closing if v - a * omega < 0.0 else P.opening) * gap
-    force = -P.friction * normal * np.sign(u + b * omega)
-    moment = -P.arm * normal * np.sign(omega)
-    turn = (moment - a * normal + b * force) / P.inertia
-    return u, v, omega, P.downhill + force / P.mass, normal / P.mass - P.inward, turn
+_DOWNHILL, _INWARD, _CLOSING, _OPENING, _FRICTION, _ARM = P.downhill, P.inward, P.closing, P.opening, P.friction, P.arm
+_RADIUS, _ECCENTRICITY, _LIGHTNESS, _READINESS = P.radius, P.eccentricity, 1.0 / P.mass, 1.0 / P.inertia
+_CLEAR = P.radius + P.eccentricity  # a centre higher than this is out of reach whatever the angle: no cosine needed
 
 
-@compiled
-def _moved(s: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float, float, float, float, float, float]:
-    return s[0] + h * k[0], s[1] + h * k[1], s[2] + h * k[2], s[3] + h * k[3], s[4] + h * k[4], s[5] + h * k[5]
-
-
-@compiled
+@numba.njit(error_model="numpy", fastmath=True)
 def euler(start: Floats, rebounds: int, dt: float) -> Floats:
-    """Explicit Euler with a fixed step, the paper's method, without the ledger and the records of sledenv's own."""
-    s = (start[0], start[1], start[2], start[3], start[4], start[5])
+    """Explicit Euler with a fixed step, the paper's method, without the ledger and the records of sledenv's own.
+
+    Sign functions and a penalty force. The distance x acts on nothing and is not asked for.
+    """
+    y, phi, u, v, omega = start[1], start[2], start[3], start[4], start[5]
     out = np.zeros((rebounds, 3))
-    count = 0
-    inside = False
-    while count < rebounds:
-        s = _moved(s, _sign_rates(s), dt)
-        was_inside = inside
-        inside = s[1] + P.eccentricity * math.cos(s[2]) - P.radius < 0.0
-        if was_inside and not inside:
-            out[count] = s[3:]
-            count += 1
+    for count in range(rebounds):
+        while y > _CLEAR or y + _ECCENTRICITY * math.cos(phi) >= _RADIUS:
+            y += dt * v
+            phi += dt * omega
+            u += dt * _DOWNHILL
+            v -= dt * _INWARD
+        lower = _ECCENTRICITY * math.cos(phi)
+        gap = y + lower - _RADIUS
+        while gap < 0.0:
+            a = _ECCENTRICITY * math.sin(phi)
+            b = _RADIUS - lower
+            normal = -(_CLOSING if v - a * omega < 0.0 else _OPENING) * gap
+            force = -_FRICTION * normal * np.sign(u + b * omega)
+            turn = _READINESS * (b * force - (a + _ARM * np.sign(omega)) * normal)
+            y += dt * v
+            phi += dt * omega
+            u += dt * (_DOWNHILL + _LIGHTNESS * force)
+            v += dt * (_LIGHTNESS * normal - _INWARD)
+            omega += dt * turn
+            lower = _ECCENTRICITY * math.cos(phi)
+            gap = y + lower - _RADIUS
+        out[count, 0], out[count, 1], out[count, 2] = u, v, omega
     return out
 
 
-@compiled
+@numba.njit(error_model="numpy", fastmath=True)
+def _accelerations(y: float, phi: float, u: float, v: float, omega: float) -> tuple[float, float, float]:
+    """Rates of (u, v, omega) with sign functions and a penalty force."""
+    if y > _CLEAR:
+        return _DOWNHILL, -_INWARD, 0.0
+    lower = _ECCENTRICITY * math.cos(phi)
+    gap = y + lower - _RADIUS
+    if gap >= 0.0:
+        return _DOWNHILL, -_INWARD, 0.0
+    a = _ECCENTRICITY * math.sin(phi)
+    b = _RADIUS - lower
+    normal = -(_CLOSING if v - a * omega < 0.0 else _OPENING) * gap
+    force = -_FRICTION * normal * np.sign(u + b * omega)
+    turn = _READINESS * (b * force - (a + _ARM * np.sign(omega)) * normal)
+    return _DOWNHILL + _LIGHTNESS * force, _LIGHTNESS * normal - _INWARD, turn
+
+
+@numba.njit(error_model="numpy", fastmath=True)
 def rk4(start: Floats, rebounds: int, dt: float) -> Floats:
     """Classical Runge-Kutta with a fixed step and no events, the whole descent in one compiled loop."""
-    s = (start[0], start[1], start[2], start[3], start[4], start[5])
+    y, phi, u, v, omega = start[1], start[2], start[3], start[4], start[5]
     out = np.zeros((rebounds, 3))
+    half, sixth = 0.5 * dt, dt / 6.0
     count = 0
     inside = False
     while count < rebounds:
-        k1 = _sign_rates(s)
-        k2 = _sign_rates(_moved(s, k1, 0.5 * dt))
-        k3 = _sign_rates(_moved(s, k2, 0.5 * dt))
-        k4 = _sign_rates(_moved(s, k3, dt))
-        s = _moved(_moved(_moved(_moved(s, k1, dt / 6.0), k2, dt / 3.0), k3, dt / 3.0), k4, dt / 6.0)
+        du1, dv1, do1 = _accelerations(y, phi, u, v, omega)
+        v2, o2 = v + half * dv1, omega + half * do1
+        du2, dv2, do2 = _accelerations(y + half * v, phi + half * omega, u + half * du1, v2, o2)
+        v3, o3 = v + half * dv2, omega + half * do2
+        du3, dv3, do3 = _accelerations(y + half * v2, phi + half * o2, u + half * du2, v3, o3)
+        v4, o4 = v + dt * dv3, omega + dt * do3
+        du4, dv4, do4 = _accelerations(y + dt * v3, phi + dt * o3, u + dt * du3, v4, o4)
+        y += sixth * (v + 2.0 * (v2 + v3) + v4)
+        phi += sixth * (omega + 2.0 * (o2 + o3) + o4)
+        u += sixth * (du1 + 2.0 * (du2 + du3) + du4)
+        v += sixth * (dv1 + 2.0 * (dv2 + dv3) + dv4)
+        omega += sixth * (do1 + 2.0 * (do2 + do3) + do4)
         was_inside = inside
-        inside = s[1] + P.eccentricity * math.cos(s[2]) - P.radius < 0.0
+        inside = y <= _CLEAR and y + _ECCENTRICITY * math.cos(phi) < _RADIUS
         if was_inside and not inside:
-            out[count] = s[3:]
+            out[count, 0], out[count, 1], out[count, 2] = u, v, omega
             count += 1
     return out
 
@@ -133,7 +158,7 @@ def _falling(value: Any) -> Callable[..., float]:
 def _event(kind: int) -> Callable[..., float]:
     """Return one guard as scipy wants it."""
 
-    @compiled
+    @numba.njit(error_model="numpy")
     def value(t: float, z: Floats, mode: Mode) -> float:
         return guard(kind, z, mode)
 
@@ -175,6 +200,35 @@ def dop853(rebounds: int, tolerance: float) -> Floats:
     return out
 
 
+@numba.njit(error_model="numpy")
+def _beside(z: Floats, mode: Mode) -> Floats:
+    """State off its zeros by a rounding error."""
+    y = z.copy()
+    for i in range(3):
+        y[V_N + i] += _NUDGE * mode[i]
+    return y
+
+
+class _Piece(NamedTuple):
+    """An integrator up to its first event; its state and parameters are views that are fetched once."""
+
+    integrator: Any
+    state: Floats
+    pars: Floats
+    kinds: list[int]  # guards in the order of its events
+
+    def run(self, start: Floats) -> int:
+        """Go from a state to the first event; return its index."""
+        integrator = self.integrator
+        integrator.time = 0.0
+        integrator.reset_cooldowns()
+        self.state[:] = start
+        outcome = int(integrator.propagate_until(_LONGEST)[0])
+        if not -max(1, len(self.kinds)) <= outcome < 0:
+            raise RuntimeError(f"heyoka met no event: outcome {outcome}")
+        return -outcome - 1
+
+
 class Heyoka:
     """heyoka's Taylor integrators, one for each kind of mode, with terminal events; Python joins the pieces.
 
@@ -186,25 +240,26 @@ class Heyoka:
 
         self._hy = heyoka
         self._tolerance = tolerance
-        self._contacts: dict[tuple[int, bool, bool], tuple[Any, list[int]]] = {}
+        self._contacts: dict[tuple[int, bool, bool], _Piece] = {}
         x, y, phi, u, v, omega = heyoka.make_vars("x", "y", "phi", "u", "v", "omega")
         rates_of = (u, v, omega, heyoka.expression(P.downhill), heyoka.expression(-P.inward), heyoka.expression(0.0))
         gap = y + P.eccentricity * heyoka.cos(phi) - P.radius
-        self._flight = heyoka.taylor_adaptive(
+        flight = heyoka.taylor_adaptive(
             list(zip((x, y, phi, u, v, omega), rates_of, strict=True)),
             [0.0] * 6,
             tol=tolerance,
             t_events=[heyoka.t_event(gap, direction=heyoka.event_direction.negative)],
         )
+        self._flight = _Piece(flight, flight.state, np.zeros(0), [])
 
-    def _contact(self, mode: Mode) -> tuple[Any, list[int]]:
+    def _contact(self, mode: Mode) -> _Piece:
         """Integrator of a mode and its guards; modes that differ in the signs of slip and spin only share one."""
         key = (mode[0], mode[1] == 0, mode[2] == 0)
         if key not in self._contacts:
             self._contacts[key] = self._build(mode)
         return self._contacts[key]
 
-    def _build(self, mode: Mode) -> tuple[Any, list[int]]:
+    def _build(self, mode: Mode) -> _Piece:
         hy = self._hy
         phi, gap, v_n, v_t, omega, x = hy.make_vars("phi", "gap", "v_n", "v_t", "omega", "x")
         slip, spin = hy.par[0], hy.par[1]
@@ -243,36 +298,24 @@ class Heyoka:
         negative = hy.event_direction.negative
         events = [hy.t_event(values[kind], direction=negative) for kind in kinds]
         equations = [system[row] for row in range(6)]
-        return hy.taylor_adaptive(equations, [0.0] * 6, pars=[0.0, 0.0], tol=self._tolerance, t_events=events), kinds
+        found = hy.taylor_adaptive(equations, [0.0] * 6, pars=[0.0, 0.0], tol=self._tolerance, t_events=events)
+        return _Piece(found, found.state, found.pars, kinds)
 
     def __call__(self, rebounds: int) -> Floats:
         y = START
         out = np.zeros((rebounds, 3))
         for count in range(rebounds):
-            self._run(self._flight, y)
+            self._flight.run(y)
             z = touch_down(self._flight.state)
             mode = choose(z, _UNDECIDED)
             while True:
-                integrator, kinds = self._contact(mode)
-                integrator.pars[:] = mode[1:]
-                for i in range(3):
-                    z[V_N + i] += _NUDGE * mode[i]
-                kind = kinds[self._run(integrator, z)]
-                z = integrator.state.copy()
+                piece = self._contact(mode)
+                piece.pars[0], piece.pars[1] = mode[1], mode[2]
+                kind = piece.kinds[piece.run(_beside(z, mode))]
+                z = piece.state.copy()
                 if kind == SEPARATED:
                     break
                 mode = next_mode(kind, z)
             y = lift_off(z)
             out[count] = y[3:]
         return out
-
-    @staticmethod
-    def _run(integrator: Any, start: Floats) -> int:
-        """Go to the first event; return its index."""
-        integrator.time = 0.0
-        integrator.reset_cooldowns()
-        integrator.state[:] = start
-        outcome = int(integrator.propagate_until(_LONGEST)[0])
-        if not -len(integrator.t_events) <= outcome < 0:
-            raise RuntimeError(f"heyoka met no event: outcome {outcome}")
-        return -outcome - 1

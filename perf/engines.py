@@ -4,7 +4,7 @@ Each has a contact law of its own, so its velocities differ from the reference b
 its rebounds come at other times. It steps through the same simulated time as the reference; what it returns are the
 velocities after its own rebounds. None has two stiffnesses; pymunk and Box2D 2 have no rolling resistance.
 
-``python -m benchmarks.engines`` repeats the search for the settings in ``TUNED``: the least mean error of the first
+``python -m perf.engines`` repeats the search for the settings in ``TUNED``: the least mean error of the first
 five rebounds on a grid of stiffness and damping (MuJoCo) or of restitution (the others), the most favourable choice
 that a user who knew the answer could make.
 """
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.reference import BODY, FEW, LAUNCH, LAW, SLOPE, TIMES, Floats, errors
+from perf.reference import BODY, FEW, LAUNCH, LAW, SLOPE, TIMES, Floats, errors
 
 _DOWNHILL = SLOPE.gravity * math.sin(SLOPE.angle)
 _INWARD = SLOPE.gravity * math.cos(SLOPE.angle)

@@ -1,8 +1,9 @@
-"""The work that every peer is given: the reference descent, known to 32 digits, and the error of an answer to it."""
+"""The work that is timed: the reference descent, known to 32 digits, with the error of an answer; random launches."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,24 @@ EXACT: Floats = np.array(
 TIMES: Floats = np.array([float(row["time"]) for row in _RECORD["rebounds_from_double_inputs"]])
 
 FEW, MANY = 5, 20  # rebounds; the seventh of the many settles and rolls for .59 s
+
+
+def launches(lanes: int, seed: int = 0) -> Floats:
+    """Random launches of the reference's disc, shape (lanes, 6)."""
+    rng = np.random.default_rng(seed)
+    phi = rng.uniform(-math.pi, math.pi, lanes)
+    lowest = BODY.radius - BODY.eccentricity * np.cos(phi)
+    return np.stack(
+        [
+            np.zeros(lanes),
+            lowest + rng.uniform(0.05, 0.5, lanes),
+            phi,
+            rng.uniform(0.0, 3.0, lanes),
+            rng.uniform(-1.0, 0.0, lanes),
+            rng.uniform(-8.0, 8.0, lanes),
+        ],
+        axis=-1,
+    )
 
 
 def errors(velocities: ArrayLike) -> Floats:

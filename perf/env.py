@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 import sledenv
-from benchmarks.harness import (
+from perf.harness import (
     BLUE,
     GREY,
     ORANGE,

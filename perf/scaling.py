@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 import sledenv
-from benchmarks.harness import (
+from perf.harness import (
     BLUE,
     GREY,
     ORANGE,
@@ -27,8 +27,8 @@ from benchmarks.harness import (
     spread,
     table,
 )
-from benchmarks.reference import BODY, FEW, LAW, SLOPE, Floats
-from benchmarks.scalar_loop import flight_loops, scalar_loop
+from perf.reference import BODY, FEW, LAW, SLOPE, Floats, launches
+from perf.scalar_loop import flight_loops, scalar_loop
 
 ROUNDS = 3  # in each of so many
 PROCESSES = 5
@@ -49,24 +49,6 @@ def thread_counts() -> list[int]:
     """1, 2, 4, ... up to the number of threads that numba may use."""
     most = int(os.environ.get("NUMBA_NUM_THREADS", os.cpu_count() or 1))
     return sorted({*(2**k for k in range(int(math.log2(most)) + 1)), most})
-
-
-def launches(lanes: int, seed: int = 0) -> Floats:
-    """Random launches of the reference's disc, shape (lanes, 6)."""
-    rng = np.random.default_rng(seed)
-    phi = rng.uniform(-math.pi, math.pi, lanes)
-    lowest = BODY.radius - BODY.eccentricity * np.cos(phi)
-    return np.stack(
-        [
-            np.zeros(lanes),
-            lowest + rng.uniform(0.05, 0.5, lanes),
-            phi,
-            rng.uniform(0.0, 3.0, lanes),
-            rng.uniform(-1.0, 0.0, lanes),
-            rng.uniform(-8.0, 8.0, lanes),
-        ],
-        axis=-1,
-    )
 
 
 def _batch(states: Floats, solver: Literal["compliant", "rigid"], threads: int) -> Callable[[], sledenv.DescentBatch]:

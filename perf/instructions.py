@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import table
-from benchmarks.reference import BODY, FEW, LAUNCH, LAW, SLOPE
+from perf.harness import table
+from perf.reference import BODY, FEW, LAUNCH, LAW, SLOPE
 
 LANES = 2000
 BASELINE = Path(__file__).parent / "baseline.json"
@@ -43,7 +43,7 @@ def _count(solver: str, lanes: int, cache: str) -> int:
         "NUMBA_NUM_THREADS": "1",
         "PYTHONHASHSEED": "0",
     }
-    command = [sys.executable, "-m", "benchmarks.instructions", solver, str(lanes)]
+    command = [sys.executable, "-m", "perf.instructions", solver, str(lanes)]
     # Compile outside valgrind, which would take half an hour.
     subprocess.run(command, env=environment, cwd=Path(__file__).parents[1], check=True)
     counted = subprocess.run(

@@ -1,4 +1,4 @@
-"""What a descent is simulated with, checked and completed before the kernel sees it."""
+"""Checks of what a descent is simulated with, before the kernel sees it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.geometry import support_heights
+from sledenv.geometry import support_heights
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import (
     NOT_NEGATIVE,
@@ -72,7 +72,7 @@ def checked_lanes(
     body: Body,
     law: Laws,
     slope: Slopes,
-    states: ArrayLike,
+    given: ArrayLike,
     solver: str,
     settle_speed: float | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,14 +83,14 @@ def checked_lanes(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range.
     """
-    launches = checked_table("states", states, State._fields)
+    launches = checked_table("launches", given, State._fields)
     checked_choice("solver", solver, get_args(BatchSolver))
     laws = _rows("law", ContactLaw, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     if solver == "rigid":
         laws = _rigid(body, laws, slopes, settle_speed)
-    checked_rows("states[{lane}]", State, launches)
-    _on_the_surface("states[{lane}]", body, slopes, launches)
+    checked_rows("launches[{lane}]", State, launches)
+    _on_the_surface("launches[{lane}]", body, slopes, launches)
     return laws, slopes, launches
 
 
@@ -115,7 +115,7 @@ def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes:
     if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
-        raise ValueError(f"{name}: {len(given)} given for {lanes} states; give one or one a state")
+        raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     rows = checked_table(name, given, kind._fields)
     checked_rows(f"{name}[{{lane}}]", kind, rows)
     return rows

@@ -1,4 +1,4 @@
-"""What all benchmarks share: interleaved timing, statistics, stamped results, and the look of the plots."""
+"""What all measurements share: interleaved timing, statistics, stamped results, and the look of the plots."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def stamp() -> dict[str, Any]:
             versions[name] = version(name)
         except PackageNotFoundError:
             versions[name] = "missing"
-    changed = [line for line in _git("status", "--porcelain").splitlines() if "benchmarks/results" not in line]
+    changed = [line for line in _git("status", "--porcelain").splitlines() if "perf/results" not in line]
     return {
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "commit": _git("rev-parse", "--short", "HEAD") + ("+changes" if changed else ""),
@@ -153,7 +153,7 @@ def stamp() -> dict[str, Any]:
 
 
 def save(name: str, result: Mapping[str, Any]) -> Path:
-    """Write a stamped result to benchmarks/results/NAME.json, all or nothing."""
+    """Write a stamped result to perf/results/NAME.json, all or nothing."""
     RESULTS.mkdir(exist_ok=True)
     target = RESULTS / f"{name}.json"
     part = target.with_suffix(".part")
@@ -170,7 +170,7 @@ def load(name: str) -> dict[str, Any]:
 
 @contextmanager
 def drawing(name: str, size: tuple[float, float], panels: tuple[int, int] = (1, 1)) -> Iterator[tuple[Figure, Any]]:
-    """Yield a figure and its axes in the style of all plots; write it to benchmarks/results/NAME.png."""
+    """Yield a figure and its axes in the style of all plots; write it to perf/results/NAME.png."""
     import matplotlib as mpl
 
     style: Any = _STYLE

@@ -11,8 +11,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from benchmarks.env import IDS, SCENARIO
-from benchmarks.harness import BLUE, GREY, bars, drawing, save, spread, table, with_quartiles
+from perf.env import IDS, SCENARIO
+from perf.harness import BLUE, GREY, bars, drawing, save, spread, table, with_quartiles
 
 ROUNDS = 5
 LANES = 1024

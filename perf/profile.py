@@ -17,9 +17,9 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, figure_of, save, table
-from benchmarks.methods import sled
-from benchmarks.reference import FEW, MANY
+from perf.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, figure_of, save, table
+from perf.methods import sled
+from perf.reference import FEW, MANY
 
 SECONDS = 8.0
 FREQUENCY = 4000  # [Hz] of the samples
@@ -72,7 +72,7 @@ def _work(solver: str, rebounds: int) -> None:
 
 def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
     """Samples by module.function of the kernel, libm and everything else, which is Python."""
-    command = [sys.executable, "-m", "benchmarks.profile", solver, str(rebounds)]
+    command = [sys.executable, "-m", "perf.profile", solver, str(rebounds)]
     with (
         tempfile.TemporaryDirectory() as folder,
         subprocess.Popen(

@@ -1,6 +1,6 @@
 """The scalar kernel in a plain compiled loop, one descent or flight after the other: what a batch kernel has to beat.
 
-The one place in the benchmarks that looks below the public names of sledenv.
+The one place in this folder that looks below the public names of sledenv.
 """
 
 from __future__ import annotations
@@ -13,29 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
-from sledenv.kernel.descend import descend, work_space
-from sledenv.kernel.flight import (
-    F_GRAVITY,
-    F_HORIZON,
-    F_OMEGA,
-    F_PHI,
-    F_TIME,
-    F_V,
-    F_Y,
-    pack_of,
-    touchdown_time,
-    touchdown_times,
-)
-from sledenv.kernel.jit import allocating
+from sledenv.checks import touching_law
+from sledenv.kernel.descend import SPACE, descend
+from sledenv.kernel.flight import tell_bodies, tell_body, touchdown, touchdowns
+from sledenv.kernel.jit import entry
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
+from sledenv.kernel.state import new
 from sledenv.kernel.trace import LANES
-from sledenv.launches import touching_law
 
 
 # The cache notices changes of the kernel, not of this loop.
-@allocating
+@entry
 def _loop(
     body: Body,
     law: Law,
@@ -43,14 +33,14 @@ def _loop(
     launches: np.ndarray,
     limits: Limits,
     log: np.ndarray,
-    space: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    spaces: np.ndarray,
     trajectory: np.ndarray,
     outcomes: np.ndarray,
 ) -> None:
     for i in range(launches.shape[0]):
         z = launches[i]
         launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-        descend(body, law, slope, launch, limits, log, space, trajectory, outcomes[i])
+        descend(body, law, slope, launch, limits, log, spaces, trajectory, outcomes[i : i + 1])
 
 
 def scalar_loop(
@@ -66,36 +56,42 @@ def scalar_loop(
     """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
     launches = np.array(states, dtype=float, ndmin=2)
     touching: Law = touching_law(body, law, slope, solver, None)
-    limits = Limits(max_time=max_time)
+    limits = Limits(max_time=max_time, max_rebounds=max_rebounds)
     log, trajectory = np.zeros(max_rebounds, REBOUND), np.zeros(0, TRAJECTORY)
     outcomes = np.zeros(len(launches), OUTCOME)
 
     def run() -> np.ndarray:
-        _loop(body, touching, slope, launches, limits, log, work_space(), trajectory, outcomes)
+        _loop(body, touching, slope, launches, limits, log, new(SPACE), trajectory, outcomes)
         return outcomes
 
     return run
 
 
-@allocating
-def _one_by_one(body: Body, gravity: float, launches: np.ndarray, times: np.ndarray) -> None:
+@entry
+def _one_by_one(body: Body, inward: float, launches: np.ndarray, times: np.ndarray, spaces: np.ndarray) -> None:
+    at = spaces[0]["hop"]
+    tell_body(body, at)
+    at["inward"], at["horizon"] = inward, np.inf
     for i in range(launches.shape[0]):
         z = launches[i]
-        times[i] = touchdown_time(body, gravity, z[1], z[2], z[4], z[5], np.inf)
+        at["y"], at["phi"], at["v"], at["omega"] = z[1], z[2], z[4], z[5]
+        times[i] = touchdown(body, at)
 
 
-@allocating
-def _in_packs(body: Body, gravity: float, launches: np.ndarray, times: np.ndarray) -> None:
-    pack = pack_of(body)
-    pack[F_GRAVITY], pack[F_HORIZON] = gravity, np.inf
+@entry
+def _in_packs(body: Body, inward: float, launches: np.ndarray, times: np.ndarray, spaces: np.ndarray) -> None:
+    pack, at = spaces[0]["pack"], spaces[0]["hop"]
+    tell_body(body, at)
+    tell_bodies(body, pack)
     for first in range(0, launches.shape[0], LANES):
         count = min(LANES, launches.shape[0] - first)
         for k in range(count):
             z = launches[first + k]
-            pack[F_Y, k], pack[F_PHI, k], pack[F_V, k], pack[F_OMEGA, k] = z[1], z[2], z[4], z[5]
-        touchdown_times(body, count, pack)
+            pack["y"][k], pack["phi"][k], pack["v"][k], pack["omega"][k] = z[1], z[2], z[4], z[5]
+            pack["inward"][k], pack["horizon"][k] = inward, np.inf
+        touchdowns(body, count, pack, at)
         for k in range(count):
-            times[first + k] = pack[F_TIME, k]
+            times[first + k] = pack["touchdown"][k]
 
 
 def flight_loops(
@@ -103,15 +99,16 @@ def flight_loops(
 ) -> tuple[Callable[[], np.ndarray], Callable[[], np.ndarray]]:
     """Return functions that find the touchdowns [s] of launches, shape (N, 6): one by one, and in packs."""
     launches = np.array(states, dtype=float, ndmin=2)
-    gravity = slope.gravity * math.cos(slope.angle)
+    inward = slope.gravity * math.cos(slope.angle)
+    spaces = new(SPACE)
     alone, packed = np.empty(len(launches)), np.empty(len(launches))
 
     def one_by_one() -> np.ndarray:
-        _one_by_one(body, gravity, launches, alone)
+        _one_by_one(body, inward, launches, alone, spaces)
         return alone
 
     def in_packs() -> np.ndarray:
-        _in_packs(body, gravity, launches, packed)
+        _in_packs(body, inward, launches, packed, spaces)
         return packed
 
     return one_by_one, in_packs

@@ -1,4 +1,4 @@
-"""Compliant contacts abreast: each lane is the contact alone, bit for bit, whatever the state and its neighbours."""
+"""Batches of compliant contacts: each lane is the descent alone, bit for bit, whatever the state and its neighbours."""
 
 from __future__ import annotations
 
@@ -9,63 +9,10 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
-from sledenv.kernel import rows, series
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.roots import approach, certificate
-from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.series import ROWS, Z_ROWS
-from sledenv.kernel.trace import ABREAST, abreast, compiled, with_sign
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SLOPE = Slope(math.radians(10.0), length=40.0)
 LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
-
-
-def _expansion(z: Any, c: Any) -> None:
-    series.spinning(False, False)(z, c)
-    z[series.Z_MOST] = series.longest(z[series.Z_SIZE], z[series.Z_SCALE], 1e-15, 2.0, c)[0]
-    series.completion(z, c)
-    z[series.Z_ROOT] = approach(c, z[series.Z_STEP], rows.TERMS)[0]
-    z[series.Z_BEFORE] = certificate(c, z[series.Z_STEP])[0]
-    z[series.Z_FOUND] = with_sign(z[series.Z_V_T], z[series.Z_OMEGA])
-
-
-_one, _many = compiled(_expansion), abreast(_expansion)
-
-
-@kernel
-def _alone(z: np.ndarray, c: np.ndarray) -> None:
-    _one(z, c)
-
-
-@kernel
-def _side_by_side(z: np.ndarray, c: np.ndarray) -> None:
-    _many(z, c)
-
-
-def test_a_program_abreast_computes_what_it_does_for_one() -> None:
-    """Vectors, their sums and masks included; a lane of NaN does not disturb the others."""
-    rng = np.random.default_rng(5)
-    z = rng.uniform(0.5, 1.5, (Z_ROWS, ABREAST))
-    z[series.Z_STIFFNESS] *= 1e6
-    z[series.Z_UNIT] *= 1e-3
-    z[series.Z_OMEGA] *= rng.choice((-1.0, 1.0), ABREAST)
-    z[series.Z_OTHER, 1] = math.inf
-    z[series.Z_V_N, 2] = math.nan
-    z[series.Z_H, 3] = 0.0
-    c = np.zeros((ROWS * WIDTH, ABREAST))
-    expected = []
-    for lane in range(ABREAST):
-        told, table = z[:, lane].copy(), np.zeros((ROWS, WIDTH))
-        _alone(told, table)
-        expected.append((told, table.reshape(-1)))
-    _side_by_side(z, c)
-    series_of = np.arange(ROWS * WIDTH) % WIDTH < rows.TERMS  # what fills up a row may be a zero of either sign
-    for lane, (told, table) in enumerate(expected):
-        for found, alone in ((z[:, lane], told), (c[:, lane], table)):
-            assert np.array_equal(found, alone, equal_nan=True)
-        for found, alone in ((z[:, lane], told), (c[series_of, lane], table[series_of])):
-            assert np.array_equal(np.signbit(found), np.signbit(alone)) or np.isnan(alone).any()
 
 
 def ugly(rng: np.random.Generator, body: Body, lanes: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import BLUE, GREY, SKY, bars, drawing, figure_of, save, spread, table, with_quartiles
+from perf.harness import BLUE, GREY, SKY, bars, drawing, figure_of, save, spread, table, with_quartiles
 
 ROUNDS = 9
 COLD_ROUNDS = 3

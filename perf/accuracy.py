@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numba
 
-from benchmarks import engines
-from benchmarks.contact_model import START
-from benchmarks.harness import (
+from perf import engines
+from perf.contact_model import START
+from perf.harness import (
     BLUE,
     GREEN,
     GREY,
@@ -27,8 +27,8 @@ from benchmarks.harness import (
     spread,
     table,
 )
-from benchmarks.methods import Heyoka, dop853, euler, rk4, sled, velocities
-from benchmarks.reference import FEW, Floats, worst
+from perf.methods import Heyoka, dop853, euler, rk4, sled, velocities
+from perf.reference import FEW, Floats, worst
 
 ROUNDS = 5
 

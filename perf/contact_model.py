@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 
-from benchmarks.reference import BODY, LAUNCH, LAW, SLOPE, Floats
-from sledenv.kernel.jit import allocating as compiled
+from perf.reference import BODY, LAUNCH, LAW, SLOPE, Floats
 
 Mode = tuple[int, int, int]
 
@@ -71,10 +71,10 @@ def forces(
     return -slip * P.friction * normal, -spin * P.arm * normal, normal
 
 
-_forces = compiled(forces)
+_forces = numba.njit(error_model="numpy")(forces)
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def _at(z: Floats, mode: Mode) -> tuple[float, float, float, float, float, float, float]:
     """Arms, drives and forces of a mode at a state."""
     a = P.eccentricity * math.sin(z[PHI])
@@ -89,7 +89,7 @@ def _at(z: Floats, mode: Mode) -> tuple[float, float, float, float, float, float
     return a, b, drive_t, drive_n, force, moment, normal
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def rates(t: float, z: Floats, mode: Mode) -> Floats:
     """Right-hand side in contact."""
     a, b, drive_t, drive_n, force, moment, normal = _at(z, mode)
@@ -107,7 +107,7 @@ def rates(t: float, z: Floats, mode: Mode) -> Floats:
     return out
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def guard(kind: int, z: Floats, mode: Mode) -> float:
     """Value of a guard."""
     if kind == RATE_ZERO:
@@ -140,7 +140,7 @@ def guards_of(mode: Mode) -> list[int]:
     return [*found, SEPARATED] if mode[0] > 0 else found
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def _open(velocity: float, left: int, branch: int) -> bool:
     """Whether a velocity may follow a branch: a nonzero one keeps its sign, one just released leaves with it."""
     if velocity != 0.0:
@@ -148,7 +148,7 @@ def _open(velocity: float, left: int, branch: int) -> bool:
     return left in (0, branch)
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def choose(z: Floats, left: Mode) -> Mode:
     """Mode that violates the laws least, by trying all; ``left`` has the sign of a velocity just released."""
     y = z.copy()
@@ -186,7 +186,7 @@ def choose(z: Floats, left: Mode) -> Mode:
     return best
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def next_mode(kind: int, z: Floats) -> Mode:
     """Mode after a guard has reached zero; sets the velocity concerned to exactly zero."""
     which = kind // 3
@@ -196,7 +196,7 @@ def next_mode(kind: int, z: Floats) -> Mode:
     return choose(z, (left[0], left[1], left[2]))
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def touch_down(flight: Floats) -> Floats:
     """Contact state of a body that meets the slope."""
     a = P.eccentricity * math.sin(flight[2])
@@ -204,7 +204,7 @@ def touch_down(flight: Floats) -> Floats:
     return np.array([flight[0], flight[2], 0.0, flight[4] - a * flight[5], flight[3] + b * flight[5], flight[5]])
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def lift_off(z: Floats) -> Floats:
     """Flight state (x, y, phi, u, v, omega) of a body that leaves the slope, a rounding error above it.
 
@@ -215,13 +215,13 @@ def lift_off(z: Floats) -> Floats:
     return np.array([z[X], b + 1e-16, z[PHI], z[V_T] - b * z[OMEGA], z[V_N] + a * z[OMEGA], z[OMEGA]])
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def flight_gap(t: float, y: Floats) -> float:
     """Gap in flight."""
     return float(y[1] + P.eccentricity * math.cos(y[2]) - P.radius)
 
 
-@compiled
+@numba.njit(error_model="numpy")
 def flight_rates(t: float, y: Floats) -> Floats:
     """Right-hand side in flight."""
     return np.array([y[3], y[4], y[5], P.downhill, -P.inward, 0.0])

@@ -1,6 +1,6 @@
-"""Integration steps a hop on fixed descents: a count that needs no timer, held against benchmarks/baseline.json in CI.
+"""Integration steps a hop on fixed descents: a count that needs no timer, held against perf/baseline.json in CI.
 
-``python -m benchmarks.work`` prints the counts, ``python -m benchmarks.work --update`` makes them the baseline.
+``python -m perf.work`` prints the counts, ``python -m perf.work --update`` makes them the baseline.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ import sys
 from typing import Any
 
 import sledenv
-from benchmarks.instructions import BASELINE
-from benchmarks.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE
-from benchmarks.scaling import launches
+from perf.instructions import BASELINE
+from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, launches
 
 RANDOM = 500  # launches
 

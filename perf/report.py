@@ -1,4 +1,4 @@
-"""Write the measured tables into docs/performance.md: ``python -m benchmarks.report`` (no benchmark is run)."""
+"""Write the measured tables into docs/performance.md: ``python -m perf.report`` (nothing is measured)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import RESULTS, load
+from perf.harness import RESULTS, load
 
 NAMES = ("peers", "accuracy", "scaling", "env", "training", "startup", "profile")
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
@@ -30,8 +30,8 @@ def _section(name: str) -> str:
     if not (RESULTS / f"{name}.json").exists():
         return f"Not measured yet: `make bench BENCH={name}`.\n"
     result = load(name)
-    tables = importlib.import_module(f"benchmarks.{name}").tables(result)
-    figure = f"![{name}](../benchmarks/results/{name}.png)"
+    tables = importlib.import_module(f"perf.{name}").tables(result)
+    figure = f"![{name}](../perf/results/{name}.png)"
     return f"{_provenance(result['stamp'])}\n\n{tables}\n\n{figure}\n"
 
 

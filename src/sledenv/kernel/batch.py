@@ -1,0 +1,337 @@
+"""Many descents, one a lane: threads share blocks of lanes, and the lanes of a block are followed in packs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import get_thread_id, prange  # type: ignore[attr-defined]
+
+from sledenv.kernel.bounce import bounce
+from sledenv.kernel.descend import begin, close_books, hop, land, trim, write_rebound
+from sledenv.kernel.flight import FEW, tell_bodies, tell_body, tell_flight, touchdowns
+from sledenv.kernel.geometry import incline_of
+from sledenv.kernel.jit import kernel
+from sledenv.kernel.laws import Law, by_law, law_of_row
+from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw, Slope, State
+from sledenv.kernel.records import LOG_FULL, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.trace import LANES
+
+
+class Lanes(NamedTuple):
+    """What the lanes of a batch have of their own; a table of one row serves all lanes."""
+
+    laws: np.ndarray  # fields of the law, shape (N or 1, 5)
+    inclines: np.ndarray  # fields of Incline, shape (N or 1, 4)
+    flights: np.ndarray  # of OUTCOME, shape (N,)
+    logs: np.ndarray  # of REBOUND, shape (N or 1, any); that of one row is never read
+
+
+class Trims(NamedTuple):
+    """What the rider's rotor does in each lane, see :func:`sledenv.kernel.descend.trim`."""
+
+    spins: np.ndarray  # [rad/s] that it lends to the body, shape (N,)
+    rotor_inertia: float  # [kg m^2]
+
+
+@kernel
+def _row(table: np.ndarray, lane: int) -> int:
+    """Row of a lane in a table with one row a lane or one for all."""
+    return lane if table.shape[0] > 1 else 0
+
+
+@kernel
+def _inclines_of(slopes: np.ndarray) -> np.ndarray:
+    """Return the fields of Incline in the rows of many slopes."""
+    inclines = np.empty((slopes.shape[0], 4))
+    for i in range(slopes.shape[0]):
+        q = incline_of(Slope(slopes[i, 0], slopes[i, 1], slopes[i, 2]))
+        inclines[i, 0], inclines[i, 1], inclines[i, 2], inclines[i, 3] = q.downhill, q.inward, q.length, q.gravity
+    return inclines
+
+
+@kernel
+def _incline_at(inclines: np.ndarray, lane: int) -> Incline:
+    q = inclines[_row(inclines, lane)]
+    return Incline(q[0], q[1], q[2], q[3])
+
+
+@kernel
+def _launch_at(launches: np.ndarray, lane: int) -> State:
+    z = launches[lane]
+    return State(z[0], z[1], z[2], z[3], z[4], z[5])
+
+
+@kernel
+def block_size(lanes: int) -> int:
+    """Lanes that a thread follows at a time: enough to fill packs, few enough to keep all threads busy."""
+    return min(max(lanes // 64, LANES), 4 * LANES)
+
+
+@kernel
+def _find_touchdowns(body: Body, like: ContactLaw, count: int, space: np.void) -> None:
+    """Find the touchdowns of a pack; every contact is left to be followed by itself."""
+    touchdowns(body, count, space["pack"], space["hop"])
+    for k in range(count):
+        space["pack"]["fine"][k] = 0.0
+
+
+@kernel
+def _bounce_all(body: Body, like: RigidLaw, count: int, space: np.void) -> None:
+    bounce(body, count, space["pack"], space["hop"])
+
+
+# Take a pack as far as its lanes go together.
+_go_together = by_law(_find_touchdowns, _bounce_all)
+
+
+@kernel
+def _keep_law(pack: np.void, law: ContactLaw, k: int) -> None:
+    """Leave a law alone that packs do not need."""
+
+
+@kernel
+def _tell_law(pack: np.void, law: RigidLaw, k: int) -> None:
+    pack["friction"][k], pack["law_restitution"][k] = law.friction, law.restitution
+    pack["arc_arm"][k], pack["corner_arm"][k] = law.rolling_arm, law.corner_rolling_arm
+    pack["settle_speed"][k] = law.settle_speed
+
+
+_tell_law_of = by_law(_keep_law, _tell_law)
+
+
+@kernel
+def _board(like: Law, lanes: Lanes, limits: Limits, lane: int, k: int, pack: np.void) -> None:
+    """Put a lane at place ``k`` of a pack."""
+    flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
+    _tell_law_of(pack, law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), k)
+    pack["lane"][k] = lane
+    pack["downhill"][k], pack["inward"][k], pack["length"][k] = slope.downhill, slope.inward, slope.length
+    pack["t"][k], pack["x"][k], pack["y"][k], pack["phi"][k] = flight["t"], flight["x"], flight["y"], flight["phi"]
+    pack["u"][k], pack["v"][k], pack["omega"][k] = flight["u"], flight["v"], flight["omega"]
+    pack["max_time"][k], pack["horizon"][k] = limits.max_time, limits.max_time - flight["t"]
+    pack["lost_hysteresis"][k] = flight["hysteresis"]
+    pack["lost_sliding"][k], pack["lost_rolling"][k] = flight["sliding"], flight["rolling"]
+    pack["rebounds"][k] = flight["rebounds"]
+
+
+@kernel
+def _alight(k: int, pack: np.void, flight: np.void) -> None:
+    """Bring a flight up to where place ``k`` of a pack is."""
+    flight["t"], flight["x"], flight["y"], flight["phi"] = pack["t"][k], pack["x"][k], pack["y"][k], pack["phi"][k]
+    flight["u"], flight["v"], flight["omega"] = pack["u"][k], pack["v"][k], pack["omega"][k]
+    flight["hysteresis"] = pack["lost_hysteresis"][k]
+    flight["sliding"], flight["rolling"] = pack["lost_sliding"][k], pack["lost_rolling"][k]
+    flight["rebounds"] = int(pack["rebounds"][k])
+
+
+@kernel
+def _log_bounce(body: Body, k: int, pack: np.void, contact: np.void, log: np.ndarray) -> None:
+    """Record the rebound at place ``k`` of a pack, as an ordinary impact has left it."""
+    contact["time"] = contact["time_before"] = pack["t_landing"][k]
+    contact["x"], contact["phi"] = pack["x_landing"][k], pack["phi_landing"][k]
+    contact["v_t"], contact["v_n"], contact["omega"] = pack["v_t"][k], pack["v_n"][k], pack["omega"][k]
+    contact["u_before"], contact["v_before"] = pack["u_landing"][k], pack["v_landing"][k]
+    contact["v_t_before"], contact["omega_before"] = pack["v_t_landing"][k], pack["omega_landing"][k]
+    contact["feature_before"], contact["on_chord"] = pack["feature"][k], 0.0
+    contact["normal_impulse"] = pack["normal_impulse"][k]
+    contact["tangential_impulse"] = pack["tangential_impulse"][k]
+    contact["rolling_impulse"] = pack["rolling_impulse"][k]
+    contact["hysteresis"] = pack["hysteresis"][k]
+    contact["sliding"], contact["rolling"] = pack["sliding"][k], pack["rolling"][k]
+    rebound = log[min(int(pack["rebounds"][k]), log.shape[0]) - 1]
+    write_rebound(body, rebound, contact, pack["a"][k], pack["b"][k])
+
+
+@kernel
+def _log_bounces(body: Body, count: int, lanes: Lanes, space: np.void) -> None:
+    """Record the ordinary bounces of a pack."""
+    pack = space["pack"]
+    for k in range(count):
+        if pack["fine"][k] > 0.0:
+            _log_bounce(body, k, pack, space["contact"], lanes.logs[int(pack["lane"][k])])
+
+
+@kernel
+def _land_from(
+    body: Body, like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, trajectory: np.ndarray
+) -> None:
+    """Follow the contact at place ``k`` of a pack by itself, from the touchdown that has been found."""
+    pack, at = space["pack"], space["hop"]
+    lane = int(pack["lane"][k])
+    flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
+    law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
+    tell_flight(slope, limits, flight, at)
+    at["touchdown"] = pack["touchdown"][k]
+    land(body, law, slope, limits, flight, log, space, trajectory)
+
+
+@kernel
+def _follow_singly(
+    body: Body, like: Law, lanes: Lanes, limits: Limits, lane: int, once: bool, space: np.void, trajectory: np.ndarray
+) -> None:
+    """Follow one lane by itself: see :func:`follow_lanes`."""
+    flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
+    law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
+    while flight["status"] == RUNNING:
+        hop(body, law, slope, limits, flight, log, space, trajectory)
+        if once:
+            break
+
+
+@kernel
+def _end_hop(
+    body: Body, like: Law, lanes: Lanes, limits: Limits, k: int, once: bool, space: np.void, trajectory: np.ndarray
+) -> bool:
+    """End a hop at place ``k`` of a pack, the lane's last one or no ordinary one; say whether the lane stays there."""
+    pack = space["pack"]
+    lane = int(pack["lane"][k])
+    flight = lanes.flights[lane]
+    _alight(k, pack, flight)
+    if pack["fine"][k] > 0.0:
+        flight["status"] = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
+        return False
+    _land_from(body, like, lanes, limits, k, space, trajectory)
+    if once or flight["status"] != RUNNING:
+        return False
+    _board(like, lanes, limits, lane, k, pack)
+    return True
+
+
+@kernel
+def follow_lanes(
+    body: Body,
+    like: Law,
+    lanes: Lanes,
+    limits: Limits,
+    first: int,
+    last: int,
+    once: bool,
+    space: np.void,
+    trajectory: np.ndarray,
+) -> None:
+    """Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended.
+
+    Each lane comes out as if it was followed by itself. It keeps its place in a pack from hop to hop, and then leaves
+    it to one that waits. Touchdowns are found for the whole pack; ordinary impacts of rigid bodies are followed so,
+    and every other contact by itself.
+    """
+    pack = space["pack"]
+    kept = lanes.logs.shape[0] > 1  # or one row serves all lanes, and nobody reads it
+    tell_body(body, space["hop"])
+    tell_bodies(body, pack)
+    count, waiting = 0, first
+    while True:
+        while count < LANES and waiting < last:
+            if lanes.flights[waiting]["status"] == RUNNING:
+                _board(like, lanes, limits, waiting, count, pack)
+                count += 1
+            waiting += 1
+        if count < FEW:
+            break
+        _go_together(body, like, count, space)
+        if kept:
+            _log_bounces(body, count, lanes, space)
+        for k in range(count - 1, -1, -1):
+            if pack["fine"][k] > 0.0 and pack["rebounds"][k] < limits.max_rebounds and not once:
+                continue
+            if not _end_hop(body, like, lanes, limits, k, once, space, trajectory):
+                count -= 1
+                if k < count:  # the last one moves here
+                    lane = int(pack["lane"][count])
+                    _alight(count, pack, lanes.flights[lane])
+                    _board(like, lanes, limits, lane, k, pack)
+    for k in range(count):
+        lane = int(pack["lane"][k])
+        _alight(k, pack, lanes.flights[lane])
+        _follow_singly(body, like, lanes, limits, lane, once, space, trajectory)
+
+
+@kernel
+def descend_batch(
+    body: Body,
+    like: Law,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    launches: np.ndarray,
+    limits: Limits,
+    rebounds: np.ndarray,
+    outcomes: np.ndarray,
+    spaces: np.ndarray,
+) -> None:
+    """Simulate many descents, one a lane; a lane does not depend on its neighbours or on the number of threads.
+
+    Parameters
+    ----------
+    body, limits
+        Shared by all lanes.
+    like : ContactLaw or RigidLaw
+        Of which kind the rows of ``laws`` are.
+    laws, slopes : ndarray, shapes (N or 1, 5) and (N or 1, 3)
+        Fields of the law and of Slope; one row serves all lanes.
+    launches : ndarray, shape (N, 6)
+        Fields of State.
+    rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``) or (0, 0)
+        The logs; (0, 0) keeps none.
+    outcomes : ndarray of OUTCOME, shape (N,)
+        Overwritten.
+    spaces : ndarray of SPACE
+        Work space, one a thread.
+    """
+    count = launches.shape[0]
+    size = block_size(count)
+    inclines = _inclines_of(slopes)
+    for block in prange((count + size - 1) // size):
+        first, last = block * size, min((block + 1) * size, count)
+        logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
+        lanes, trajectory = Lanes(laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
+        for i in range(first, last):
+            begin(_launch_at(launches, i), outcomes[i])
+        follow_lanes(body, like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
+        for i in range(first, last):
+            close_books(body, _incline_at(inclines, i), _launch_at(launches, i), outcomes[i])
+
+
+@kernel
+def hop_batch(
+    body: Body,
+    like: Law,
+    laws: np.ndarray,
+    slopes: np.ndarray,
+    launches: np.ndarray,
+    limits: Limits,
+    trims: Trims,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    spaces: np.ndarray,
+) -> None:
+    """Trim and follow one hop of many descents, one a lane; lanes that have ended stay as they are.
+
+    Parameters
+    ----------
+    body, like, laws, slopes, launches, limits, spaces
+        As for :func:`descend_batch`.
+    trims : Trims
+        What the riders do in this hop.
+    flights : ndarray of OUTCOME, shape (N,)
+        Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
+        whose status is not RUNNING are left alone.
+    rebounds : ndarray of REBOUND, shape (N,)
+        The contact of each lane, overwritten if there was one.
+    """
+    count = flights.shape[0]
+    size = block_size(count)
+    inclines = _inclines_of(slopes)
+    logs = rebounds.reshape((count, 1))
+    spins, rotor_inertia = trims.spins, trims.rotor_inertia
+    for block in prange((count + size - 1) // size):
+        first, last = block * size, min((block + 1) * size, count)
+        lanes, trajectory = Lanes(laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
+        moved = flights["status"][first:last] == RUNNING
+        for i in range(first, last):
+            if moved[i - first]:
+                trim(body, rotor_inertia, flights[i], spins[i])
+        follow_lanes(body, like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
+        for i in range(first, last):
+            if moved[i - first]:
+                close_books(body, _incline_at(inclines, i), _launch_at(launches, i), flights[i])
