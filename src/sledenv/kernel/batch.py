@@ -8,7 +8,7 @@ import numpy as np
 from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
 from sledenv.kernel.bounce import bounce
-from sledenv.kernel.descend import begin, close_books, hop, land, trim, write_rebound
+from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, trim, write_rebound
 from sledenv.kernel.flight import FEW, tell_bodies, tell_body, tell_flight, touchdowns
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.jit import kernel
@@ -153,7 +153,7 @@ def _log_bounces(body: Body, count: int, lanes: Lanes, space: np.void) -> None:
 
 
 @kernel
-def _land_from(
+def _hop_from(
     body: Body, like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, trajectory: np.ndarray
 ) -> None:
     """Follow the contact at place ``k`` of a pack by itself, from the touchdown that has been found."""
@@ -163,7 +163,7 @@ def _land_from(
     law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
     tell_flight(slope, limits, flight, at)
     at["touchdown"] = pack["touchdown"][k]
-    land(body, law, slope, limits, flight, log, space, trajectory)
+    hop(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -174,6 +174,7 @@ def _follow_singly(
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
     while flight["status"] == RUNNING:
+        find_touchdown(body, slope, limits, flight, space)
         hop(body, law, slope, limits, flight, log, space, trajectory)
         if once:
             break
@@ -191,7 +192,7 @@ def _end_hop(
     if pack["fine"][k] > 0.0:
         flight["status"] = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
         return False
-    _land_from(body, like, lanes, limits, k, space, trajectory)
+    _hop_from(body, like, lanes, limits, k, space, trajectory)
     if once or flight["status"] != RUNNING:
         return False
     _board(like, lanes, limits, lane, k, pack)

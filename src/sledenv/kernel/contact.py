@@ -52,6 +52,7 @@ from sledenv.kernel.step import (
     expect,
     orient,
 )
+from sledenv.kernel.trace import copy_into_callers
 from sledenv.kernel.trajectory import CONTACT_ROWS, next_row, write_forces, write_motion
 
 MOST_STALLED = 60  # events in a row without any progress in time
@@ -131,6 +132,7 @@ def _signs_of(velocity: float, left: float) -> int:
 @kernel
 def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     """Branch of a contact from here on, by the box rule."""
+    copy_into_callers()
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     if v_n != 0.0 and v_t != 0.0 and omega != 0.0:
         return Branch(sign_of(v_n), sign_of(v_t), sign_of(omega))
@@ -177,6 +179,7 @@ def _trial(number: int, contact: np.void) -> Branch:
 @kernel
 def _choose(body: Body, contact: np.void, step: np.void) -> None:
     """Choose the branch that a contact follows from here on, and write what depends on it."""
+    copy_into_callers()
     branch = _resolved(body, contact, step)
     stalled = int(contact["stalled"])
     if stalled >= MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
@@ -201,6 +204,7 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
 @kernel
 def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
     """Status of a contact before a step: RUNNING if there is to be one."""
+    copy_into_callers()
     if contact["gap_rate"] == 0.0 and contact["slip"] == 0.0 and contact["spin"] == 0.0:
         return JAMMED
     if contact["k_closing"] == math.inf and contact["gap_rate"] > 0.0:
@@ -219,20 +223,25 @@ def _settled_unit(size: float, gravity: float, omega: float) -> float:
 
 
 @kernel
-def _open_step(slope: Incline, limits: Limits, contact: np.void, step: np.void) -> int:
-    """Find the series of a step and how long they hold; return a status, TIMEOUT if the time ends with the step."""
+def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
+    """Tell a step what its series need, and what a locked normal force is held against."""
+    copy_into_callers()
     begin_step(contact, step)
-    rigid = contact["k_closing"] == math.inf
     step["least"] = -contact["k_opening"] * contact["gap"]
-    step["largest"] = math.inf if rigid else -contact["k_closing"] * contact["gap"]
+    step["largest"] = math.inf if contact["k_closing"] == math.inf else -contact["k_closing"] * contact["gap"]
     if contact["gap_rate"] == 0.0:
         step["unit"] = _settled_unit(contact["size"], slope.gravity, contact["omega"])
-    expand(contact, step)
+
+
+@kernel
+def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
+    """Find how long the series of a step hold; return a status, TIMEOUT if the time ends with the step."""
+    copy_into_callers()
     if contact["gap_rate"] != 0.0:
         expect(contact, step)
     else:
         step["expected"] = NOTHING
-    if rigid and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
+    if contact["k_closing"] == math.inf and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
         return INCONSISTENT
     if contact["gap_zeros"] == 2.0:
         contact["gap_zeros"] = leading_zeros(step["v_n"], contact["gap_rate"])
@@ -253,6 +262,7 @@ def _open_step(slope: Incline, limits: Limits, contact: np.void, step: np.void) 
 @kernel
 def _turns_back(before: float, end: float, series: np.ndarray, event: int, contact: np.void, step: np.void) -> None:
     """Let a step end where a velocity has become zero, if it has changed its sign by the end of the step."""
+    copy_into_callers()
     if before * end < 0.0:
         length = step["length"]
         at = locate(series, length * before / (before - end), length)
@@ -262,12 +272,9 @@ def _turns_back(before: float, end: float, series: np.ndarray, event: int, conta
 
 
 @kernel
-def _take_step(body: Body, contact: np.void, step: np.void) -> None:
-    """Complete a step up to its first event.
-
-    What is likely to end the step is sought first, where it is expected and up to ``step["most"]``. If the series prove
-    that nothing else comes before, that was all.
-    """
+def _foresee(contact: np.void, step: np.void) -> None:
+    """Complete a step up to what is likely to end it, sought where it is expected and up to ``step["most"]``."""
+    copy_into_callers()
     step["event"] = NOTHING
     expected = int(step["expected"])
     # A gap rate that starts from zero has a root there, which the search might find.
@@ -281,10 +288,6 @@ def _take_step(body: Body, contact: np.void, step: np.void) -> None:
         _turns_back(contact["v_t"], step["v_t_end"], step["v_t"], SLIP_ZERO, contact, step)
     if contact["spin"] != 0.0 and contact["spin_zeros"] == 0.0:
         _turns_back(contact["omega"], step["omega_end"], step["omega"], SPIN_ZERO, contact, step)
-    completed = step["length"]
-    first_event(body, contact, step)
-    if step["length"] < completed:
-        complete(contact, step)
 
 
 @kernel
@@ -317,6 +320,7 @@ def _sample_step(limits: Limits, flight: np.void, contact: np.void, step: np.voi
 @kernel
 def _move_on(contact: np.void, step: np.void) -> bool:
     """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now."""
+    copy_into_callers()
     before = contact["time"]
     advance(contact, step)
     contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
@@ -350,6 +354,7 @@ def _change_feature(body: Body, contact: np.void) -> None:
 @kernel
 def _follow_event(body: Body, contact: np.void, step: np.void) -> int:
     """Let the contact feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+    copy_into_callers()
     event = int(step["event"])
     if event == NOTHING:
         moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]
@@ -423,18 +428,24 @@ def follow(
         if status != RUNNING:
             break
         flight["steps"] += 1
-        opened = _open_step(slope, limits, contact, step)
-        if opened != RUNNING and opened != TIMEOUT:
-            status = opened
+        _prepare(slope, contact, step)
+        expand(contact, step)
+        bounded = _bound(limits, contact, step)
+        if bounded != RUNNING and bounded != TIMEOUT:
+            status = bounded
             break
-        _take_step(body, contact, step)
+        _foresee(contact, step)
+        foreseen = step["length"]
+        first_event(body, contact, step)
+        if step["length"] < foreseen:  # something else happens before
+            complete(contact, step)
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
             _sample_step(limits, flight, contact, step, trajectory)
         choose = _move_on(contact, step)
         status = _follow_event(body, contact, step)
         if status != RUNNING:
             break
-        if step["event"] == NOTHING and opened == TIMEOUT:
+        if step["event"] == NOTHING and bounded == TIMEOUT:
             status = TIMEOUT
             break
         choose = choose or step["event"] not in (NOTHING, MIDDLE_PASSED)

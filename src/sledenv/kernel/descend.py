@@ -222,7 +222,14 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 
 
 @kernel
-def land(
+def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
+    """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`."""
+    tell_flight(slope, limits, flight, space["hop"])
+    touchdown(body, space["hop"])
+
+
+@kernel
+def hop(
     body: Body,
     law: Law,
     slope: Incline,
@@ -232,9 +239,23 @@ def land(
     space: np.void,
     trajectory: np.ndarray,
 ) -> None:
-    """Follow one hop whose touchdown is known, up to the rebound or to whatever ends the descent.
+    """Follow one hop: the flight to its touchdown and the contact up to the rebound, or whatever ends the descent.
 
-    ``space["hop"]`` holds the flight and its touchdown; arguments are those of :func:`hop`.
+    Parameters
+    ----------
+    body, law, slope, limits
+        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
+    flight : record of OUTCOME
+        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
+        :func:`close_books`.
+    log : ndarray of REBOUND
+        If there was a contact, that is if ``flight["rebounds"]`` has grown, its record is the row of that number, or
+        the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
+    space : record of SPACE
+        Work space, told the body by :func:`sledenv.kernel.flight.tell_body`; ``space["hop"]`` holds the flight and its
+        touchdown, see :func:`find_touchdown`.
+    trajectory : ndarray of TRAJECTORY
+        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
     contact = space["contact"]
     status = _fly(body, slope, limits, flight, space["hop"], trajectory)
@@ -250,39 +271,6 @@ def land(
         x, y, phi = flight["x"], flight["y"], flight["phi"]
         write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
         write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
-
-
-@kernel
-def hop(
-    body: Body,
-    law: Law,
-    slope: Incline,
-    limits: Limits,
-    flight: np.void,
-    log: np.ndarray,
-    space: np.void,
-    trajectory: np.ndarray,
-) -> None:
-    """Follow one hop: the flight, the touchdown and the contact up to the rebound, or whatever ends the descent.
-
-    Parameters
-    ----------
-    body, law, slope, limits
-        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
-    flight : record of OUTCOME
-        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
-        :func:`close_books`.
-    log : ndarray of REBOUND
-        If there was a contact, that is if ``flight["rebounds"]`` has grown, its record is the row of that number, or
-        the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
-    space : record of SPACE
-        Work space, told the body by :func:`sledenv.kernel.flight.tell_body`.
-    trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
-    """
-    tell_flight(slope, limits, flight, space["hop"])
-    touchdown(body, space["hop"])
-    land(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -316,6 +304,7 @@ def descend(
     incline = incline_of(slope)
     tell_body(body, space["hop"])
     while flight["status"] == RUNNING:
+        find_touchdown(body, incline, limits, flight, space)
         hop(body, law, incline, limits, flight, log, space, trajectory)
     close_books(body, incline, launch, flight)
 
@@ -336,6 +325,7 @@ def hop_once(
     space, flight = spaces[0], flights[0]
     incline = incline_of(slope)
     tell_body(body, space["hop"])
+    find_touchdown(body, incline, limits, flight, space)
     hop(body, law, incline, limits, flight, log, space, trajectory)
     close_books(body, incline, launch, flight)
 

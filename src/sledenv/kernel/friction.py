@@ -11,6 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.trace import copy_into_callers
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
 CLEAR = 1e-9  # violations above this are told from none
@@ -62,6 +63,7 @@ def _clearly_opens(w: Mobility, mu: float, rho: float, drive_n: float, bounds: B
 
     ``mu`` and ``rho`` are tangential force and moment over the normal force.
     """
+    copy_into_callers()
     yielding = w.per_mass - w.a * (rho - w.a + mu * w.b) * w.per_inertia
     largest = max(abs(drive_n), max(yielding, w.per_mass + w.a * w.a * w.per_inertia) * bounds.closing)
     return yielding > 0.0 and drive_n + yielding * bounds.opening > CLEAR * largest
@@ -76,6 +78,7 @@ def branch_forces(
     Each force is solved for in turn: a general solution of the three equations would cancel for a slender body. Where a
     normal force would pull the surfaces together (the Painleve region) a locked gap repels: the branch is NaN.
     """
+    copy_into_callers()
     mass = 1.0 / w.per_mass
     if spin == 0:
         if locked_normal:
@@ -109,15 +112,18 @@ def _excluded(sign: int, branch: int) -> bool:
 
 
 @kernel
-def _beyond(velocity: int, branch: int, rate: float, excess: float) -> float:
-    """How far a velocity is from what its branch wants of it.
+def _beyond(velocity: int, branch: int, excess: float, rate: float, yielding: float) -> float:
+    """How far a velocity is from what its branch wants of it, as a force.
 
     That of a velocity that is locked is what its force exceeds its bound by, ``excess``; that of one which leaves zero
-    is how fast it goes the other way. One that was not zero is free to do as it does.
+    is what makes it go the other way, ``yielding`` being its rate under a unit force. One that was not zero is free to
+    do as it does.
     """
     if abs(velocity) == 1:
         return 0.0
-    return max(0.0, excess) if branch == 0 else max(0.0, -branch * rate)
+    if branch == 0:
+        return max(0.0, excess)
+    return max(0.0, -branch * rate) / yielding
 
 
 @kernel
@@ -125,17 +131,18 @@ def _violation(
     w: Mobility, drive: Drive, friction: float, arm: float, length: float, bounds: Bounds, signs: Branch, branch: Branch
 ) -> float:
     """How far the forces of a branch are from what it wants, relative to the normal force; NaN if it has none."""
+    copy_into_callers()
     given = bounds.closing if branch.gap_rate < 0 else bounds.opening
     locked = branch.gap_rate == 0
     force, moment, normal = branch_forces(w, drive, friction, arm, given, locked, branch.slip, branch.spin)
     rate_t, rate_w, rate_n = rates(w, drive, force, moment, normal)
     w_tt = w.per_mass + w.b * w.b * w.per_inertia
     w_nn = w.per_mass + w.a * w.a * w.per_inertia
-    scale = max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
-    slipping = _beyond(signs.slip, branch.slip, rate_t / w_tt, abs(force) - friction * normal)
-    spinning = _beyond(signs.spin, branch.spin, rate_w / w.per_inertia, abs(moment) - arm * normal)
+    found = _beyond(signs.slip, branch.slip, abs(force) - friction * normal, rate_t, w_tt)
+    found += _beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia) / length
     outside = max(normal - bounds.closing, bounds.opening - normal)
-    return (slipping + spinning / length + _beyond(signs.gap_rate, branch.gap_rate, rate_n / w_nn, outside)) / scale
+    found += _beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)
+    return found / max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
 
 
 @kernel
@@ -161,6 +168,7 @@ def resolve(
     Branch
         Which branch to follow.
     """
+    copy_into_callers()
     turning_back = signs.gap_rate == 0 and abs(signs.slip) == 1 and abs(signs.spin) == 1 and bounds.closing < math.inf
     # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
     if turning_back and _clearly_opens(w, -signs.slip * friction, -signs.spin * arm, drive.n, bounds):

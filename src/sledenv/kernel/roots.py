@@ -11,7 +11,7 @@ import numpy as np
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.state import WIDTH
-from sledenv.kernel.trace import absolute, element, fma, scalar, smaller, sums, where_less, write_series
+from sledenv.kernel.trace import absolute, element, fma, keep_apart, scalar, smaller, sums, where_less, write_series
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000
@@ -23,6 +23,7 @@ MOST_APPROACHES = 5  # to a root
 @kernel
 def horner(series: np.ndarray, t: float) -> float:
     """Value of a power series at ``t``."""
+    keep_apart()
     value = 0.0
     for k in range(series.shape[0] - 1, -1, -1):
         value = value * t + series[k]
@@ -94,7 +95,7 @@ def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
     return value, slope / s
 
 
-_scaled, _curvature, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
+_scaled, _bent, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
 _closer, _certainty = scalar(lambda q, s: _approach(q, s, WIDTH)), scalar(_certificate)
 _closer_in_step = scalar(lambda q, s: _approach(q, s, rows.TERMS))
 
@@ -117,10 +118,22 @@ def locate(q: np.ndarray, guess: float, most: float) -> float:
 @kernel
 def _drop(q: np.ndarray, count: int) -> None:
     """Divide a series by its variable to the power ``count``: its leading coefficients are taken for zero."""
-    for k in range(WIDTH - count):
-        q[k] = q[k + count]
-    for k in range(WIDTH - count, WIDTH):
-        q[k] = 0.0
+    keep_apart()
+    for k in range(WIDTH):
+        q[k] = q[k + count] if k + count < WIDTH else 0.0
+
+
+@kernel
+def _scale(q: np.ndarray, step: float) -> tuple[float, float, float]:
+    """Make the interval of a series [0, 1]; see the program."""
+    return _scaled(q, step)  # type: ignore[return-value]
+
+
+@kernel
+def _curvature(q: np.ndarray, end: float) -> float:
+    """Bound on the second derivative of a series on [0, end]."""
+    keep_apart()
+    return _bent(q, end)[0]
 
 
 @kernel
@@ -149,7 +162,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
             return math.inf
         _drop(q, vanishing)
         noise = 0.0
-    size, rest, last = _scaled(q, step)
+    size, rest, last = _scale(q, step)
     tiny = 4.0 * UNIT * size
     first = 0
     while first < WIDTH and abs(q[first]) <= (tiny + noise if first == 0 else tiny):
@@ -160,7 +173,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
         return 0.0
     if first > 0:
         _drop(q, first)
-        _, rest, last = _scaled(q, 1.0)
+        _, rest, last = _scale(q, 1.0)
     value, slope = q[0], q[1]
     if value + min(slope, 0.0) - rest > 0.0:
         return math.inf
@@ -179,11 +192,11 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     # never past a root of the series itself. Where that takes long the bound is too wide: shorten its interval.
     s = 0.0
     end = 1.0
-    curvature = _curvature(q, end)[0]
+    curvature = _curvature(q, end)
     for i in range(MOST_ITERATIONS):
         if i % PATIENCE == PATIENCE - 1 and 2.0 * s < end:
             end = 2.0 * s
-            curvature = _curvature(q, end)[0]
+            curvature = _curvature(q, end)
         root = math.sqrt(slope * slope + 2.0 * curvature * value)
         if slope < 0.0:
             s += 2.0 * value / (root - slope)
@@ -196,7 +209,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
                 return math.inf
             s = end
             end = min(1.0, 2.0 * end)
-            curvature = _curvature(q, end)[0]
+            curvature = _curvature(q, end)
         value, slope = _value_and_slope(q, s)
         if value <= tiny:
             if slope < 0.0:

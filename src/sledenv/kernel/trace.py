@@ -509,6 +509,27 @@ def write_series(numbers: Any, blocks: Sequence[Any]) -> None:
         numbers[: len(joined)] = joined
 
 
+def _attribute(name: str) -> Callable[[], None]:
+    """Return a function that gives the kernel in which it is called an attribute of LLVM's."""
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return lambda: None
+
+    def typed(typing_context: Any) -> Any:
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.function.attributes.add(name)
+            return context.get_dummy_value()
+
+        return types.void(), write
+
+    return cast(Callable[[], None], intrinsic(typed))
+
+
+# Called in a kernel: keep its code out of its callers, because many call it where speed does not matter; or copy it
+# into them, because handing over its many arguments takes longer than it does.
+keep_apart = _attribute("noinline")
+copy_into_callers = _attribute("alwaysinline")
+
+
 def _intrinsic_like(function: Callable[..., Any], typed: Any) -> Any:
     """Return an intrinsic function with the arguments of a program: numba looks for their names."""
     context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
