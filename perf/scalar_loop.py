@@ -18,10 +18,10 @@ from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.flight import tell_bodies, tell_body, touchdown, touchdowns
 from sledenv.kernel.jit import entry
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
 from sledenv.kernel.trace import LANES
+from sledenv.params import Limits
 
 
 # The cache notices changes of the kernel, not of this loop.

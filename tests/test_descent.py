@@ -19,8 +19,8 @@ from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, sim
 from sledenv.envs.task import FIELDS, Task
 from sledenv.geometry import support_height
 from sledenv.jam import DescentJam
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.scenario import load_scenario, scenario_names
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles

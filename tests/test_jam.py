@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from sledenv.descent import simulate, simulate_batch
 from sledenv.geometry import support_height
 from sledenv.jam import descent_jam, rebound_jam
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import FINISH as FINISHED
 from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 
 property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))

@@ -20,8 +20,8 @@ import sledenv
 from sledenv import outline, plot
 from sledenv.descent import Descent, simulate
 from sledenv.geometry import arms, support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))

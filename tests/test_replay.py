@@ -16,8 +16,8 @@ import pytest
 from sledenv.descent import Descent, simulate
 from sledenv.files import replacing
 from sledenv.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.outline import film_times, pace, push_at, states_at
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.replay import replay_page, write_replay
 from sledenv.text import mode_name
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser

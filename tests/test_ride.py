@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sledenv import Ride, RideBatch, ScenarioError, State, Status, load_scenario, simulate, simulate_batch
-from sledenv.kernel.params import ContactLaw
 from sledenv.kernel.records import RUNNING
+from sledenv.params import ContactLaw
 
 SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
 SOLVERS = ("compliant", "rigid")

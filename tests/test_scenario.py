@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv.geometry import lowest_support, support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 
 ROOT = Path(__file__).parents[1]

@@ -11,8 +11,8 @@ import pytest
 from sledenv.descent import Descent, simulate
 from sledenv.geometry import arms, feature_at, support_height
 from sledenv.impact import rigid_impact
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import ARC, Mode
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.theory import (
     painleve,
     painleve_threshold,

@@ -10,8 +10,8 @@ from sledenv.descent import (
 )
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Mode, Status
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.wheel import WheelImpact, collide_wheel

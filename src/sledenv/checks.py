@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.geometry import support_heights
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import (
+from sledenv.kernel.params import RigidLaw
+from sledenv.params import (
     NOT_NEGATIVE,
     Body,
     ContactLaw,
-    RigidLaw,
     Rule,
     Slope,
     State,
@@ -25,7 +25,8 @@ from sledenv.kernel.params import (
 
 Solver = Literal["compliant", "rigid", "euler"]
 BatchSolver = Literal["compliant", "rigid"]
-Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
+AnyLaw = ContactLaw  # every kind of contact law that a descent may be given
+Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
@@ -56,16 +57,29 @@ def launched(body: Body, slope: Slope, state: State) -> State:
     return State._make(launches[0].tolist())
 
 
-def touching_law(body: Body, law: ContactLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
+def checked_law(law: AnyLaw) -> AnyLaw:
+    """Return a contact law whose fields have been checked, or raise TypeError or ValueError."""
+    return ContactLaw(*law)
+
+
+def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
     """Return the law that the kernel follows."""
     if solver != "rigid":
         return law
     return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
 
 
-def law_like(laws: np.ndarray, solver: str) -> Law:
-    """Return any law of the kind that the rows of ``laws`` are."""
-    return RigidLaw(*laws[0]) if solver == "rigid" else ContactLaw(*laws[0])
+class CheckedLanes(NamedTuple):
+    """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
+
+    kind: type[AnyLaw] | type[RigidLaw]  # of the rows of laws
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+
+    def like(self) -> Law:
+        """Return any law of the kind."""
+        return self.kind(*self.laws[0])
 
 
 def checked_lanes(
@@ -75,8 +89,8 @@ def checked_lanes(
     given: ArrayLike,
     solver: str,
     settle_speed: float | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Laws that the kernel follows, slopes and launches of N lanes, new arrays of one row a lane or one for all.
+) -> CheckedLanes:
+    """Check what N lanes are given.
 
     Raises
     ------
@@ -87,11 +101,12 @@ def checked_lanes(
     checked_choice("solver", solver, get_args(BatchSolver))
     laws = _rows("law", ContactLaw, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
-    if solver == "rigid":
+    rigid = solver == "rigid"
+    if rigid:
         laws = _rigid(body, laws, slopes, settle_speed)
     checked_rows("launches[{lane}]", State, launches)
     _on_the_surface("launches[{lane}]", body, slopes, launches)
-    return laws, slopes, launches
+    return CheckedLanes(RigidLaw if rigid else ContactLaw, laws, slopes, launches)
 
 
 def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
@@ -122,14 +137,21 @@ def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes:
 
 
 def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
-    """Stiff limits of contact laws, shape (1 or N, 5): fields of RigidLaw."""
-    _, asymmetry, friction, rolling_arm, corner_rolling_arm = laws.T
+    """Stiff limits of contact laws, one a row of both: fields of RigidLaw."""
+    law = ContactLaw._make(laws.T)  # of columns
+    settle: Any
     if settle_speed is None:
         settle = _SETTLE * np.sqrt(slopes[:, 2] * (body.radius + body.eccentricity))
     else:
         settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
-    fields = np.broadcast_arrays(restitution_of(asymmetry), friction, rolling_arm, corner_rolling_arm, settle)
-    return np.stack(fields, axis=-1)
+    limit = RigidLaw(
+        restitution=restitution_of(law.asymmetry),
+        friction=law.friction,
+        rolling_arm=law.rolling_arm,
+        corner_rolling_arm=law.corner_rolling_arm,
+        settle_speed=settle,
+    )
+    return np.stack(np.broadcast_arrays(*limit), axis=-1)
 
 
 def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:

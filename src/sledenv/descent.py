@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.checks import (
+    AnyLaw,
     BatchSolver,
     Laws,
     Slopes,
@@ -20,8 +21,8 @@ from sledenv.checks import (
     checked_choice,
     checked_count,
     checked_lanes,
+    checked_law,
     launched,
-    law_like,
     touching_law,
 )
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
@@ -30,9 +31,9 @@ from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.jit import entry, parallel_entry
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import TOLERANCE, Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import CONTACT, new
+from sledenv.params import TOLERANCE, Body, Limits, Slope, State
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -96,7 +97,7 @@ class Descent:
     """
 
     body: Body
-    law: ContactLaw
+    law: AnyLaw
     slope: Slope
     launch: State
     status: Status
@@ -159,7 +160,7 @@ class DescentBatch:
 
 def simulate(
     body: Body,
-    law: ContactLaw,
+    law: AnyLaw,
     slope: Slope,
     launch: State,
     *,
@@ -218,7 +219,7 @@ def simulate(
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     if friction_sign == "printed" and solver != "euler":
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
-    body, law, slope = Body(*body), ContactLaw(*law), Slope(*slope)
+    body, law, slope = Body(*body), checked_law(law), Slope(*slope)
     launch = launched(body, slope, State(*launch))
     euler = solver == "euler"
     limits = Limits(
@@ -251,7 +252,7 @@ def simulate(
 
 def descent_of(
     body: Body,
-    law: ContactLaw,
+    law: AnyLaw,
     slope: Slope,
     launch: State,
     outcome: np.void,
@@ -335,10 +336,10 @@ def _lanes(
 ) -> _Lanes:
     """Check a batch."""
     body = Body(*body)
-    laws, slopes, rows = checked_lanes(body, law, slope, launches, solver, settle_speed)
+    given = checked_lanes(body, law, slope, launches, solver, settle_speed)
     max_rebounds = checked_count("max_rebounds", max_rebounds)
     limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
-    return _Lanes(body, law_like(laws, solver), laws, slopes, rows, limits)
+    return _Lanes(body, given.like(), given.laws, given.slopes, given.launches, limits)
 
 
 def simulate_batch(

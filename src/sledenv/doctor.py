@@ -21,7 +21,7 @@ from sledenv.checks import BatchSolver, Solver
 from sledenv.descent import simulate, simulate_batch
 from sledenv.impact import rigid_impact
 from sledenv.kernel.jit import cache_folder, entries
-from sledenv.kernel.params import Body, ContactLaw, Slope, State
+from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.ride import Ride, RideBatch
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")

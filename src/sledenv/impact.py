@@ -10,9 +10,9 @@ import numpy as np
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, collide
 from sledenv.kernel.jit import entry
-from sledenv.kernel.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.kernel.state import HOP, new
+from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 

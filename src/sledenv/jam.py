@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, Final, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -18,19 +18,34 @@ class ReboundJam(NamedTuple):
     nearly_stuck: np.ndarray  # bool: both are below 5 % of the entry speed
 
 
+class Shown(NamedTuple):
+    """Marks a metric that pages for a reader show, the replay and the report of a benchmark."""
+
+    unit: str = ""  # none of a ratio
+
+
 class DescentJam(NamedTuple):
-    """Jam metrics of a descent, floats or arrays of shape (n,)."""
+    """Jam metrics of a descent, floats or arrays of shape (n,).
+
+    Whatever is a field here is in the info of the environments, in the words about a descent and in the results of a
+    benchmark. Pages show what is marked: progress and retention are parts of the reward, which sums them up.
+    """
 
     progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 0 on a slope without end
-    retention: (
-        np.ndarray
-    )  # [-] kinetic energy along the slope at the finish over all energy supplied; 0 unless finished
-    reward: np.ndarray  # [-] progress / 2 + sqrt(retention) / 2, in [0, 1]
+    retention: np.ndarray  # [-] energy of motion along the slope over all energy supplied; 0 unless finished
+    reward: Annotated[np.ndarray, Shown()]  # [-] progress / 2 + sqrt(retention) / 2, in [0, 1]
 
     @property
     def jam_index(self) -> np.ndarray:
         """1 - reward: 0 for a descent that lost nothing, 1 for one that never moved."""
         return 1.0 - self.reward
+
+
+SHOWN: Final[dict[str, Shown]] = {
+    name: mark
+    for name, kind in get_type_hints(DescentJam, include_extras=True).items()
+    for mark in getattr(kind, "__metadata__", ())
+}
 
 
 def rebound_jam(rebounds: np.ndarray, friction: float) -> ReboundJam:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from sledenv.descent import Descent
 from sledenv.geometry import arms, feature_at, whole_turns
-from sledenv.kernel.params import Body, State
 from sledenv.kernel.records import Feature, Status
+from sledenv.params import Body, State
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one

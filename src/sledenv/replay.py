@@ -12,7 +12,7 @@ import numpy as np
 
 from sledenv.descent import Descent
 from sledenv.files import replacing
-from sledenv.kernel.params import State
+from sledenv.jam import SHOWN
 from sledenv.outline import (
     body_outline,
     contact_place,
@@ -24,8 +24,9 @@ from sledenv.outline import (
     reach,
     strobe_states,
 )
+from sledenv.params import State
 from sledenv.plot import energy_layers
-from sledenv.text import REBOUND_COLUMNS, feature_name, mode_name, motion_words, rebound_cells, setting
+from sledenv.text import REBOUND_COLUMNS, feature_name, metric_name, mode_name, motion_words, rebound_cells, setting
 
 _DIGITS = 9  # significant, of every number in the page
 _POSES = 12
@@ -91,7 +92,7 @@ def _content(descent: Descent, title: str) -> dict[str, Any]:
             ("status", str(descent.status)),
             ("time", f"{descent.time:.3f} s"),
             ("position", f"{descent.state.x:z.2f} m"),
-            ("reward", f"{float(jam.reward):.3f}"),
+            *((metric_name(name), f"{float(getattr(jam, name)):.3f}") for name in SHOWN),
             ("jam index", f"{float(jam.jam_index):.3f}"),
         ],
         "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},

@@ -16,8 +16,8 @@ from sledenv.descent import Descent, FrictionSign, simulate
 from sledenv.files import publish
 from sledenv.geometry import support_height
 from sledenv.impact import rigid_impact
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.plot import plot_convergence, plot_mode_map, plot_table_1, plot_velocities, plot_worked_example
 from sledenv.wheel import collide_wheel
 

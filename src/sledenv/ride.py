@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.checks import (
+    AnyLaw,
     BatchSolver,
+    CheckedLanes,
     Laws,
     Slopes,
     checked_choice,
     checked_count,
     checked_lanes,
-    checked_table,
+    checked_law,
     launched,
-    law_like,
     touching_law,
 )
 from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
@@ -26,9 +27,9 @@ from sledenv.jam import descent_jam
 from sledenv.kernel.batch import Trims, hop_batch
 from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
 from sledenv.kernel.jit import entry, parallel_entry
-from sledenv.kernel.params import FINITE, POSITIVE, TOLERANCE, Body, ContactLaw, Limits, Slope, State, checked
 from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import new
+from sledenv.params import FINITE, POSITIVE, TOLERANCE, Body, Limits, Slope, State, checked
 
 _embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
 
@@ -55,7 +56,7 @@ class Ride:
     def __init__(
         self,
         body: Body,
-        law: ContactLaw,
+        law: AnyLaw,
         slope: Slope,
         launch: State,
         *,
@@ -70,7 +71,7 @@ class Ride:
     ) -> None:
         checked_choice("solver", solver, get_args(BatchSolver))
         checked_choice("record", record, get_args(Record))
-        self.body, self.law, self.slope = Body(*body), ContactLaw(*law), Slope(*slope)
+        self.body, self.law, self.slope = Body(*body), checked_law(law), Slope(*slope)
         self.launch = launched(self.body, self.slope, State(*launch))
         self.rotor_inertia = None
         if rotor_inertia is not None:
@@ -214,15 +215,16 @@ class RideBatch:
         self._settle_speed = settle_speed
         max_rebounds = checked_count("max_rebounds", max_rebounds)
         self._limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
-        rows = checked_table("launches", launches, State._fields)
-        lanes = len(rows)
-        self._laws = np.empty((lanes, len(ContactLaw._fields)))
-        self._slopes = np.empty((lanes, len(Slope._fields)))
-        self._launches = np.empty_like(rows)
+        given = checked_lanes(self.body, law, slope, launches, solver, settle_speed)
+        lanes = len(given.launches)
+        self._like = given.like()
+        self._laws = np.empty((lanes, given.laws.shape[1]))
+        self._slopes = np.empty((lanes, given.slopes.shape[1]))
+        self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
         self._rebounds = np.zeros((lanes, max_rebounds) if keep_rebounds else (0, 0), REBOUND)
-        self.launch(np.arange(lanes), law, slope, rows)
+        self._begin(np.arange(lanes), given)
 
     def launch(
         self,
@@ -245,14 +247,7 @@ class RideBatch:
         TypeError, ValueError
             Naming the argument or the lane, counted in ``launches``; no lane has changed then.
         """
-        laws, slopes, rows = checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed)
-        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = laws, slopes, rows
-        flights = np.zeros(len(rows), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
-        for name, column in zip(State._fields, rows.T, strict=True):
-            flights[name] = column
-        self._flights[lanes] = flights
-        if self._rebounds.size:
-            self._rebounds[lanes] = np.zeros((), REBOUND)
+        self._begin(lanes, checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed))
 
     def hop(self, trims: np.ndarray) -> None:
         """Follow one hop in every lane that has not ended.
@@ -275,7 +270,7 @@ class RideBatch:
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
         _hop_batch(
             self.body,
-            law_like(self._laws, self._solver),
+            self._like,
             self._laws,
             self._slopes,
             self._launches,
@@ -301,3 +296,12 @@ class RideBatch:
         if rebounds.size:
             rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
         return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
+
+    def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
+        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
+        flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        for name, column in zip(State._fields, given.launches.T, strict=True):
+            flights[name] = column
+        self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)

@@ -14,7 +14,7 @@ from functools import lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import yaml
@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from sledenv.geometry import support_heights
-from sledenv.kernel.params import (
+from sledenv.params import (
     FINITE,
     NOT_NEGATIVE,
     RESTITUTION,
@@ -41,6 +41,29 @@ from sledenv.kernel.params import (
 Pair = tuple[float, float]
 Split = Literal["train", "validation", "test"]
 Control = Literal["both", "orientation", "spin"]
+
+
+class LaunchControl(NamedTuple):
+    """Something of the launch that an agent may choose, in place of the field of ``Context`` of the same name."""
+
+    key: str  # of ControlSection, holds the bounds
+    unit: str  # of the key
+    form: str  # of a value in this unit, for a reader
+    searched: int  # values on the grid of the oracle
+    drawn: int  # values on the map of one context
+
+
+CONTROLS: Final = {
+    "orientation": LaunchControl("orientation_deg", "deg", "8.2f", 72, 180),
+    "spin": LaunchControl("spin_rad_s", "rad/s", "7.3f", 33, 81),
+}
+# What each word lets an agent choose, in the order of its actions: that of CONTROLS.
+CONTROLLED: Final[dict[Control, tuple[str, ...]]] = {
+    "both": ("orientation", "spin"),
+    "orientation": ("orientation",),
+    "spin": ("spin",),
+}
+NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
 
 _CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
 _TURN = 0.5 * (math.sqrt(5.0) - 1.0)  # of the range, between the draws of two splits
@@ -323,9 +346,13 @@ class Scenario(Section):
 
     @property
     def hash(self) -> str:
-        """Identity of what is simulated, 16 hex digits: title, description, sources and tags do not count."""
-        prose = {"title", "description", "sources", "tags"}
-        content = self.model_dump(mode="json", exclude=prose if self.rider else prose | {"rider"})
+        """Identity of what is simulated, 16 hex digits: title, description, sources and tags do not count.
+
+        Neither does a section, or a key of ``control``, that is not given.
+        """
+        content = self.model_dump(mode="json", exclude={"title", "description", "sources", "tags"})
+        content["control"] = _given(content["control"])
+        content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def sample(self, rng: np.random.Generator, split: Split | None = None) -> Context:
@@ -372,6 +399,11 @@ class Scenario(Section):
             launch.spin_rad_s,
         )
 
+    @property
+    def control_bounds(self) -> dict[str, Pair]:
+        """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
+        return _given({name: getattr(self.control, control.key) for name, control in CONTROLS.items()})
+
     def body(self) -> Body:
         """Return the body of every context."""
         return _build(self.body_section)
@@ -381,11 +413,18 @@ class Scenario(Section):
         return ContactLaw(*self.laws(np.array([context]))[0].tolist())
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact laws of contexts of shape (N, 8): fields of ContactLaw, shape (N, 5)."""
+        """Return the contact laws of contexts of shape (N, 8): columns are the fields of ContactLaw, shape (N, 5)."""
         _, friction, restitution, *_ = contexts.T
         law = self.contact
-        arms = law.rolling_arm_m, law.corner_rolling_arm_m
-        return _columns(len(contexts), law.stiffness_n_m, asymmetry_of(restitution), friction, *arms)
+        return _rows(
+            ContactLaw,
+            len(contexts),
+            stiffness=law.stiffness_n_m,
+            asymmetry=asymmetry_of(restitution),
+            friction=friction,
+            rolling_arm=law.rolling_arm_m,
+            corner_rolling_arm=law.corner_rolling_arm_m,
+        )
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
@@ -394,7 +433,8 @@ class Scenario(Section):
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the slopes of contexts of shape (N, 8): fields of Slope, shape (N, 3)."""
         slope = self.slope_section
-        return _columns(len(contexts), contexts[:, 0], slope.length_m, slope.gravity_m_s2)
+        angle = contexts[:, 0]
+        return _rows(Slope, len(contexts), angle=angle, length=slope.length_m, gravity=slope.gravity_m_s2)
 
     def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
@@ -427,7 +467,7 @@ class Scenario(Section):
         """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
         *_, speed, drop, fall, orientation, spin = contexts.T
         height = drop + support_heights(self.body(), np.ascontiguousarray(orientation))
-        return _columns(len(contexts), 0.0, height, orientation, speed, 0.0 - fall, spin)
+        return _rows(State, len(contexts), x=0.0, y=height, phi=orientation, u=speed, v=0.0 - fall, omega=spin)
 
 
 def check_split(split: str) -> None:
@@ -557,17 +597,21 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
     return (cell + (i + 0.5 * within) / 3.0) / _CELLS
 
 
-def _columns(rows: int, *fields: Any) -> NDArray[np.float64]:
-    """Return numbers and arrays of shape (rows,) as the columns of a table."""
+def _rows(kind: type[Any], rows: int, **fields: Any) -> NDArray[np.float64]:
+    """Return tuples of a kind as the rows of a table; each field is a number or an array of shape (rows,)."""
     table = np.empty((rows, len(fields)))
-    for i, field in enumerate(fields):
-        table[:, i] = field
+    for name, field in fields.items():
+        table[:, kind._fields.index(name)] = field
     return table
 
 
 @lru_cache
 def _build(section: DiscBody | SegmentBody | CustomBody) -> Body:
     return section.build()
+
+
+def _given(content: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in content.items() if value is not None}
 
 
 def _radians(degrees: Pair) -> Pair:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+from sledenv.checks import AnyLaw
 from sledenv.descent import Descent
 from sledenv.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State
+from sledenv.jam import SHOWN
 from sledenv.kernel.records import Feature, Mode
+from sledenv.params import Body, Slope, State
 
 
 def feature_name(feature: int) -> str:
@@ -18,6 +20,12 @@ def feature_name(feature: int) -> str:
 def mode_name(mode: int) -> str:
     """Return how a contact ended, such as "slip-reversal"."""
     return Mode(mode).name.lower().replace("_", "-")
+
+
+def metric_name(metric: str) -> str:
+    """Return the name of a jam metric for a reader, with its unit if it has one: "reward"."""
+    unit = SHOWN[metric].unit if metric in SHOWN else ""
+    return metric.replace("_", " ") + (f" [{unit}]" if unit else "")
 
 
 def motion_words(slip: int, spin: int) -> str:
@@ -34,7 +42,7 @@ def quantity(value: float, unit: str) -> str:
     return f"{value:z.3g} {unit}"
 
 
-def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
+def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     """Return the surface and the launch, one line each."""
     clearance = launch.y - support_height(body, launch.phi)
     return (
@@ -87,10 +95,10 @@ def rebound_table(descent: Descent) -> str:
 def summary(descent: Descent) -> str:
     """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
     jam, energy = descent.jam, descent.energy
+    metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
     lines = [
         f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
-        f"jam        progress {float(jam.progress):.4f}, retention {float(jam.retention):.4f}, "
-        f"reward {float(jam.reward):.4f}, jam index {float(jam.jam_index):.4f}",
+        f"jam        {metrics}, jam index {float(jam.jam_index):.4f}",
         "",
         "energy [J]",
         *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),

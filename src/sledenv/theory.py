@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sledenv.geometry import feature_geometry, has_corners
-from sledenv.kernel.params import Body, ContactLaw, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.params import Body, ContactLaw, Slope
 
 Floats = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from sledenv.benchmark.scores import Results
+from sledenv.jam import DescentJam
 
 HASH = "0123456789abcdef"
 
@@ -83,9 +84,9 @@ def descents(
             "context": numbers,
             "trial": trial,
             "noise": noise,
-            "reward": rewards,
             "status": status,
-            "progress": 1.0,
+            **dict.fromkeys(DescentJam._fields, 1.0),
+            "reward": rewards,
             "retention": kept,
             "supplied": 1000.0,
             "loss_hysteresis": 200.0,

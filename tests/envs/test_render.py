@@ -17,9 +17,9 @@ from gymnasium.error import DependencyNotInstalled
 from sledenv.descent import Descent, simulate
 from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer
 from sledenv.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Mode, Status
 from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.ride import Ride
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from sledenv.descent import Descent, simulate
 from sledenv.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State
 from sledenv.kernel.records import Feature, Mode, Status
+from sledenv.params import Body, ContactLaw, Limits, Slope, State
 from tests.oracles import DATA_FILE, wheel_table
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=50)  # the first call compiles

@@ -9,8 +9,8 @@ import pytest
 
 from sledenv.descent import Descent, simulate
 from sledenv.geometry import support_height
-from sledenv.kernel.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.kernel.records import Feature, Status
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 
 BODY = Body(1.0, 0.1, 0.05, 7.5e-3)
 LAW = ContactLaw(9.81e3, 0.5, 0.1, 0.001)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from sledenv.geometry import arms, feature_at, support_height, whole_turns
 from sledenv.kernel import flight
 from sledenv.kernel.jit import entry
-from sledenv.kernel.params import Body, circular_segment
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES
+from sledenv.params import Body, circular_segment
 from tests.oracles import scanned_touchdown, support
 
 finish_time = entry(flight.finish_time)

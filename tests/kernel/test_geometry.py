@@ -19,8 +19,8 @@ from sledenv.geometry import (
     support_height,
     whole_turns,
 )
-from sledenv.kernel.params import Body, circular_segment
 from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.params import Body, circular_segment
 from tests.oracles import outline_heights, support
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)

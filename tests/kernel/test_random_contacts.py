@@ -11,8 +11,8 @@ import pytest
 
 from sledenv.descent import DescentBatch, simulate_batch
 from sledenv.geometry import arms, feature_at
-from sledenv.kernel.params import TOLERANCE, Body, circular_segment
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT, TUMBLED
+from sledenv.params import TOLERANCE, Body, circular_segment
 from tests import extrapolation
 
 

@@ -10,8 +10,10 @@ import pytest
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import entry
+from sledenv.kernel.rows import sums
 from sledenv.kernel.state import WIDTH, new, record
-from sledenv.kernel.trace import rough_angle, rough_root, scalar, straight, sums
+from sledenv.kernel.trace import scalar, straight
+from sledenv.kernel.values import rough_angle, rough_root
 
 ANSWERS = (
     "powers",

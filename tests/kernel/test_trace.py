@@ -11,8 +11,8 @@ import pytest
 
 from sledenv.kernel.jit import entry
 from sledenv.kernel.state import new, record
-from sledenv.kernel.trace import (
-    LANES,
+from sledenv.kernel.trace import LANES, pack_of, packed, scalar, straight
+from sledenv.kernel.values import (
     absolute,
     equal,
     fma,
@@ -20,14 +20,10 @@ from sledenv.kernel.trace import (
     less,
     nearest,
     not_more,
-    pack_of,
-    packed,
     root,
-    scalar,
     sign,
     sine_cosine,
     smaller,
-    straight,
     where,
     where_less,
     with_sign,

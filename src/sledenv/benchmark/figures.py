@@ -28,6 +28,7 @@ from sledenv.benchmark.scores import (
     robustness,
 )
 from sledenv.plot import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
+from sledenv.scenario import CONTROLS
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "zero": (POTENTIAL, "x"),
@@ -175,7 +176,7 @@ def plot_maps(results: Results) -> Figure | None:
                 image = _draw_map(ax, here[here["context"] == context], best, places, judged) or image
                 ax.set_title(f"{scenario}, context {context}: best {best['reward']:.2f}", loc="left", fontsize=9.5)
         for ax in grid[-1]:
-            ax.set_xlabel("spin" if maps["orientation"].isna().all() else "orientation")
+            ax.set_xlabel(_free(maps)[0])
         if image is not None:
             figure.colorbar(image, ax=grid, label="reward", shrink=0.6, aspect=30, pad=0.02)
         star = Line2D([], [], color="white", mec=INK, marker="*", ms=11.0, ls="", label="best launch")
@@ -247,15 +248,18 @@ def _panels(
 
 
 def _draw_map(ax: Axes, cells: pd.DataFrame, best: pd.Series, places: pd.DataFrame, every: pd.DataFrame) -> Any:
-    """Draw one jam map, a curve where only one thing is chosen; return what a colour bar needs, if anything."""
-    free = [name for name in ("orientation", "spin") if cells[name].notna().any()]
+    """Draw one jam map over the first two things that are chosen, a curve over one alone; return what has colours.
+
+    A cell is the best of all launches that belong there, whatever else of them is chosen.
+    """
+    free = _free(cells)
     image = None
-    if len(free) == 2:
-        grid = cells.pivot(index="spin", columns="orientation", values="reward")
+    if len(free) > 1:
+        grid = cells.pivot_table(index=free[1], columns=free[0], values="reward", aggfunc="max")
         image = ax.pcolormesh(grid.columns, grid.index, grid, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
         edge = 0.5 * (grid.columns[1] - grid.columns[0])  # a full turn leaves out its end, which is its beginning
         ax.set_xlim(grid.columns[0] - edge, grid.columns[-1] + edge)
-        ax.set_ylabel("spin")
+        ax.set_ylabel(free[1])
     else:
         curve = cells.sort_values(free[0])
         ax.plot(curve[free[0]], curve["reward"], color=INK, lw=0.9)
@@ -267,6 +271,11 @@ def _draw_map(ax: Axes, cells: pd.DataFrame, best: pd.Series, places: pd.DataFra
         colour, marker = look(agent, every)
         ax.plot(rows["action_0"], rows[heights], marker=marker, ms=6.0, color=colour, zorder=4, **clip)
     return image
+
+
+def _free(cells: pd.DataFrame) -> list[str]:
+    """Which things the launches of jam maps choose."""
+    return [name for name in CONTROLS if name in cells and cells[name].notna().any()]
 
 
 def look(agent: str, table: pd.DataFrame) -> tuple[str, str]:

@@ -48,7 +48,7 @@ class Landing:
         ----------
         contexts : ndarray, shape (n, 8)
         landings : ndarray, shape (n, k)
-            Orientation at the first touch and/or spin in [-1, 1], scaled to the control bounds of the scenario.
+            As actions, scaled to the control bounds of the scenario, but with the orientation at the first touch.
 
         Returns
         -------
@@ -57,8 +57,9 @@ class Landing:
         """
         if not self._applies:
             return landings
-        _, _, pose, _, _, spin = self._task.launches(contexts, landings).T
-        phi = pose - spin * self.flight_time(contexts, pose, lambda _: spin)
+        chosen = self._task.chosen(contexts, landings)
+        *_, pose, spin = chosen.T
+        phi = pose - spin * self.flight_time(chosen, pose, lambda _: spin)
         launches = landings.copy()
         launches[:, 0] = np.clip(((phi - self._low) / self._half) % 2.0 - 1.0, -1.0, 1.0)
         return launches

@@ -17,10 +17,9 @@ from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot import INK
-from sledenv.scenario import Scenario, ScenarioError
+from sledenv.scenario import CONTROLS, Scenario, ScenarioError
 
-_GRID: Final = (180, 81)  # orientations and spins that are drawn
-_LABELS: Final = {"orientation": "orientation at launch [deg]", "spin": "spin at launch [rad/s]"}
+_GRID: Final = tuple(control.drawn for control in CONTROLS.values())
 
 
 class Landscape(NamedTuple):
@@ -53,37 +52,33 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
     best = best_launches(problem, context)
     chosen = [_choice(problem, context, folder) for folder in runs]
-    results = pd.DataFrame(chosen, columns=["agent", "seed", "action_0", "action_1", "reward"])
+    actions = [f"action_{i}" for i in range(len(problem.task.controlled))]
+    results = pd.DataFrame(chosen, columns=["agent", "seed", *actions, "reward"])
     (one,) = jam_map(problem, context, _GRID)
     figure = _drawn(problem, one, best.iloc[0], results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, _words(problem, best.iloc[0], results))
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
-    """Draw a map over what is chosen, in degrees and rad/s."""
-    control = problem.scenario.control
-    bounds = {"orientation": control.orientation_deg, "spin": control.spin_rad_s}
-    names = problem.task.controlled
-
-    def physical(values: Any, name: str) -> Any:
-        low, high = bounds[name]
-        return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
-
-    axes = [physical(values, name) for values, name in zip(one.launches, names, strict=True)]
+    """Draw a map over the first two things that are chosen, in the units of the scenario."""
+    names = problem.task.controlled[:2]
+    axes = [_physical(problem, name, values) for name, values in zip(names, one.launches, strict=False)]
+    labels = [f"{name} at launch [{CONTROLS[name].unit}]" for name in names]
     with style({"figure.constrained_layout.use": True}):
         figure = Figure(figsize=(6.4, 4.6))
         ax = figure.subplots()
         if len(names) == 2:
-            image = ax.pcolormesh(*axes, one.rewards.T, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
+            best_there = one.rewards.max(axis=tuple(range(2, one.rewards.ndim)))
+            image = ax.pcolormesh(*axes, best_there.T, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
             figure.colorbar(image, ax=ax, label="reward")
         else:
             ax.plot(axes[0], one.rewards, color=INK, lw=0.9)
-        ax.set(xlabel=_LABELS[names[0]], ylabel=_LABELS[names[1]] if len(names) == 2 else "reward", title=title)
+        ax.set(xlabel=labels[0], ylabel=labels[1] if len(names) == 2 else "reward", title=title)
         height = "action_1" if len(names) == 2 else "reward"
 
         def place(rows: Any) -> tuple[Any, Any]:
-            upright = physical(rows[height], names[1]) if len(names) == 2 else rows[height]
-            return physical(rows["action_0"], names[0]), upright
+            upright = _physical(problem, names[1], rows[height]) if len(names) == 2 else rows[height]
+            return _physical(problem, names[0], rows["action_0"]), upright
 
         marks: dict[str, Any] = {"ls": "", "clip_on": False}
         for agent, rows in results.groupby("agent", sort=False):
@@ -96,22 +91,29 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
     return figure
 
 
-def _choice(problem: Problem, context: Contexts, folder: Path) -> tuple[str, int, float, float, float]:
+def _physical(problem: Problem, name: str, values: Any) -> Any:
+    """Turn values in [-1, 1] of something that is chosen into its unit."""
+    low, high = problem.scenario.control_bounds[name]
+    return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
+
+
+def _choice(problem: Problem, context: Contexts, folder: Path) -> tuple[Any, ...]:
     theirs, agent, config = load_run(folder)
     if (theirs.scenario.hash, theirs.control) != (problem.scenario.hash, problem.control):
         raise ScenarioError(f"{folder} was trained on another scenario ({theirs.scenario.id}, {theirs.control})")
     trials = theirs.trials(context, "test")[0]
     batch, actions = theirs.judge(agent, trials)
-    launch = [*actions[0].tolist(), np.nan][:2]
-    return agent_name(config["agent"]), int(config["seed"]), launch[0], launch[1], float(batch.jam.reward.mean())
+    reward = float(batch.jam.reward.mean())
+    return agent_name(config["agent"]), int(config["seed"]), *actions[0].tolist(), reward
 
 
 def _words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
     def launch(row: pd.Series) -> str:
-        actions = np.array([[row[f"action_{i}"] for i in range(len(problem.task.controlled))]])
-        state = problem.task.launches(best[:8].to_numpy(dtype=float)[np.newaxis], actions)[0]
-        parts = {"orientation": f"{np.degrees(state[2]):8.2f} deg", "spin": f"{state[5]:7.3f} rad/s"}
-        return " ".join(parts[name] for name in problem.task.controlled)
+        parts = []
+        for i, name in enumerate(problem.task.controlled):
+            control, value = CONTROLS[name], _physical(problem, name, row[f"action_{i}"])
+            parts.append(f"{value:{control.form}} {control.unit}")
+        return " ".join(parts)
 
     lines = [f"{'best launch':<20} {launch(best)}   reward {best['reward']:.4f}"]
     lines += [

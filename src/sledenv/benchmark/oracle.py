@@ -1,4 +1,4 @@
-"""The best launch of each context, by a dense search of orientation and spin: what every regret is measured against."""
+"""The best launch of each context, by a dense search of all that is chosen: what every regret is measured against."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts
 from sledenv.files import replacing
-from sledenv.scenario import Context, Split
+from sledenv.scenario import CONTROLS, Context, Split
 
-GRID: Final = (72, 33)  # orientations and spins of the dense search
+GRID: Final = tuple(control.searched for control in CONTROLS.values())  # launches of the dense search
 FINE: Final = 32  # cells for each of these on the bounds of the box, where many optima lie, or if one alone is chosen
-APART: Final = 16  # of these fine cells lie at least between two that are refined
 STARTS: Final = 36  # local maxima of the grid that are refined, and as many of the bounds together
 KEPT: Final = 8  # of these, after half of the levels
 LEVELS: Final = 12  # of refinement, each with half the width
@@ -34,13 +33,14 @@ class JamMap(NamedTuple):
     """Expected reward of the launches of one context on a grid."""
 
     launches: tuple[NDArray[np.float64], ...]  # for each thing that is chosen, its values in [-1, 1]
-    rewards: NDArray[np.float64]  # of shape (orientations, spins), or one of the two
+    rewards: NDArray[np.float64]  # an axis for each of these
 
 
-def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, int] = GRID, split: Split = "test") -> list[JamMap]:
+def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, ...] = GRID, split: Split = "test") -> list[JamMap]:
     """Try a grid of launches in each context of an array of shape (n, 8).
 
-    Orientations that are a full turn apart are tried once; spins include both bounds. Launch noise is that of a split.
+    ``grid`` says how many values of each of ``CONTROLS`` are tried, if it is chosen, both bounds among them, but of
+    orientations a full turn apart only one. Launch noise is that of a split.
     """
     axes = _axes(problem, grid)
     points = _points(axes)
@@ -100,14 +100,14 @@ def map_table(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a launch: ``context``, the number of its row; ``orientation`` and ``spin`` in [-1, 1], NaN for what is
-        not chosen; ``reward``.
+        One row a launch: ``context``, the number of its row; each of ``CONTROLS`` in [-1, 1], NaN where it is not
+        chosen; ``reward``.
     """
-    parts = [pd.DataFrame({name: np.empty(0) for name in ("context", "orientation", "spin", "reward")})]
+    parts = [pd.DataFrame({name: np.empty(0) for name in ("context", *CONTROLS, "reward")})]
     for i, one in enumerate(jam_map(problem, contexts) if len(contexts) else []):
         grid = dict(zip(problem.task.controlled, np.meshgrid(*one.launches, indexing="ij"), strict=True))
         none = np.full(one.rewards.shape, np.nan)
-        columns = {name: grid.get(name, none).ravel() for name in ("orientation", "spin")}
+        columns = {name: grid.get(name, none).ravel() for name in CONTROLS}
         parts.append(pd.DataFrame({"context": i, **columns, "reward": one.rewards.ravel()}))
     return pd.concat(parts[1:] or parts, ignore_index=True)
 
@@ -170,7 +170,7 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
 
 def _key(problem: Problem, contexts: Contexts) -> str:
     settings = [problem.scenario.hash, problem.control, problem.task.solver, *problem.task.noise.tolist()]
-    settings += [GRID, FINE, APART, STARTS, KEPT, LEVELS, NEIGHBOURS]
+    settings += [[CONTROLS[name].searched for name in problem.task.controlled], FINE, STARTS, KEPT, LEVELS, NEIGHBOURS]
     digest = hashlib.sha256(json.dumps(settings).encode())
     digest.update(np.ascontiguousarray(contexts).tobytes())
     return digest.hexdigest()[:16]
@@ -193,8 +193,8 @@ def _turns(problem: Problem, axis: int) -> bool:
     return problem.turns and problem.task.controlled[axis] == "orientation"
 
 
-def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64], ...]:
-    counts = {"orientation": grid[0], "spin": grid[1]}
+def _axes(problem: Problem, grid: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
+    counts = dict(zip(CONTROLS, grid, strict=True))
     return tuple(
         np.linspace(-1.0, 1.0, counts[name], endpoint=not _turns(problem, i))
         for i, name in enumerate(problem.task.controlled)
@@ -203,12 +203,14 @@ def _axes(problem: Problem, grid: tuple[int, int]) -> tuple[NDArray[np.float64],
 
 def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int, int]]:
     """Return the grids that are searched: axes, how many maxima are refined, and how many cells they keep apart."""
-    fine = _axes(problem, (FINE * GRID[0], FINE * GRID[1]))
-    if len(fine) == 1:
-        return [(fine, STARTS, APART)]
-    bounds = [(i, np.array([bound])) for i in range(2) if not _turns(problem, i) for bound in (-1.0, 1.0)]
-    edges = [(bound, fine[1]) if i == 0 else (fine[0], bound) for i, bound in bounds]
-    return [(_axes(problem, GRID), STARTS, 1), *((edge, STARTS // len(edges), APART) for edge in edges)]
+    chosen = len(problem.task.controlled)
+    finer = round(FINE ** (1.0 / max(chosen - 1, 1)))  # along each axis of a bound
+    fine, apart = _axes(problem, tuple(finer * count for count in GRID)), finer // 2  # half a coarse cell
+    if chosen == 1:
+        return [(fine, STARTS, apart)]
+    bounds = [(i, np.array([bound])) for i in range(chosen) if not _turns(problem, i) for bound in (-1.0, 1.0)]
+    edges = [(*fine[:i], bound, *fine[i + 1 :]) for i, bound in bounds]
+    return [(_axes(problem, GRID), STARTS, 1), *((edge, STARTS // len(edges), apart) for edge in edges)]
 
 
 def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:

@@ -63,8 +63,8 @@ class Problem:
         As for :func:`sledenv.load_scenario`.
     environment : {"launch", "descent"}
         Whether the agent chooses the launch alone or trims every hop too.
-    control : {"both", "orientation", "spin"}, optional
-        What it chooses of the launch; what the scenario says by default.
+    control : str, optional
+        What it chooses of the launch, as for :class:`sledenv.envs.task.Task`.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
 

@@ -32,6 +32,8 @@ from sledenv.benchmark.scores import (
 )
 from sledenv.benchmark.tables import markdown
 from sledenv.files import publish
+from sledenv.jam import SHOWN
+from sledenv.text import metric_name
 
 PAGE: Final = "index.html"
 TABLE: Final = "scores.md"
@@ -202,7 +204,8 @@ lucky or failed run does not move. In brackets its 95 % interval.</p>
 
 
 def _scores(table: pd.DataFrame) -> str:
-    names = ["agent", "seeds", "mean reward", "regret, interquartile mean", "regret, 90th percentile", "score"]
+    names = ["agent", "seeds", *(f"mean {metric_name(name)}" for name in SHOWN)]
+    names += ["regret, interquartile mean", "regret, 90th percentile", "score"]
     names += [f"regret minus that of {label(name)}" for name in BASELINES if (table["agent"] == name).any()]
     names += ["actions on a bound", "finished"]
     parts = []
@@ -212,7 +215,7 @@ def _scores(table: pd.DataFrame) -> str:
             cells = [
                 escape(label(row["agent"])),
                 str(row["seeds"]),
-                _number(row["reward"]),
+                *(_number(row[name]) for name in SHOWN),
                 _interval(row["regret"], row["regret_low"], row["regret_high"], _percent),
                 _percent(row["regret_p90"]),
                 _number(row["score"]),

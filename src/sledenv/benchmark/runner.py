@@ -22,7 +22,9 @@ from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, rea
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
 from sledenv.files import replacing
+from sledenv.jam import DescentJam
 from sledenv.kernel.jit import FINGERPRINT
+from sledenv.scenario import CONTROLS
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
@@ -125,7 +127,8 @@ def _warm_up(job: Job) -> None:
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:
     """Digest of all that the numbers of a job depend on."""
-    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise, TRIALS, FINGERPRINT]
+    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise, TRIALS]
+    content += [DescentJam._fields, FINGERPRINT]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
 
@@ -170,10 +173,10 @@ def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
     outcomes, jam = batch.outcomes, batch.jam
     context, trial = np.indices(trials.shape[:2]).reshape(2, -1)
     columns = {"context": context, "trial": trial, "reward": jam.reward, "status": batch.status}
-    columns |= {"progress": jam.progress, "retention": jam.retention}
+    columns |= jam._asdict()
     columns |= {f"loss_{name}": outcomes[name] for name in _LOSSES}
     columns |= {"supplied": outcomes["supplied"], "rebounds": outcomes["rebounds"], "time": outcomes["t"]}
-    for i in range(2):
+    for i in range(len(CONTROLS)):
         columns[f"action_{i}"] = actions[:, i] if i < actions.shape[1] else np.full(len(actions), np.nan)
     columns["on_bound"] = np.abs(actions).max(axis=1) >= 1.0 - _ON_BOUND
     return pd.DataFrame(columns)

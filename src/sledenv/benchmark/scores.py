@@ -10,6 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
+from sledenv.jam import SHOWN, DescentJam
+
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
 AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3")  # in the order of tables
@@ -24,13 +26,13 @@ RESAMPLES: Final = 1000
 _SEED: Final = 0
 _COLUMNS: Final = {
     "results": (
-        "environment scenario scenario_hash agent seed stage context trial noise reward status progress retention "
-        "supplied loss_hysteresis loss_sliding loss_rolling rebounds time action_0 action_1 on_bound"
+        "environment scenario scenario_hash agent seed stage context trial noise status supplied loss_hysteresis "
+        f"loss_sliding loss_rolling rebounds time action_0 on_bound {' '.join(DescentJam._fields)}"
     ),
     "curves": "environment scenario agent seed descents mean_reward",
     "runs": "environment scenario agent seed descents train_seconds commit versions suite",
     "oracle": "scenario context action_0 reward uniform width step_median step_p99",
-    "maps": "scenario context orientation spin reward",
+    "maps": "scenario context reward",
 }
 
 
@@ -111,9 +113,10 @@ def regrets(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each environment, scenario, agent, seed and context: mean over the trials of ``reward``, ``on_bound``
-        and ``finished``; ``best`` and ``uniform``, the rewards of the best and of a random launch; ``regret``,
-        1 - reward / best. It is 0 where the best launch earns nothing, because nothing is lost there.
+        A row for each environment, scenario, agent, seed and context: mean over the trials of ``reward`` and whatever
+        else is in ``SHOWN``, of ``on_bound`` and ``finished``; ``best`` and ``uniform``, the rewards of the best and of
+        a random launch; ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is
+        lost there.
 
     Raises
     ------
@@ -123,7 +126,7 @@ def regrets(results: Results) -> pd.DataFrame:
     judged = results.results
     judged = judged[(judged["stage"] == "trained") & (judged["noise"] == 0.0)]
     judged = judged.assign(finished=judged["status"] == "finish")
-    table = judged.groupby([*AGENT, "seed", "context"], as_index=False)[["reward", "on_bound", "finished"]].mean()
+    table = judged.groupby([*AGENT, "seed", "context"], as_index=False)[[*SHOWN, "on_bound", "finished"]].mean()
     oracle = results.oracle[["scenario", "context", "reward", "uniform"]].rename(columns={"reward": "best"})
     table = table.merge(oracle, "left", ["scenario", "context"], validate="many_to_one")
     if table["best"].isna().any():
@@ -179,10 +182,10 @@ def scores(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row each: ``seeds``, ``contexts``, mean ``reward``; interquartile mean of the ``regret`` with its interval
-        ``regret_low``, ``regret_high``, and ``regret_p90``; the normalised ``score``; shares ``on_bound`` and
-        ``finished``; and for each of ``BASELINES`` the difference of the interquartile means, ``versus_best_fixed`` and
-        so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
+        A row each: ``seeds``, ``contexts``, mean ``reward`` and whatever else is in ``SHOWN``; interquartile mean of
+        the ``regret`` with its interval ``regret_low``, ``regret_high``, and ``regret_p90``; the normalised ``score``;
+        shares ``on_bound`` and ``finished``; and for each of ``BASELINES`` the difference of the interquartile means,
+        ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
 
     Raises
     ------
@@ -205,7 +208,7 @@ def scores(results: Results) -> pd.DataFrame:
                 **dict(zip(AGENT, key, strict=True)),
                 "seeds": len(values),
                 "contexts": len(contexts),
-                "reward": group["reward"].mean(),
+                **group[list(SHOWN)].mean(),
                 "regret": estimates[key].value,
                 "regret_low": low,
                 "regret_high": high,

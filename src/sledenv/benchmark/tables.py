@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from sledenv.benchmark.scores import BASELINES, Results, separation, verdicts
+from sledenv.jam import SHOWN
+from sledenv.text import metric_name
 
 _CHECKS = {True: "yes", False: "**no**", None: "-"}
 
@@ -51,13 +53,14 @@ def _verdicts(table: pd.DataFrame) -> str:
 
 
 def _scores(table: pd.DataFrame) -> str:
-    names = ["scenario", "agent", "seeds", "mean reward", "regret, IQM [95 %]", "regret, p90", "score", "on bound"]
+    names = ["scenario", "agent", "seeds", *(f"mean {metric_name(name)}" for name in SHOWN)]
+    names += ["regret, IQM [95 %]", "regret, p90", "score", "on bound", "finished"]
     rows = [
         [
             _place(table, row["environment"], row["scenario"]),
             row["agent"],
             str(row["seeds"]),
-            f"{row['reward']:.3f}",
+            *(f"{row[name]:.3f}" for name in SHOWN),
             f"{row['regret']:.2%} [{row['regret_low']:.2%}, {row['regret_high']:.2%}]",
             f"{row['regret_p90']:.2%}",
             f"{row['score']:.3f}",
@@ -66,7 +69,7 @@ def _scores(table: pd.DataFrame) -> str:
         ]
         for row in table.to_dict("records")
     ]
-    return _table([*names, "finished"], rows)
+    return _table(names, rows)
 
 
 def _separation(results: Results, table: pd.DataFrame) -> str:

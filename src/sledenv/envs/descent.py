@@ -25,7 +25,7 @@ class SledDescent(SledLaunch):
         0 before the launch: progress, sine and cosine of the orientation, velocity along and off the slope, spin, spin
         lent by the rider's rotor, time and number of rebounds; scaled as docs/environments.md says.
     Action
-        ``Box(-1, 1, (2,) or (3,), float32)``: the launch as in :class:`SledLaunch`, then the trim. The first step uses
+        ``Box(-1, 1, (k + 1,), float32)``: the launch as in :class:`SledLaunch`, then the trim. The first step uses
         the launch alone and follows the descent to its first rebound; every other one uses the trim alone: the spin
         that the rider's rotor lends to the body until the next rebound, scaled by the bound of the scenario. A
         scenario without a rider ignores it.

@@ -1,4 +1,4 @@
-"""SledLaunch: choose the initial orientation and spin, then the whole descent runs in one step."""
+"""SledLaunch: choose how the sled is let go, then the whole descent runs in one step."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Snapshot(NamedTuple):
 
 
 class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A one-step environment: from the context of a launch to its orientation and/or spin.
+    """A one-step environment: from the context of a launch to what an agent chooses of it.
 
     Observation
         ``Box(-1, 1, (8,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation and spin of
         the context, scaled by the ranges of the scenario. What does not vary and what the agent controls reads 0.
     Action
-        ``Box(-1, 1, (1,) or (2,), float32)``: orientation and/or spin at launch, scaled to the control bounds.
+        ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward
         progress / 2 + sqrt(retention) / 2 in [0, 1]; see :mod:`sledenv.jam` and docs/environments.md.
     Ending
@@ -51,8 +51,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ----------
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
-    control : {"both", "orientation", "spin"}, optional
-        What the agent chooses; the rest is a disturbance that it observes.
+    control : str, optional
+        What the agent chooses, such as "both", orientation and spin; the rest is a disturbance that it observes.
+        docs/environments.md lists the words. What the scenario says by default.
     render_mode : {"human", "rgb_array", "rgb_array_list", "ansi"}, optional
         A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds.
     solver : {"compliant", "rigid"}

@@ -11,7 +11,6 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.descent import Descent
-from sledenv.kernel.params import Body, Slope, State
 from sledenv.kernel.records import Status
 from sledenv.outline import (
     Push,
@@ -27,6 +26,7 @@ from sledenv.outline import (
     strobe_states,
     to_world,
 )
+from sledenv.params import Body, Slope, State
 from sledenv.text import feature_name, mode_name, motion_words, quantity
 
 if TYPE_CHECKING:

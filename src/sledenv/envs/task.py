@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent, DescentBatch, Record, simulate, simulate_batch
 from sledenv.geometry import directions, support_heights
-from sledenv.kernel.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.kernel.records import (
     FINISH,
     LEDGER_FIELDS,
@@ -28,8 +27,19 @@ from sledenv.kernel.records import (
     STEP_BUDGET,
     TIMEOUT,
 )
+from sledenv.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.ride import Ride, RideBatch
-from sledenv.scenario import Context, Control, Scenario, Split, check_split, load_scenario
+from sledenv.scenario import (
+    CONTROLLED,
+    CONTROLS,
+    NOISY,
+    Context,
+    Control,
+    Scenario,
+    Split,
+    check_split,
+    load_scenario,
+)
 
 Solver = Literal["compliant", "rigid"]
 # (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
@@ -39,12 +49,7 @@ FIELDS: Final = len(Context._fields)
 FLIGHT: Final = ("progress", "sine", "cosine", "u", "v", "omega", "trim", "time", "rebounds")
 INFO_KEYS: Final = ("context", "rebounds", "jam", "is_success", "descent")
 
-_CONTROLLED: dict[str, tuple[str, ...]] = {
-    "both": ("orientation", "spin"),
-    "orientation": ("orientation",),
-    "spin": ("spin",),
-}
-_DISTURBED = [Context._fields.index("orientation"), Context._fields.index("spin")]
+_DISTURBED = [Context._fields.index(name) for name in NOISY]
 _TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
 _STATUS = np.array([str(status) for status in STATUS_OF_CODE], dtype=object)
 
@@ -63,8 +68,9 @@ class Task:
     ----------
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
-    control : {"both", "orientation", "spin"}, optional
-        Which of the launch the agent chooses; the rest is part of the context. What the scenario says by default.
+    control : str, optional
+        Which of the launch the agent chooses, a word of ``CONTROLLED`` in :mod:`sledenv.scenario`; the rest is part of
+        the context. What the scenario says by default.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -105,20 +111,23 @@ class Task:
             control = section.chosen
         if launch_noise is None:
             launch_noise = math.radians(section.noise_orientation_deg), section.noise_spin_rad_s
-        for name, value, kind in (("control", control, Control), ("solver", solver, Solver)):
-            if value not in get_args(kind):
-                raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, get_args(kind)))}")
+        bounds = {name: np.array(pair) for name, pair in self.scenario.control_bounds.items()}
+        bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
+        controls = tuple(word for word, names in CONTROLLED.items() if bounds.keys() >= set(names))
+        for name, value, allowed in (("control", control, controls), ("solver", solver, get_args(Solver))):
+            if value not in allowed:
+                raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
         if split is not None:
             check_split(split)
         if not isinstance(launch_noise, Sequence | np.ndarray) or len(launch_noise) != 2:
-            raise ValueError(f"launch_noise = {launch_noise!r}: must be two numbers, of orientation and spin")
-        named = zip(("orientation", "spin"), launch_noise, strict=True)
+            raise ValueError(f"launch_noise = {launch_noise!r}: must be two numbers, of {' and '.join(NOISY)}")
+        named = zip(NOISY, launch_noise, strict=True)
         self.noise = np.array([checked("launch_noise", name, sigma, NOT_NEGATIVE) for name, sigma in named])
         self.control = control
         self.solver = solver
         self.split = split
         self.draws = FIELDS + 2 * bool(self.noise.any())
-        self.controlled = _CONTROLLED[control]
+        self.controlled = CONTROLLED[control]
         self.body = self.scenario.body()
         self._followed: dict[str, Any] = {  # how descents are, by all that simulate them
             "solver": solver,
@@ -130,12 +139,8 @@ class Task:
         self._width = self._context_high - self._context_low
         self._width[self._chosen] = 0.0  # as if it did not vary
         self.varies: NDArray[np.bool_] = self._width > 0.0
-        bounds = {
-            "orientation": np.radians(section.orientation_deg),
-            "spin": np.array(section.spin_rad_s),
-        }
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
-        self._speed, self._spin = self._scales()
+        self._speed, self._spin = self._scales(bounds)
         self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
         self.ride_observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
@@ -285,16 +290,25 @@ class Task:
         )
         return np.stack(columns, axis=-1), self.trims(trim)
 
-    def _scales(self) -> tuple[float, float]:
+    def _scales(self, bounds: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
         """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch."""
-        angle, _, _, speed, drop, fall, _, spin = self._context_high
-        slope = self.scenario.slope_section
-        spin = max(abs(spin), abs(self._context_low[-1]), *map(abs, self.scenario.control.spin_rad_s))
+        most = np.maximum(np.abs(self._context_low), np.abs(self._context_high))
+        for name, pair in bounds.items():
+            i = Context._fields.index(name)
+            most[i] = max(most[i], *np.abs(pair))
+        _, _, _, speed, drop, fall, _, spin = most.tolist()
+        angle, slope = self._context_high[0], self.scenario.slope_section
         height = drop + self.body.radius + self.body.eccentricity + slope.length_m * max(0.0, np.sin(angle))
         gyration = self.body.inertia / self.body.mass  # [m^2]
         square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * slope.gravity_m_s2 * height
         fastest = float(np.sqrt(square)) or 1.0
         return fastest, fastest / float(np.sqrt(gyration))
+
+    def chosen(self, contexts: Contexts, actions: NDArray[np.float64]) -> Contexts:
+        """Return contexts, shape (n, 8), with what actions of shape (n, k) choose in its place, without noise."""
+        chosen = contexts[:, :FIELDS].copy()
+        chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
+        return chosen
 
     def launches(self, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at launch that actions ask for, shape (n, 6), columns as in :class:`sledenv.State`.
@@ -302,11 +316,11 @@ class Task:
         Parameters
         ----------
         contexts : ndarray, shape (n, 8) or (n, 10)
-        actions : ndarray, shape (n, 1) or (n, 2)
-            Out of :func:`checked_actions`, scaled to the control bounds of the scenario: orientation and/or spin.
+        actions : ndarray, shape (n, k)
+            Out of :func:`checked_actions`, scaled to the control bounds of the scenario: a column for each of
+            ``controlled``.
         """
-        chosen = contexts[:, :FIELDS].copy()
-        chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
+        chosen = self.chosen(contexts, actions)
         if contexts.shape[1] > FIELDS:
             chosen[:, _DISTURBED] += contexts[:, FIELDS:]
         return self.scenario.launches(chosen)
@@ -402,11 +416,8 @@ class Task:
                 case "rebounds":
                     info[key] = _lists(batch)
                 case "jam":
-                    info[key] = {
-                        "progress": jam.progress,
-                        "retention": jam.retention,
-                        "jam_index": jam.jam_index,
-                    }
+                    info[key] = jam._asdict() | {"jam_index": jam.jam_index}
+                    del info[key]["reward"]  # which the step returns
                 case "is_success":
                     info[key] = outcomes["status"] == FINISH
                 case "descent":

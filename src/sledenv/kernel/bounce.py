@@ -10,25 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.kernel import impact
 from sledenv.kernel.ballistics import arrival, finish_of
 from sledenv.kernel.flight import for_bodies, touchdowns
 from sledenv.kernel.friction import Mobility
 from sledenv.kernel.geometry import without_turns
-from sledenv.kernel.impact import (
-    ENERGETIC,
-    MOST_PHASES,
-    begin_impact,
-    choose_signs,
-    hysteresis_of,
-    lies_flat,
-    pass_phase,
-    softened,
-)
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC
 from sledenv.kernel.state import change
-from sledenv.kernel.trace import LANES, equal, less, not_more, packed, where
+from sledenv.kernel.trace import LANES, packed
+from sledenv.kernel.values import equal, less, not_more, where
 
 
 def touch(hop: Any, corners: bool) -> None:
@@ -39,19 +31,19 @@ def touch(hop: Any, corners: bool) -> None:
     curved, arm = hop.radius, hop.arc_arm
     if corners:
         on_arc = equal(hop.feature, float(ARC))
-        lands = lands & (on_arc | ~lies_flat(without_turns(hop.phi_landing), hop.across, hop.size))
+        lands = lands & (on_arc | ~impact.lies_flat(without_turns(hop.phi_landing), hop.across, hop.size))
         curved, arm = where(on_arc, hop.radius, 0.0), where(on_arc, hop.arc_arm, hop.corner_arm)
     hop.v_t, hop.v_n, hop.arm = hop.v_t_landing, hop.v_n_landing, arm
     pressing = hop.inward + (curved - hop.b) * hop.omega * hop.omega
-    hop.restitution = softened(hop.law_restitution, hop.settle_speed, hop.v_n, pressing)
-    begin_impact(hop)
+    hop.restitution = impact.softened(hop.law_restitution, hop.settle_speed, hop.v_n, pressing)
+    impact.begin_impact(hop)
     hop.going = where(lands, hop.going, -1.0)
 
 
 def leave(hop: Any) -> None:
     """Program of the end of a hop: the next flight starts where an ordinary one has ended."""
     fine = equal(hop.going, 0.0) & less(0.0, hop.v_n)
-    hop.hysteresis = hysteresis_of(hop, ENERGETIC)
+    hop.hysteresis = impact.hysteresis_of(hop, impact.ENERGETIC)
     change(
         hop,
         fine,
@@ -72,7 +64,7 @@ def leave(hop: Any) -> None:
 
 
 _touch = for_bodies(touch, packed)
-_pass, _leave = packed(lambda hop: pass_phase(hop, ENERGETIC)), packed(leave)
+_pass, _leave = packed(lambda hop: impact.pass_phase(hop, impact.ENERGETIC)), packed(leave)
 
 
 @kernel
@@ -86,7 +78,7 @@ def _choose(pack: np.void) -> bool:
             if slip == 0.0 or spin == 0.0:
                 w = Mobility(pack["per_mass"][k], pack["per_inertia"][k], pack["a"][k], pack["b"][k])
                 friction, arm, size = pack["friction"][k], pack["arm"][k], pack["size"][k]
-                pack["slip"][k], pack["spin"][k], pack["mu"][k], pack["rho"][k] = choose_signs(
+                pack["slip"][k], pack["spin"][k], pack["mu"][k], pack["rho"][k] = impact.choose_signs(
                     w, friction, arm, size, slip, spin
                 )
     return going
@@ -111,7 +103,7 @@ def bounce(body: Body, count: int, pack: np.void, hop: np.void) -> None:
     for k in range(count, LANES):
         pack["touchdown"][k] = math.inf
     _touch(body, pack)
-    for _ in range(MOST_PHASES - 1):
+    for _ in range(impact.MOST_PHASES - 1):
         if not _choose(pack):
             break
         _pass(pack)

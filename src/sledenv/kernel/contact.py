@@ -12,75 +12,23 @@ import math
 
 import numpy as np
 
-from sledenv.kernel.events import first_event
+from sledenv.kernel import events, progress, records
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import feature_geometry, other_corner, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.records import (
-    ARC,
-    BOTH_CORNERS,
-    FINISH,
-    INCONSISTENT,
-    JAMMED,
-    NON_FINITE,
-    NOSE,
-    RUNNING,
-    SEPARATED,
-    STEP_BUDGET,
-    TAIL,
-    TIMEOUT,
-)
 from sledenv.kernel.roots import horner, locate
-from sledenv.kernel.series import expand, longest_step
-from sledenv.kernel.step import (
-    CHORD_DOWN,
-    FEATURE_ENDS,
-    MIDDLE_PASSED,
-    NOTHING,
-    RATE_RELEASED,
-    RATE_ZERO,
-    SEPARATION,
-    SLIP_RELEASED,
-    SLIP_ZERO,
-    SLOPE_ENDS,
-    SPIN_RELEASED,
-    SPIN_ZERO,
-    advance,
-    begin_step,
-    complete,
-    expect,
-    orient,
-)
+from sledenv.kernel.series import expand
+from sledenv.kernel.step import advance, begin_step, complete, expect, orient
 from sledenv.kernel.trace import copy_into_callers
 from sledenv.kernel.trajectory import CONTACT_ROWS, next_row, write_forces, write_motion
 
-MOST_STALLED = 60  # events in a row without any progress in time
-TRIALS = 27  # of them the last ones, in which every branch is tried
+TRIALS = 27  # last events without any progress in time, in which every branch is tried
 MOST_UNITS = 2.0  # length of a step
-SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step,
-STRETCHED = 1.08  # which may be longer by this factor to end there: its last terms are four times larger then
+SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
-# A contact that is loaded less than NO_LOAD times the force that drives the slip, or is shallower than NO_DEPTH times
-# the size of the body, is resolved in the limit of a vanishing normal force.
+# A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
 NO_LOAD = 1e-9
-NO_DEPTH = 1e-12
-
-
-@kernel
-def sign_of(value: float) -> int:
-    """-1, 0 or 1."""
-    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
-
-
-@kernel
-def leading_zeros(velocity: np.ndarray, sign: float) -> int:
-    """Number of leading coefficients to be passed over in a search for where a released velocity returns to zero.
-
-    An acceleration that vanishes by construction does so up to the error of the time of release. If it opposes ``sign``
-    it is passed over, but kept: the release came early by that much, and the motion is right once it has caught up.
-    """
-    return 1 if sign * velocity[1] > 0.0 else 2
 
 
 @kernel
@@ -89,7 +37,7 @@ def _tell_feature(body: Body, contact: np.void) -> None:
     feature = int(contact["feature"])
     h, r, shift = feature_geometry(body, feature)
     contact["h"], contact["r"], contact["shift"] = h, r, shift
-    contact["arm"] = contact["arc_arm"] if feature == ARC else contact["corner_arm"]
+    contact["arm"] = contact["arc_arm"] if feature == records.ARC else contact["corner_arm"]
     contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
     # The spring moves less than the mass where it turns the body.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
@@ -105,28 +53,19 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     contact["phi"] -= turns
     # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
     feature, phi = contact["feature"], contact["phi"]
-    wrong = (feature == TAIL and phi < 0.0) or (feature == NOSE and phi > 0.0)
+    wrong = (feature == records.TAIL and phi < 0.0) or (feature == records.NOSE and phi > 0.0)
     other_turn = math.copysign(2.0 * math.pi, phi) if wrong else 0.0
     contact["turns"] = turns + other_turn
     contact["phi"] -= other_turn
     size = body.radius + body.eccentricity
-    fastest = max(abs(contact["v_n"]), abs(contact["v_t"]), size * abs(contact["omega"]))
     contact["size"] = size
-    contact["scale"] = max(fastest, math.sqrt(slope.gravity * size), 1e-12)
+    contact["scale"] = progress.speed_scale(slope, size, contact["v_n"], contact["v_t"], contact["omega"])
     contact["per_mass"], contact["ratio"] = 1.0 / body.mass, body.mass / body.inertia
     contact["inward"], contact["downhill"], contact["length"] = slope.inward, slope.downhill, slope.length
     contact["tolerance"] = limits.tolerance
-    contact["gap_rate"] = contact["slip"] = contact["spin"] = 0.0
-    contact["gap_zeros"] = contact["slip_zeros"] = contact["spin_zeros"] = 0.0
-    contact["gap_left"] = contact["slip_left"] = contact["spin_left"] = 0.0
-    contact["at_edge"] = contact["stalled"] = 0.0
+    progress.forget_branch(contact)
+    contact["at_edge"] = 0.0
     _tell_feature(body, contact)
-
-
-@kernel
-def _signs_of(velocity: float, left: float) -> int:
-    """Sign of a velocity for the box rule: 2 or -2 where it is zero but has just been released."""
-    return sign_of(velocity) if left == 0.0 else 2 * int(left)
 
 
 @kernel
@@ -135,15 +74,15 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     copy_into_callers()
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     if v_n != 0.0 and v_t != 0.0 and omega != 0.0:
-        return Branch(sign_of(v_n), sign_of(v_t), sign_of(omega))
+        return Branch(progress.sign_of(v_n), progress.sign_of(v_t), progress.sign_of(omega))
     a, b = contact["h"] * step["sine"], contact["r"] - contact["h"] * step["cosine"]
     square = omega * omega
     drive = Drive(
         contact["downhill"] + a * square,
         -contact["inward"] - contact["h"] * step["cosine"] * square,
     )
-    shallow = NO_DEPTH * contact["size"]
-    if abs(drive.t) > NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
+    shallow = progress.NO_DEPTH * contact["size"]
+    if abs(drive.t) > progress.NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
         shallow = min(shallow, NO_LOAD * body.mass * abs(drive.t) / contact["k_closing"])
     depth = max(-contact["gap"], shallow)
     return resolve(
@@ -154,9 +93,9 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
         contact["size"],
         Bounds(contact["k_closing"] * depth, contact["k_opening"] * depth),
         Branch(
-            _signs_of(v_n, contact["gap_left"]),
-            _signs_of(v_t, contact["slip_left"]),
-            _signs_of(omega, contact["spin_left"]),
+            progress.signs_of(v_n, contact["gap_left"]),
+            progress.signs_of(v_t, contact["slip_left"]),
+            progress.signs_of(omega, contact["spin_left"]),
         ),
     )
 
@@ -170,9 +109,9 @@ def _trial(number: int, contact: np.void) -> Branch:
     """
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     return Branch(
-        sign_of(v_n) if v_n != 0.0 else number % 3 - 1,
-        sign_of(v_t) if v_t != 0.0 else number // 3 % 3 - 1,
-        sign_of(omega) if omega != 0.0 else number // 9 % 3 - 1,
+        progress.sign_of(v_n) if v_n != 0.0 else number % 3 - 1,
+        progress.sign_of(v_t) if v_t != 0.0 else number // 3 % 3 - 1,
+        progress.sign_of(omega) if omega != 0.0 else number // 9 % 3 - 1,
     )
 
 
@@ -182,19 +121,9 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
     copy_into_callers()
     branch = _resolved(body, contact, step)
     stalled = int(contact["stalled"])
-    if stalled >= MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
-        branch = _trial(MOST_STALLED - stalled, contact)
-    # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
-    jumps = (
-        (contact["gap_rate"] != branch.gap_rate) + (contact["slip"] != branch.slip) + (contact["spin"] != branch.spin)
-    )
-    leaving = 2.0 if jumps == 1 else 1.0
-    contact["gap_zeros"] = (leaving if contact["gap_left"] != 0.0 else 1.0) if contact["v_n"] == 0.0 else 0.0
-    contact["slip_zeros"] = (leaving if contact["slip_left"] != 0.0 else 1.0) if contact["v_t"] == 0.0 else 0.0
-    contact["spin_zeros"] = (leaving if contact["spin_left"] != 0.0 else 1.0) if contact["omega"] == 0.0 else 0.0
-    contact["gap_rate"], contact["slip"], contact["spin"] = branch.gap_rate, branch.slip, branch.spin
-    contact["mu"] = -branch.slip * contact["friction"]
-    contact["rho"] = -branch.spin * contact["arm"]
+    if stalled >= progress.MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
+        branch = _trial(progress.MOST_STALLED - stalled, contact)
+    progress.take_branch(branch, contact)
     closing = branch.gap_rate < 0
     contact["stiffness"] = contact["k_closing"] if closing else contact["k_opening"]
     if contact["stiffness"] > 0.0:
@@ -206,13 +135,13 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
     """Status of a contact before a step: RUNNING if there is to be one."""
     copy_into_callers()
     if contact["gap_rate"] == 0.0 and contact["slip"] == 0.0 and contact["spin"] == 0.0:
-        return JAMMED
+        return records.JAMMED
     if contact["k_closing"] == math.inf and contact["gap_rate"] > 0.0:
         turning = contact["h"] * step["cosine"] * contact["omega"] * contact["omega"]
-        return INCONSISTENT if contact["inward"] + turning > 0.0 else SEPARATED
-    if flight["steps"] >= limits.max_steps or contact["stalled"] > MOST_STALLED:
-        return STEP_BUDGET
-    return RUNNING
+        return records.INCONSISTENT if contact["inward"] + turning > 0.0 else records.SEPARATED
+    if flight["steps"] >= limits.max_steps or contact["stalled"] > progress.MOST_STALLED:
+        return records.STEP_BUDGET
+    return records.RUNNING
 
 
 @kernel
@@ -235,28 +164,15 @@ def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
 
 @kernel
 def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
-    """Find how long the series of a step hold; return a status, TIMEOUT if the time ends with the step."""
+    """Find what is likely to end a step, and how long its series hold; return what ``bound_step`` does."""
     copy_into_callers()
     if contact["gap_rate"] != 0.0:
         expect(contact, step)
     else:
-        step["expected"] = NOTHING
+        step["expected"] = events.NOTHING
     if contact["k_closing"] == math.inf and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
-        return INCONSISTENT
-    if contact["gap_zeros"] == 2.0:
-        contact["gap_zeros"] = leading_zeros(step["v_n"], contact["gap_rate"])
-    if contact["slip_zeros"] == 2.0:
-        contact["slip_zeros"] = leading_zeros(step["v_t"], contact["slip"])
-    if contact["spin_zeros"] == 2.0:
-        contact["spin_zeros"] = leading_zeros(step["omega"], contact["spin"])
-    v_n, v_t, omega = step["v_n"], step["v_t"], step["omega"]
-    length = longest_step(contact["size"], contact["scale"], contact["tolerance"], MOST_UNITS, v_n, v_t, omega)
-    left = max(limits.max_time - contact["time"], 0.0) / step["unit"]
-    if not math.isfinite(min(length, left)):
-        return NON_FINITE
-    step["length"] = min(length, left)
-    step["most"] = STRETCHED * length if STRETCHED * length < left else step["length"]
-    return TIMEOUT if length >= left else RUNNING
+        return records.INCONSISTENT
+    return progress.bound_step(limits, MOST_UNITS, contact, step)
 
 
 @kernel
@@ -275,19 +191,19 @@ def _turns_back(before: float, end: float, series: np.ndarray, event: int, conta
 def _foresee(contact: np.void, step: np.void) -> None:
     """Complete a step up to what is likely to end it, sought where it is expected and up to ``step["most"]``."""
     copy_into_callers()
-    step["event"] = NOTHING
+    step["event"] = events.NOTHING
     expected = int(step["expected"])
     # A gap rate that starts from zero has a root there, which the search might find.
-    sought = expected == SEPARATION or (expected == RATE_ZERO and contact["gap_zeros"] == 0.0)
+    sought = expected == events.SEPARATION or (expected == events.RATE_ZERO and contact["gap_zeros"] == 0.0)
     if sought and step["guess"] < SOUGHT * step["length"]:
-        at = locate(step["gap"] if expected == SEPARATION else step["v_n"], step["guess"], step["most"])
+        at = locate(step["gap"] if expected == events.SEPARATION else step["v_n"], step["guess"], step["most"])
         if at > 0.0:
             step["length"], step["event"] = at, expected
     complete(contact, step)
     if contact["slip"] != 0.0 and contact["slip_zeros"] == 0.0:
-        _turns_back(contact["v_t"], step["v_t_end"], step["v_t"], SLIP_ZERO, contact, step)
+        _turns_back(contact["v_t"], step["v_t_end"], step["v_t"], events.SLIP_ZERO, contact, step)
     if contact["spin"] != 0.0 and contact["spin_zeros"] == 0.0:
-        _turns_back(contact["omega"], step["omega_end"], step["omega"], SPIN_ZERO, contact, step)
+        _turns_back(contact["omega"], step["omega_end"], step["omega"], events.SPIN_ZERO, contact, step)
 
 
 @kernel
@@ -323,12 +239,9 @@ def _move_on(contact: np.void, step: np.void) -> bool:
     copy_into_callers()
     before = contact["time"]
     advance(contact, step)
-    contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
     contact["at_edge"] = 0.0
     passed = False
-    if step["length"] * step["unit"] > 0.0:
-        contact["gap_zeros"] = contact["slip_zeros"] = contact["spin_zeros"] = 0.0
-        contact["gap_left"] = contact["slip_left"] = contact["spin_left"] = 0.0
+    if progress.time_passes(before, contact, step):
         # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
         if contact["gap_rate"] * contact["v_n"] < 0.0:
             contact["v_n"], passed = 0.0, True
@@ -342,10 +255,10 @@ def _move_on(contact: np.void, step: np.void) -> bool:
 @kernel
 def _change_feature(body: Body, contact: np.void) -> None:
     """Pass from the arc to a corner or back."""
-    if contact["feature"] == ARC:
-        contact["feature"] = TAIL if contact["phi"] > 0.0 else NOSE
+    if contact["feature"] == records.ARC:
+        contact["feature"] = records.TAIL if contact["phi"] > 0.0 else records.NOSE
     else:
-        contact["feature"] = ARC
+        contact["feature"] = records.ARC
     contact["phi"] = math.copysign(body.half_angle, contact["phi"])
     contact["at_edge"] = 1.0
     _tell_feature(body, contact)
@@ -356,35 +269,29 @@ def _follow_event(body: Body, contact: np.void, step: np.void) -> int:
     """Let the contact feel what happens at the end of a step; return its status, RUNNING if it goes on."""
     copy_into_callers()
     event = int(step["event"])
-    if event == NOTHING:
+    if event == events.NOTHING:
         moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]
-        return RUNNING if math.isfinite(moved) else NON_FINITE
-    if event == SEPARATION:
-        return SEPARATED
-    if event == SLOPE_ENDS:
+        return records.RUNNING if math.isfinite(moved) else records.NON_FINITE
+    if event == events.SEPARATION:
+        return records.SEPARATED
+    if event == events.SLOPE_ENDS:
         contact["x"] = contact["length"]
-        return FINISH
-    if event == CHORD_DOWN:
-        return BOTH_CORNERS
-    if event == RATE_ZERO:
+        return records.FINISH
+    if event == events.CHORD_DOWN:
+        return records.BOTH_CORNERS
+    if event == events.RATE_ZERO:
         contact["v_n"], contact["gap_left"] = 0.0, 0.0
-    elif event == SLIP_ZERO:
-        contact["v_t"], contact["slip_left"] = 0.0, 0.0
-    elif event == SPIN_ZERO:
-        contact["omega"], contact["spin_left"] = 0.0, 0.0
-    elif event == RATE_RELEASED:
+    elif event == events.RATE_RELEASED:
         if contact["k_closing"] == math.inf:
-            return SEPARATED
+            return records.SEPARATED
         contact["gap_left"] = step["released"]
-    elif event == SLIP_RELEASED:
-        contact["slip_left"] = step["released"]
-    elif event == SPIN_RELEASED:
-        contact["spin_left"] = step["released"]
-    elif event == MIDDLE_PASSED:
+    elif event == events.MIDDLE_PASSED:
         contact["phi"] = math.copysign(0.0, -contact["other_sine"])
-    elif event == FEATURE_ENDS:
+    elif event == events.FEATURE_ENDS:
         _change_feature(body, contact)
-    return RUNNING
+    else:
+        progress.stop_or_release(contact, step)
+    return records.RUNNING
 
 
 @kernel
@@ -425,30 +332,30 @@ def follow(
         if choose:
             _choose(body, contact, step)
         status = _standing(limits, flight, contact, step)
-        if status != RUNNING:
+        if status != records.RUNNING:
             break
         flight["steps"] += 1
         _prepare(slope, contact, step)
         expand(contact, step)
         bounded = _bound(limits, contact, step)
-        if bounded != RUNNING and bounded != TIMEOUT:
+        if bounded != records.RUNNING and bounded != records.TIMEOUT:
             status = bounded
             break
         _foresee(contact, step)
         foreseen = step["length"]
-        first_event(body, contact, step)
+        events.first_event(body, contact, step)
         if step["length"] < foreseen:  # something else happens before
             complete(contact, step)
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
             _sample_step(limits, flight, contact, step, trajectory)
         choose = _move_on(contact, step)
         status = _follow_event(body, contact, step)
-        if status != RUNNING:
+        if status != records.RUNNING:
             break
-        if step["event"] == NOTHING and bounded == TIMEOUT:
-            status = TIMEOUT
+        if step["event"] == events.NOTHING and bounded == records.TIMEOUT:
+            status = records.TIMEOUT
             break
-        choose = choose or step["event"] not in (NOTHING, MIDDLE_PASSED)
+        choose = choose or step["event"] not in (events.NOTHING, events.MIDDLE_PASSED)
     contact["phi"] += contact["turns"]
     if contact["k_closing"] < math.inf:
         contact["stored"] = 0.5 * contact["k_closing"] * contact["gap"] * contact["gap"]

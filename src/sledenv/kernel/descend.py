@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from sledenv.kernel.chord import CHORD
 from sledenv.kernel.flight import arrive, finish_time, tell_body, tell_flight, touchdown
 from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
 from sledenv.kernel.jit import kernel
@@ -14,7 +13,8 @@ from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.params import Body, Incline, Limits, Slope, State
 from sledenv.kernel.records import CHORD as CHORD_CODE
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
-from sledenv.kernel.state import CONTACT, HOP, PACK, STEP, record
+from sledenv.kernel.state import CHORD, CONTACT, HOP, PACK, STEP, record
+from sledenv.kernel.trace import copy_into_callers
 from sledenv.kernel.trajectory import next_row, write_forces, write_motion
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
@@ -112,6 +112,7 @@ def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> N
 @kernel
 def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: float) -> None:
     """Fill one rebound record from a contact that has ended, with the arms ``a``, ``b`` [m] of what touched last."""
+    copy_into_callers()
     u, v = contact["u_before"], contact["v_before"]
     u_after = contact["v_t"] - b * contact["omega"]
     rebound["t"] = contact["time"]
@@ -163,6 +164,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.voi
 
     ``at`` is the record of HOP in which the touchdown was found; it then says how the body touches.
     """
+    copy_into_callers()
     status = RUNNING
     left = limits.max_time - flight["t"]
     duration = at["touchdown"]
@@ -190,6 +192,7 @@ def _touch_down(at: np.void, contact: np.void) -> None:
 
     The energy of the rounding error in the height is far below that of the ledger.
     """
+    copy_into_callers()
     contact["time"] = contact["time_before"] = at["t_landing"]
     contact["x"], contact["gap"] = at["x_landing"], 0.0
     contact["phi"] = contact["phi_before"] = at["phi_landing"]
@@ -207,6 +210,7 @@ def _touch_down(at: np.void, contact: np.void) -> None:
 @kernel
 def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -> None:
     """Record a contact and put the flight at its end."""
+    copy_into_callers()
     a, b = contact["a_before"], contact["b_before"]
     if contact["phi"] != contact["phi_before"] or contact["feature"] != contact["feature_before"]:
         a, b = arms(body, int(contact["feature"]), contact["phi"] - whole_turns(contact["phi"]))
@@ -224,6 +228,7 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 @kernel
 def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
     """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`."""
+    copy_into_callers()
     tell_flight(slope, limits, flight, space["hop"])
     touchdown(body, space["hop"])
 
@@ -257,6 +262,7 @@ def hop(
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
+    copy_into_callers()
     contact = space["contact"]
     status = _fly(body, slope, limits, flight, space["hop"], trajectory)
     if status == RUNNING:
@@ -299,6 +305,7 @@ def descend(
     outcomes : ndarray of OUTCOME, shape (1,)
         Overwritten.
     """
+    copy_into_callers()
     space, flight = spaces[0], outcomes[0]
     begin(launch, flight)
     incline = incline_of(slope)

@@ -15,37 +15,19 @@ from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.state import WIDTH
-from sledenv.kernel.step import (
-    CHORD_DOWN,
-    FEATURE_ENDS,
-    MIDDLE_PASSED,
-    RATE_RELEASED,
-    RATE_ZERO,
-    SEPARATION,
-    SLIP_RELEASED,
-    SLIP_ZERO,
-    SLOPE_ENDS,
-    SPIN_RELEASED,
-    SPIN_ZERO,
-)
+
+# What ends a step.
+NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
+RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
 
 TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
 MOST_POLISHED = 4  # steps of Newton's method
 
 
 @kernel
-def both_signs(value: float) -> tuple[int, int]:
+def _both_signs(value: float) -> tuple[int, int]:
     """Both signs, that of ``value`` first: the order must not tell a body from its mirror image."""
     return (-1, 1) if value < 0.0 else (1, -1)
-
-
-@kernel
-def before_separation(at: float) -> float:
-    """Time before which a release comes before a separation.
-
-    Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
-    """
-    return at * (1.0 - 1e-12)
 
 
 @kernel
@@ -57,7 +39,7 @@ def series_root(series: np.ndarray, scratch: np.ndarray, sign: float, step: floa
 
 
 @kernel
-def bound_root(
+def _bound_root(
     load: np.ndarray, force: np.ndarray, scratch: np.ndarray, sign: float, factor: float, step: float
 ) -> float:
     """Time at which ``sign`` times a locked force exceeds ``factor`` times its load."""
@@ -127,7 +109,7 @@ def _chord_down(contact: np.void, step: np.void) -> float:
 
 
 @kernel
-def _happens(at: float, event: int, step: np.void) -> bool:
+def happens(at: float, event: int, step: np.void) -> bool:
     """Let the step end with an event, if there is one; say whether."""
     if not at < math.inf:
         return False
@@ -143,43 +125,47 @@ def _gap_events(contact: np.void, step: np.void) -> None:
         normal, least, largest = step["normal"], step["least"], step["largest"]
         if largest < math.inf and not step["safe_largest"] > 0.0:
             noise = 1e-15 * (abs(largest) + abs(normal[0]))
-            if _happens(level_root(normal, scratch, 1.0, largest, step["length"], 0, noise), RATE_RELEASED, step):
+            if happens(level_root(normal, scratch, 1.0, largest, step["length"], 0, noise), RATE_RELEASED, step):
                 step["released"] = -1.0
         if not step["safe_least"] > 0.0:
             noise = 1e-15 * (abs(least) + abs(normal[0]))
-            if _happens(level_root(normal, scratch, -1.0, least, step["length"], 0, noise), RATE_RELEASED, step):
+            if happens(level_root(normal, scratch, -1.0, least, step["length"], 0, noise), RATE_RELEASED, step):
                 step["released"] = 1.0
         return
     if step["event"] != RATE_ZERO and not step["safe_v_n"] > 0.0:
         zeros = int(contact["gap_zeros"])
-        _happens(series_root(step["v_n"], scratch, contact["gap_rate"], step["length"], zeros), RATE_ZERO, step)
+        happens(series_root(step["v_n"], scratch, contact["gap_rate"], step["length"], zeros), RATE_ZERO, step)
     if contact["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_gap"] > 0.0:
-        _happens(series_root(step["gap"], scratch, -1.0, step["length"], 0), SEPARATION, step)
+        happens(series_root(step["gap"], scratch, -1.0, step["length"], 0), SEPARATION, step)
 
 
 @kernel
-def _friction_events(contact: np.void, step: np.void) -> None:
-    """Look for the end of a locked slip or spin, and for where a free one stops."""
+def friction_events(contact: np.void, step: np.void, load: np.ndarray, arm: float) -> None:
+    """Look for the end of a locked slip or spin, and for where a free one stops.
+
+    ``arm`` times the series ``load`` is the bound of the rolling moment.
+    """
     scratch, normal = step["scratch"], step["normal"]
-    before = before_separation(step["length"]) if step["event"] == SEPARATION else math.inf
+    # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
+    before = step["length"] * (1.0 - 1e-12) if step["event"] == SEPARATION else math.inf
     if contact["slip"] == 0.0:
-        for sign in both_signs(step["force"][0]):
+        for sign in _both_signs(step["force"][0]):
             if not (step["safe_force"] if sign > 0 else step["safe_force_back"]) > 0.0:
-                at = bound_root(normal, step["force"], scratch, sign, contact["friction"], step["length"])
-                if at < before and _happens(at, SLIP_RELEASED, step):
+                at = _bound_root(normal, step["force"], scratch, sign, contact["friction"], step["length"])
+                if at < before and happens(at, SLIP_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:
         zeros = int(contact["slip_zeros"])
-        _happens(series_root(step["v_t"], scratch, contact["slip"], step["length"], zeros), SLIP_ZERO, step)
+        happens(series_root(step["v_t"], scratch, contact["slip"], step["length"], zeros), SLIP_ZERO, step)
     if contact["spin"] == 0.0:
-        for sign in both_signs(step["moment"][0]):
+        for sign in _both_signs(step["moment"][0]):
             if not (step["safe_moment"] if sign > 0 else step["safe_moment_back"]) > 0.0:
-                at = bound_root(normal, step["moment"], scratch, sign, contact["arm"], step["length"])
-                if at < before and _happens(at, SPIN_RELEASED, step):
+                at = _bound_root(load, step["moment"], scratch, sign, arm, step["length"])
+                if at < before and happens(at, SPIN_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SPIN_ZERO and not step["safe_omega"] > 0.0:
         zeros = int(contact["spin_zeros"])
-        _happens(series_root(step["omega"], scratch, contact["spin"], step["length"], zeros), SPIN_ZERO, step)
+        happens(series_root(step["omega"], scratch, contact["spin"], step["length"], zeros), SPIN_ZERO, step)
 
 
 @kernel
@@ -188,15 +174,15 @@ def _corner_events(body: Body, contact: np.void, step: np.void) -> None:
     on_arc = contact["feature"] == ARC
     inside = body.half_angle - abs(contact["phi"])
     if contact["at_edge"] != 0.0 or not (inside if on_arc else -inside) > step["turn"]:
-        _happens(_feature_end(body, contact, step), FEATURE_ENDS, step)
+        happens(_feature_end(body, contact, step), FEATURE_ENDS, step)
     if contact["other"] < math.inf and not step["safe_other"] > 0.0:
         at = _chord_down(contact, step)
         if at < math.inf and on_arc and contact["other_sine"] * horner(step["phi"], at) < 0.0:
             # By then the other end of the arc is further away: that one is heeded from the middle on.
             side = 1.0 if contact["other_sine"] > 0.0 else -1.0
-            _happens(series_root(step["phi"], step["scratch"], side, step["length"], 0), MIDDLE_PASSED, step)
+            happens(series_root(step["phi"], step["scratch"], side, step["length"], 0), MIDDLE_PASSED, step)
         else:
-            _happens(at, CHORD_DOWN, step)
+            happens(at, CHORD_DOWN, step)
 
 
 @kernel
@@ -209,8 +195,8 @@ def first_event(body: Body, contact: np.void, step: np.void) -> None:
     """
     step["released"] = 0.0
     _gap_events(contact, step)
-    _friction_events(contact, step)
+    friction_events(contact, step, step["normal"], contact["arm"])
     if has_corners(body):
         _corner_events(body, contact, step)
     if not contact["length"] - contact["x"] > step["travel"]:
-        _happens(slope_end(step["x"], step["scratch"], contact["length"], step["length"]), SLOPE_ENDS, step)
+        happens(slope_end(step["x"], step["scratch"], contact["length"], step["length"]), SLOPE_ENDS, step)

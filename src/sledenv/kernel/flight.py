@@ -12,21 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.ballistics import (
-    FALLING,
-    LANDED,
-    POISED,
-    SEARCHING,
-    arrival,
-    fall,
-    finish_of,
-    march,
-    take_off,
-)
+from sledenv.kernel import ballistics
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.trace import LANES, packed, scalar, straight
+from sledenv.kernel.trace import LANES, copy_into_callers, packed, scalar, straight
 
 EDGE = 1e-9  # [rad]
 FEW = 3  # lanes from which on a pack is faster than each by itself
@@ -38,6 +28,7 @@ def for_bodies(program: Callable[[Any, bool], None], compiled: Callable[..., Any
 
     @kernel
     def run(body: Body, hop: Any) -> None:
+        copy_into_callers()
         if has_corners(body):
             with_corners(hop)
         else:
@@ -46,11 +37,11 @@ def for_bodies(program: Callable[[Any, bool], None], compiled: Callable[..., Any
     return run
 
 
-_take_off, _take_off_all = for_bodies(take_off, straight), for_bodies(take_off, packed)
-_fall, _fall_all = for_bodies(fall, straight), for_bodies(fall, packed)
-_march, _march_all = for_bodies(march, straight), for_bodies(march, packed)
-_arrive = for_bodies(lambda hop, corners: arrival(hop, hop.duration, corners), straight)
-_finish = scalar(lambda x, u, acceleration, length: (finish_of(x, u, acceleration, length),))
+_take_off, _take_off_all = for_bodies(ballistics.take_off, straight), for_bodies(ballistics.take_off, packed)
+_fall, _fall_all = for_bodies(ballistics.fall, straight), for_bodies(ballistics.fall, packed)
+_march, _march_all = for_bodies(ballistics.march, straight), for_bodies(ballistics.march, packed)
+_arrive = for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, corners), straight)
+_finish = scalar(lambda x, u, acceleration, length: (ballistics.finish_of(x, u, acceleration, length),))
 
 
 @kernel
@@ -85,6 +76,7 @@ def tell_bodies(body: Body, pack: np.void) -> None:
 @kernel
 def tell_flight(slope: Incline, limits: Limits, flight: np.void, hop: np.void) -> None:
     """Write where a flight starts, from a record of OUTCOME, and what it is subject to."""
+    copy_into_callers()
     hop["downhill"], hop["inward"], hop["length"] = slope.downhill, slope.inward, slope.length
     hop["t"], hop["x"], hop["y"], hop["phi"] = flight["t"], flight["x"], flight["y"], flight["phi"]
     hop["u"], hop["v"], hop["omega"] = flight["u"], flight["v"], flight["omega"]
@@ -127,11 +119,11 @@ def _lift(body: Body, furthest: float, inward: float, noise: float, phi: float, 
 @kernel
 def _search(body: Body, hop: np.void) -> None:
     """Go on with a search in steps that pass no root."""
-    while hop["phase"] != LANDED:
-        if hop["phase"] == POISED:
+    while hop["phase"] != ballistics.LANDED:
+        if hop["phase"] == ballistics.POISED:
             start = _lift(body, hop["furthest"], hop["inward"], hop["noise"], hop["phi"], hop["v"], hop["omega"])
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
-            hop["phase"] = LANDED if start < 0.0 else SEARCHING
+            hop["phase"] = ballistics.LANDED if start < 0.0 else ballistics.SEARCHING
         else:
             _march(body, hop)
 
@@ -155,8 +147,9 @@ def touchdown(body: Body, hop: np.void) -> float:
     float
         Time of touchdown, inf if there is none up to ``hop["horizon"]``; also ``hop["touchdown"]``.
     """
+    copy_into_callers()
     _take_off(body, hop)
-    while hop["phase"] == FALLING:
+    while hop["phase"] == ballistics.FALLING:
         _fall(body, hop)
     _search(body, hop)
     return float(hop["touchdown"])
@@ -180,7 +173,7 @@ def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
     hop["in_reach"], hop["root"], hop["alone_from"] = pack["in_reach"][k], pack["root"][k], pack["alone_from"][k]
     hop["touchdown"], hop["phase"] = pack["touchdown"][k], pack["phase"][k]
     _search(body, hop)
-    pack["touchdown"][k], pack["phase"][k] = hop["touchdown"], LANDED
+    pack["touchdown"][k], pack["phase"][k] = hop["touchdown"], ballistics.LANDED
 
 
 @kernel
@@ -191,24 +184,26 @@ def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
     """
     _take_off_all(body, pack)
     for k in range(count, LANES):
-        pack["phase"][k] = LANDED
-    while _number(FALLING, pack) > 0:
+        pack["phase"][k] = ballistics.LANDED
+    while _number(ballistics.FALLING, pack) > 0:
         _fall_all(body, pack)
-    while _number(SEARCHING, pack) >= FEW:
+    while _number(ballistics.SEARCHING, pack) >= FEW:
         _march_all(body, pack)
     for k in range(count):
-        if pack["phase"][k] != LANDED:
+        if pack["phase"][k] != ballistics.LANDED:
             _search_alone(body, k, pack, hop)
 
 
 @kernel
 def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
     """First time [s] > 0 at which ``x + u t + acceleration t^2 / 2`` reaches ``length``, inf if never."""
+    copy_into_callers()
     return _finish(x, u, acceleration, length)[0] if length < math.inf else math.inf
 
 
 @kernel
 def arrive(body: Body, duration: float, hop: np.void) -> None:
     """Follow a flight for some time [s]: fill in where it then is, and how what is lowest there would touch."""
+    copy_into_callers()
     hop["duration"] = duration
     _arrive(body, hop)

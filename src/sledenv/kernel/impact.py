@@ -20,19 +20,8 @@ from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, State
 from sledenv.kernel.records import ARC
 from sledenv.kernel.state import change
-from sledenv.kernel.trace import (
-    absolute,
-    equal,
-    larger,
-    less,
-    not_more,
-    root,
-    sign,
-    sine_cosine,
-    smaller,
-    straight,
-    where,
-)
+from sledenv.kernel.trace import copy_into_callers, straight
+from sledenv.kernel.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 MOST_PHASES = 32
@@ -162,6 +151,7 @@ _pass_energetic, _pass_poisson, _pass_newton = _pass_by(ENERGETIC), _pass_by(POI
 
 @kernel
 def _pass(hypothesis: int, hop: np.void) -> None:
+    copy_into_callers()
     if hypothesis == POISSON:
         _pass_poisson(hop)
     elif hypothesis == NEWTON:
@@ -178,6 +168,7 @@ def choose_signs(
 
     Where ``slip`` or ``spin`` is zero the velocity may stay locked, or leave with either sign.
     """
+    copy_into_callers()
     drive = Drive(0.0, 0.0)
     best = resolve(w, drive, friction, arm, size, Bounds(1.0, 1.0), Branch(-1, int(slip), int(spin)))
     mu, rho, _ = branch_forces(w, drive, friction, arm, 1.0, False, best.slip, best.spin)
@@ -205,6 +196,7 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
     int
         Number of phases, MOST_PHASES + 1 if they did not suffice.
     """
+    copy_into_callers()
     _begin(hop)
     hop["hysteresis"] = hop["opened"] = hop["compressed"] = 0.0
     hop["v_n_entry"] = hop["v_n"]

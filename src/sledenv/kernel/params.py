@@ -1,82 +1,16 @@
-"""What a descent is given: body, contact law, slope, launch state and limits, as tuples of floats."""
+"""What kernels are given: body, contact law, slope, launch state and limits, as tuples of floats.
+
+Python makes them with the classes of the same names in :mod:`sledenv.params`, which check every field.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Self
-
-import numpy as np
-
-Rule = tuple[Callable[[Any], Any], str]  # what accepts a float, or each entry of an array; what it accepts, in words
-
-FINITE: Rule = (lambda v: abs(v) < math.inf, "a finite number")
-NOT_NEGATIVE: Rule = (lambda v: (v >= 0.0) & (v < math.inf), "in [0, inf)")
-STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
-RESTITUTION: Rule = (lambda v: (v > 0.0) & (v <= 1.0), "in (0, 1]")
-CLOSED_FRACTION: Rule = (lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
-POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
-_HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
-_FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
-_LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
-TOLERANCE = 1e-14  # default of Limits
-_TOLERANCE: Rule = (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]")
+from typing import NamedTuple
 
 
-def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
-    """Return ``value`` as a float, or raise an error that names field, value and allowed range.
+class Body(NamedTuple):
+    """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1."""
 
-    Raises
-    ------
-    TypeError
-        If ``value`` is not a real number.
-    ValueError
-        If ``value`` is NaN or outside the range.
-    """
-    accepts, allowed = rule
-    if type(value) is float and accepts(value):
-        return value
-    try:
-        if isinstance(value, str | bytes) or getattr(value, "dtype", np.dtype(float)).kind not in "biuf":
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{owner}.{field} = {value!r}: must be a number {allowed}") from None
-    if not accepts(number):
-        raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
-    return number
-
-
-def _checked_fields(kind: type[Any], *values: Any) -> list[float]:
-    columns = zip(kind._fields, values, kind.rules, strict=True)
-    return [checked(kind.__name__, field, value, rule) for field, value, rule in columns]
-
-
-def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
-    """Check many tuples of one kind at once.
-
-    Parameters
-    ----------
-    owner : str
-        What the message calls a row; ``{lane}`` in it becomes the number of the row.
-    kind : type
-        A named tuple of floats with ``rules``, one a field, such as :class:`Slope`.
-    rows : ndarray of float, shape (N, fields)
-
-    Raises
-    ------
-    ValueError
-        Naming row, field, value and allowed range.
-    """
-    for column, field, (accepts, allowed) in zip(rows.T, kind._fields, kind.rules, strict=True):
-        accepted = accepts(column)
-        if not accepted.all():
-            lane = int(np.argmin(accepted))
-            value = float(column[lane])
-            raise ValueError(f"{owner.format(lane=lane)}.{field} = {value!r}: must be {allowed}")
-
-
-class _BodyFields(NamedTuple):
     mass: float  # [kg]
     radius: float  # [m] r of the arc; 0 is a rod
     eccentricity: float  # [m] h, distance from arc centre to mass centre
@@ -84,137 +18,14 @@ class _BodyFields(NamedTuple):
     half_angle: float  # [rad] alpha; the arc spans +-alpha about the direction of the mass centre
 
 
-class Body(_BodyFields):
-    """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1.
+class ContactLaw(NamedTuple):
+    """How the body touches the slope: docs/physics.md, section 5."""
 
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    radius : float
-        Radius of the arc [m], >= 0; 0 is a rod that touches with its end.
-    eccentricity : float
-        Distance from the centre of the arc to the mass centre [m], >= 0.
-    inertia : float
-        Moment of inertia about the mass centre [kg m^2], > 0.
-    half_angle : float
-        Half-angle of the arc [rad] in (0, pi]; pi is a full disc without corners.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the field, its value and the allowed range.
-    """
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, _HALF_ANGLE)
-
-    def __new__(
-        cls, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
-    ) -> Self:
-        return super().__new__(cls, *_checked_fields(cls, mass, radius, eccentricity, inertia, half_angle))
-
-
-def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
-    """Return the uniform lamina bounded by an arc and its chord: docs/physics.md, section 8.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    radius : float
-        Radius of the arc [m], > 0.
-    half_angle : float
-        Half of the angle that the arc subtends [rad] in (0, pi].
-
-    Returns
-    -------
-    Body
-        With the eccentricity and the inertia of the lamina.
-    """
-    mass = checked("circular_segment", "mass", mass, POSITIVE)
-    radius = checked("circular_segment", "radius", radius, POSITIVE)
-    alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
-    sine, cosine = math.sin(alpha), math.cos(alpha)
-    area = alpha - sine * cosine  # of the segment, over r^2
-    eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
-    about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
-    return Body(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
-
-
-def restitution_of(asymmetry: Any) -> Any:
-    """Energetic coefficient of restitution e [-] of an asymmetry, float or array: docs/physics.md (5.3)."""
-    return np.sqrt((1.0 - asymmetry) / (1.0 + asymmetry))
-
-
-def asymmetry_of(restitution: Any) -> Any:
-    """Asymmetry Delta [-] < 1 of a coefficient of restitution, float or array: docs/physics.md (5.3)."""
-    squared = restitution * restitution
-    return np.minimum((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
-
-
-class _ContactLawFields(NamedTuple):
     stiffness: float  # [N/m] c; c(1 + asymmetry) loading, c(1 - asymmetry) unloading
     asymmetry: float  # [-] Delta in [0, 1)
     friction: float  # [-] f, Coulomb
     rolling_arm: float  # [m] delta of the arc; rolling resistance is delta * N
     corner_rolling_arm: float  # [m] delta of a corner
-
-
-class ContactLaw(_ContactLawFields):
-    """How the body touches the slope: docs/physics.md, section 5.
-
-    Parameters
-    ----------
-    stiffness : float
-        Mean normal stiffness c [N/m], > 0: c(1 + asymmetry) while the gap closes, c(1 - asymmetry) while it opens.
-    asymmetry : float
-        Delta [-] in [0, 1); restitution is sqrt((1 - Delta)/(1 + Delta)).
-    friction : float
-        Coulomb coefficient f [-], >= 0.
-    rolling_arm : float
-        Arm delta of the rolling resistance of the arc [m], >= 0.
-    corner_rolling_arm : float
-        The same for a corner [m], >= 0; 0 by default.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the field, its value and the allowed range.
-    """
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, _FRACTION, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
-
-    def __new__(
-        cls,
-        stiffness: float,
-        asymmetry: float,
-        friction: float,
-        rolling_arm: float,
-        corner_rolling_arm: float = 0.0,
-    ) -> Self:
-        values = _checked_fields(cls, stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
-        return super().__new__(cls, *values)
-
-    @property
-    def restitution(self) -> float:
-        """Energetic coefficient of restitution e [-] of an impact without gravity: docs/physics.md (5.3)."""
-        return float(restitution_of(self.asymmetry))
-
-    @classmethod
-    def from_restitution(
-        cls,
-        restitution: float,
-        *,
-        stiffness: float,
-        friction: float,
-        rolling_arm: float,
-        corner_rolling_arm: float = 0.0,
-    ) -> ContactLaw:
-        """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
-        asymmetry = asymmetry_of(checked("ContactLaw", "restitution", restitution, RESTITUTION))
-        return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
 class RigidLaw(NamedTuple):
@@ -227,6 +38,14 @@ class RigidLaw(NamedTuple):
     settle_speed: float  # [m/s] of approach, below which an impact is plastic
 
 
+class Slope(NamedTuple):
+    """A straight incline: docs/physics.md, section 1."""
+
+    angle: float  # [rad] beta, positive downhill
+    length: float  # [m] where the descent finishes; may be inf
+    gravity: float  # [m/s^2]
+
+
 class Incline(NamedTuple):
     """What a kernel needs of a slope: see :func:`sledenv.kernel.geometry.incline_of`."""
 
@@ -236,38 +55,9 @@ class Incline(NamedTuple):
     gravity: float  # [m/s^2]
 
 
-class _SlopeFields(NamedTuple):
-    angle: float  # [rad] beta, positive downhill
-    length: float  # [m] where the descent finishes; may be inf
-    gravity: float  # [m/s^2]
+class State(NamedTuple):
+    """Position, orientation and velocity of the body: docs/physics.md, section 1."""
 
-
-class Slope(_SlopeFields):
-    """A straight incline: docs/physics.md, section 1.
-
-    Parameters
-    ----------
-    angle : float
-        Inclination beta [rad] in (-pi/2, pi/2); x runs downhill where it is positive.
-    length : float
-        The descent finishes where the mass centre reaches x = length [m], > 0; inf by default.
-    gravity : float
-        Gravitational acceleration [m/s^2], >= 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the field, its value and the allowed range.
-    """
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
-
-    def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81) -> Self:
-        return super().__new__(cls, *_checked_fields(cls, angle, length, gravity))
-
-
-class _StateFields(NamedTuple):
     x: float  # [m] mass centre, along the slope, downhill positive
     y: float  # [m] mass centre, along the outward normal
     phi: float  # [rad] orientation, counter-clockwise, not wrapped
@@ -276,26 +66,9 @@ class _StateFields(NamedTuple):
     omega: float  # [rad/s] phidot
 
 
-class State(_StateFields):
-    """Position, orientation and velocity of the body: docs/physics.md, section 1.
+class Limits(NamedTuple):
+    """Where a simulation stops and how finely it is integrated and sampled."""
 
-    ``x``, ``y`` [m] locate the mass centre in the slope frame, ``phi`` [rad] is counter-clockwise and not wrapped,
-    ``u``, ``v`` [m/s] and ``omega`` [rad/s] are their rates.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a field is not a finite number.
-    """
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (FINITE,) * 6
-
-    def __new__(cls, x: float, y: float, phi: float, u: float = 0.0, v: float = 0.0, omega: float = 0.0) -> Self:
-        return super().__new__(cls, *_checked_fields(cls, x, y, phi, u, v, omega))
-
-
-class _LimitsFields(NamedTuple):
     max_time: float  # [s]
     max_steps: float  # [-] integration steps in contact
     tolerance: float  # [-] last terms of the series of a contact step, relative to the speed scale of the contact
@@ -303,31 +76,3 @@ class _LimitsFields(NamedTuple):
     step: float  # [s] of the explicit Euler solver
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
     max_rebounds: float  # [-] at which a descent ends
-
-
-class Limits(_LimitsFields):
-    """Where a simulation stops and how finely it is integrated and sampled."""
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (
-        POSITIVE,
-        POSITIVE,
-        _TOLERANCE,
-        POSITIVE,
-        POSITIVE,
-        CLOSED_FRACTION,
-        POSITIVE,
-    )
-
-    def __new__(
-        cls,
-        max_time: float = 60.0,
-        max_steps: float = 1e6,
-        tolerance: float = TOLERANCE,
-        sample_interval: float = 0.01,
-        step: float = 2.5e-7,
-        printed_sign: float = 0.0,
-        max_rebounds: float = 1000.0,
-    ) -> Self:
-        values = _checked_fields(cls, max_time, max_steps, tolerance, sample_interval, step, printed_sign, max_rebounds)
-        return super().__new__(cls, *values)

@@ -8,25 +8,14 @@ from typing import Final
 import numpy as np
 
 # Kernels use the plain integers (an enum member would not be a compile-time constant); the enums below name them.
-RUNNING: Final = 0
-FINISH: Final = 1
-JAMMED: Final = 2
-TUMBLED: Final = 3
-TIMEOUT: Final = 4
-LOG_FULL: Final = 5
-STEP_BUDGET: Final = 6
-NON_FINITE: Final = 7
-BURIED: Final = 8
+RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BURIED = range(9)
 # How a contact may end without ending the descent.
 SEPARATED: Final = -1  # the body leaves the slope
 BOTH_CORNERS: Final = -2  # the corner on the other side has come down
 ONE_CORNER: Final = -3  # one of two corners has left, the other still touches
 INCONSISTENT: Final = -4  # no finite normal force keeps rigid surfaces apart: an impact follows
 
-ARC: Final = 1
-NOSE: Final = 2
-TAIL: Final = 3
-CHORD: Final = 4
+ARC, NOSE, TAIL, CHORD = range(1, 5)
 
 
 class Status(StrEnum):

@@ -12,7 +12,8 @@ from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, sof
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits, RigidLaw
 from sledenv.kernel.records import ARC, BOTH_CORNERS, INCONSISTENT, NOSE, SEPARATED, STEP_BUDGET, TAIL, TUMBLED
-from sledenv.kernel.trace import scalar, where
+from sledenv.kernel.trace import copy_into_callers, scalar
+from sledenv.kernel.values import where
 
 IN_CONTACT = -5  # status beside those of records.py: what has been hit stays in contact, with one point
 MOST_STRIKES = 10000  # impacts without a flight between them
@@ -26,6 +27,7 @@ _lies_flat = scalar(lambda phi, across, size: (where(lies_flat(phi, across, size
 @kernel
 def tell_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> None:
     """Write how rigid surfaces meet."""
+    copy_into_callers()
     size = body.radius + body.eccentricity
     spin, slip = contact["omega"], contact["v_t"]
     contact["k_closing"], contact["k_opening"] = math.inf, 0.0
@@ -43,6 +45,7 @@ def _arms_now(body: Body, feature: int, contact: np.void) -> tuple[float, float]
 @kernel
 def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void, hop: np.void) -> int:
     """Follow one impact of the feature that touches, whose arms are given. Return the number of phases."""
+    copy_into_callers()
     hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
     hop["arm"] = law.rolling_arm if contact["feature"] == ARC else law.corner_rolling_arm
@@ -120,6 +123,7 @@ def _strike_once(body: Body, law: RigidLaw, slope: Incline, a: float, b: float, 
     An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
     sequence of ever smaller bounces (docs/physics.md, section 6). The result is that of :func:`strike_chord`.
     """
+    copy_into_callers()
     feature, omega = int(contact["feature"]), contact["omega"]
     local = contact["phi"] - whole_turns(contact["phi"])
     if feature != ARC and _lies_flat(local, corner_lengths(body)[1], hop["size"])[0] > 0.0:
@@ -149,6 +153,7 @@ def strike(
     Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
     touchdown, and ``space["hop"]`` has been told the body.
     """
+    copy_into_callers()
     contact, hop = space["contact"], space["hop"]
     tell_rigid(body, law, slope, contact)
     a, b = contact["a_before"], contact["b_before"]

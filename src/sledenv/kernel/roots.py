@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.rows import element, sums
 from sledenv.kernel.state import WIDTH
-from sledenv.kernel.trace import absolute, element, fma, keep_apart, scalar, smaller, sums, where_less, write_series
+from sledenv.kernel.trace import keep_apart, scalar, write_series
+from sledenv.kernel.values import absolute, fma, smaller, where_less
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000
@@ -96,23 +98,32 @@ def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
 
 
 _scaled, _bent, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
-_closer, _certainty = scalar(lambda q, s: _approach(q, s, WIDTH)), scalar(_certificate)
-_closer_in_step = scalar(lambda q, s: _approach(q, s, rows.TERMS))
+_certainty = scalar(_certificate)
 
 
-@kernel
-def locate(q: np.ndarray, guess: float, most: float) -> float:
-    """Root of a series near ``guess`` and up to ``most``, if it is surely the first one; else -1."""
-    s = guess
-    before = most
-    for _ in range(MOST_APPROACHES):
-        s, step, error = _closer_in_step(q, s)
-        if not abs(step) < before:
-            return -1.0
-        before = 0.25 * abs(step)
-        if error <= CLOSE:
-            return s if 0.0 < s <= most and _certainty(q, s)[0] > 0.0 else -1.0
-    return -1.0
+def _locating(terms: int) -> Callable[[np.ndarray, float, float], float]:
+    """Return a kernel that looks for a root of a series of so many terms."""
+    closer = scalar(lambda q, s: _approach(q, s, terms))
+
+    @kernel
+    def found(q: np.ndarray, guess: float, most: float) -> float:
+        s = guess
+        before = most
+        for _ in range(MOST_APPROACHES):
+            s, step, error = closer(q, s)
+            if not abs(step) < before:
+                return -1.0
+            before = 0.25 * abs(step)
+            if error <= CLOSE:
+                return s if 0.0 < s <= most and _certainty(q, s)[0] > 0.0 else -1.0
+        return -1.0
+
+    return found
+
+
+# Root of a series near a guess and up to some place, if it is surely the first one; else -1.
+locate = _locating(rows.TERMS)  # of a step
+_locate = _locating(WIDTH)  # of any series
 
 
 @kernel
@@ -178,16 +189,9 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     if value + min(slope, 0.0) - rest > 0.0:
         return math.inf
     if last < -tiny:  # there is a root; what lies straight ahead is nearly always the first
-        at, before = value / (value - last), 1.0
-        for _ in range(MOST_APPROACHES):
-            at, change, error = _closer(q, at)
-            if not abs(change) < before:
-                break
-            before = 0.25 * abs(change)
-            if error <= CLOSE:
-                if 0.0 < at <= 1.0 and _certainty(q, at)[0] > 0.0:
-                    return float(at * step)
-                break
+        at = _locate(q, value / (value - last), 1.0)
+        if at > 0.0:
+            return at * step
     # |second derivative| <= curvature on [0, end]: go to the first root of the parabola below the series, which is
     # never past a root of the series itself. Where that takes long the bound is too wide: shorten its interval.
     s = 0.0

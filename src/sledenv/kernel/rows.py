@@ -1,4 +1,4 @@
-"""Arithmetic of power series in straight-line programs: a row of coefficients, as three vectors of eight."""
+"""Vectors in straight-line programs, and power series as rows of coefficients: three vectors of eight each."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 
 from sledenv.kernel.state import WIDTH
-from sledenv.kernel.trace import absolute, block, element, fma, repeated, shuffled, side_by_side
+from sledenv.kernel.trace import block
+from sledenv.kernel.values import DOUBLE, Value, absolute, constant, fma
 
 EIGHT = 8
 TERMS = 19  # of a series; zeros fill up its row to WIDTH
@@ -17,6 +19,66 @@ COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each number of a r
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
 _EVEN, _ODD = range(0, 2 * EIGHT, 2), range(1, 2 * EIGHT, 2)
+
+
+def side_by_side(*numbers: Any) -> Any:
+    """Vector of some numbers."""
+    builder = next((number.builder for number in numbers if isinstance(number, Value)), None)
+    if builder is None:
+        return np.array(numbers)
+    known = [0.0 if isinstance(number, Value) else float(number) for number in numbers]
+    vector: Any = constant(ir.VectorType(DOUBLE, len(numbers)), known)
+    for i, number in enumerate(numbers):
+        if isinstance(number, Value):
+            vector = builder.insert_element(vector, number.value, ir.Constant(ir.IntType(32), i))
+    return Value(builder, vector)
+
+
+def repeated(number: Any, count: int) -> Any:
+    """Vector of the same number."""
+    return shuffled(side_by_side(number), None, [0] * count)
+
+
+def shuffled(a: Any, b: Any, places: Sequence[int]) -> Any:
+    """Vector of the elements of ``a`` and then ``b`` at some places; ``b`` may be None."""
+    if isinstance(b, Value):
+        a = Value(b.builder, b.lift(a))
+    if not isinstance(a, Value):
+        return (a if b is None else np.concatenate([a, b]))[list(places)]
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
+    other = ir.Constant(a.value.type, ir.Undefined) if b is None else a.lift(b)
+    return a.make(a.builder.shuffle_vector(a.value, other, mask))
+
+
+def element(vector: Any, i: int) -> Any:
+    """Number at a place of a vector."""
+    if not isinstance(vector, Value):
+        return vector[i]
+    return vector.make(vector.builder.extract_element(vector.value, ir.Constant(ir.IntType(32), i)))
+
+
+# Sums of eight vectors of eight at once: each step adds two halves of which neither leaves its 128 bits until it must.
+_FOLDS = (
+    ((0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)),
+    ((0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)),
+    ((0, 1, 2, 3, 8, 9, 10, 11), (4, 5, 6, 7, 12, 13, 14, 15)),
+)
+
+
+def sums(vectors: Sequence[Any]) -> list[Any]:
+    """Sum of the elements of each of some vectors of eight."""
+    found = []
+    for first in range(0, len(vectors), 8):
+        part = list(vectors[first : first + 8])
+        count = len(part)
+        part += [part[0]] * (8 - count)
+        for low, high in _FOLDS:
+            part = [shuffled(a, b, low) + shuffled(a, b, high) for a, b in zip(part[::2], part[1::2], strict=True)]
+        found += [element(part[0], i) for i in range(count)]
+    return found
+
+
+# Rows.
 
 
 def powers(s: Any) -> list[Any]:
@@ -78,7 +140,7 @@ def with_first(row: Sequence[Any], first: Any) -> list[Any]:
 
 
 def added(row: Sequence[Any]) -> Any:
-    """Sum of a row, in eight parts: see :func:`sledenv.kernel.trace.sums`."""
+    """Sum of a row, in eight parts: see :func:`sums`."""
     return row[0] + row[1] + row[2]
 
 

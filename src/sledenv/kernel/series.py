@@ -6,31 +6,16 @@ and the forces of a branch; :mod:`sledenv.kernel.step` says how far the step may
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.rows import EIGHT, TERMS
-from sledenv.kernel.trace import (
-    Program,
-    absolute,
-    block,
-    element,
-    fma,
-    larger,
-    not_more,
-    repeated,
-    rough_root,
-    scalar,
-    shuffled,
-    side_by_side,
-    smaller,
-    straight,
-    where,
-)
+from sledenv.kernel.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
+from sledenv.kernel.trace import Program, block, of_step, scalar
+from sledenv.kernel.values import absolute, fma, larger, not_more, rough_root, smaller, where
 
 ORDER = TERMS - 1  # forces are known to one order less than the motion
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
@@ -243,25 +228,14 @@ def _gliding(gap_locked: bool, slip_locked: bool) -> Program:
     return program
 
 
-def _apart(program: Program) -> Callable[[np.void, np.void], None]:
-    """Return a kernel of its own that runs a program of a contact and a step."""
-    run = straight(program)
-
-    @kernel
-    def expanded(contact: np.void, step: np.void) -> None:
-        run(contact, step)
-
-    return expanded
-
-
 # Branches by what is locked.
-_free = _apart(_spinning(gap_locked=False, slip_locked=False))
-_sticking = _apart(_spinning(gap_locked=False, slip_locked=True))
-_settled = _apart(_spinning(gap_locked=True, slip_locked=False))
-_rolling = _apart(_spinning(gap_locked=True, slip_locked=True))
-_sliding_unspun = _apart(_gliding(gap_locked=False, slip_locked=False))
-_stuck_unspun = _apart(_gliding(gap_locked=False, slip_locked=True))
-_settled_unspun = _apart(_gliding(gap_locked=True, slip_locked=False))
+_free = of_step(_spinning(gap_locked=False, slip_locked=False))
+_sticking = of_step(_spinning(gap_locked=False, slip_locked=True))
+_settled = of_step(_spinning(gap_locked=True, slip_locked=False))
+_rolling = of_step(_spinning(gap_locked=True, slip_locked=True))
+_sliding_unspun = of_step(_gliding(gap_locked=False, slip_locked=False))
+_stuck_unspun = of_step(_gliding(gap_locked=False, slip_locked=True))
+_settled_unspun = of_step(_gliding(gap_locked=True, slip_locked=False))
 
 
 @kernel

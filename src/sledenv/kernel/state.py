@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from sledenv.kernel.trace import pack_of, where
+from sledenv.kernel.trace import pack_of
+from sledenv.kernel.values import where
 
 WIDTH: Final = 24  # numbers of a series: three vectors of eight; see rows.py
 
@@ -167,6 +168,52 @@ STEP: Final = record(
     ("safe_force_back", "f8"),  # and above the negative of that
     ("safe_moment", "f8"),
     ("safe_moment_back", "f8"),
+)
+
+# A point of a body that lies on its chord, by the numbers that chord.py explains.
+POINT: Final = np.dtype(
+    [
+        ("along", "f8"),  # [m]
+        ("across", "f8"),  # [m]
+        ("radius", "f8"),  # [m]
+    ],
+    align=True,
+)
+
+# One of the two sides of such a body, and its contact.
+SIDE: Final = record(
+    ("sign", "f8"),  # 1 of the tail, -1 of the nose: what holds for one holds for the other, mirrored
+    ("point", POINT),  # that touches
+    ("rolling_arm", "f8"),  # [m] of it
+    ("on_arc", "i8"),  # 1 if it is on the arc, 0 if it is the corner
+    ("at_edge", "i8"),  # 1 if the one has just taken over from the other
+    ("gap", "f8"),  # [m] between it and the slope
+    ("gap_rate", "f8"),  # sign of the gap rate
+    ("zeros", "i8"),  # leading coefficients of the gap rate that are zero by construction
+    ("turning", "i8"),  # 1 while it is to be decided whether the gap rate changes its sign
+    ("stiffness", "f8"),  # [N/m]
+    ("gaps", "f8", (WIDTH,)),  # [m] series of a step
+)
+
+# What the contact of both sides has beside a CONTACT, in which phi then counts from where the chord lies flat and v_t
+# is that of the point in the middle. Make it with :func:`new`: behind the terms of a series are zeros.
+CHORD: Final = record(
+    ("step", STEP),  # in seconds; v_n is that of the mass centre, and normal the sum of both sides
+    # Further series of a step.
+    ("height", "f8", (WIDTH,)),  # [m] of the mass centre
+    ("speed", "f8", (WIDTH,)),  # [m/s] of the mass centre along the slope
+    ("load", "f8", (WIDTH,)),  # [N m] sum of rolling arm times normal force, the bound of the rolling moment
+    ("pull_sine", "f8", (WIDTH,)),  # [N m] the forces turn the body by this times the sine of phi
+    ("pull_cosine", "f8", (WIDTH,)),  # [N m] and this times the cosine
+    ("tail", SIDE),
+    ("nose", SIDE),
+    ("middle", POINT),  # where the body slips: the mean of those of both sides
+    ("y", "f8"),  # [m] of the mass centre
+    ("v", "f8"),  # [m/s]
+    ("tail_first", "i8"),  # 1 if the side of the tail came down first
+    ("longest", "f8"),  # [s] that a step may take
+    ("edge", "f8"),  # [rad] size of phi where the arc takes over from a corner
+    ("event_sign", "f8"),  # sign of the side to which an event happens
 )
 
 # One hop: a flight, its touchdown, and the impact of a rigid body there. A pack of hops has LANES of each number.

@@ -12,58 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel import rows
+from sledenv.kernel import events, rows, values
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
-from sledenv.kernel.rows import EIGHT, TERMS
-from sledenv.kernel.trace import (
-    absolute,
-    equal,
-    fma,
-    larger,
-    less,
-    not_more,
-    repeated,
-    root,
-    rough_angle,
-    sine_cosine,
-    smaller,
-    straight,
-    sums,
-    where,
-    where_less,
-    with_sign,
-)
-
-# What ends a step.
-NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
-RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
+from sledenv.kernel.rows import EIGHT, TERMS, repeated, sums
+from sledenv.kernel.trace import of_step, straight
+from sledenv.kernel.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 
 # Gauss's rule with eight nodes on [0, 1]; written out, so that the bits do not depend on the version of a library.
-_NODES = np.array(
-    [
-        0.019855071751231884,
-        0.10166676129318664,
-        0.2372337950418355,
-        0.4082826787521751,
-        0.591717321247825,
-        0.7627662049581645,
-        0.8983332387068134,
-        0.9801449282487681,
-    ]
-)
-_WEIGHTS = np.array(
-    [
-        0.05061426814518813,
-        0.11119051722668724,
-        0.15685332293894363,
-        0.181341891689181,
-        0.181341891689181,
-        0.15685332293894363,
-        0.11119051722668724,
-        0.05061426814518813,
-    ]
-)
+_LOWER = [0.019855071751231884, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751]
+_UPPER = [0.591717321247825, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681]
+_NODES = np.array(_LOWER + _UPPER)
+_RISING = [0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181]
+_WEIGHTS = np.array(_RISING + _RISING[::-1])
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)
 _SAGS = np.where(rows.COUNT > 1.0, (_ORDERS - 1.0) * _ORDERS ** (-_ORDERS / (_ORDERS - 1.0)), 0.0)
@@ -77,7 +38,7 @@ def _nonzero(a: Any) -> Any:
 def _orientation(contact: Any, step: Any) -> None:
     """Program of how the feature lies."""
     step.theta = contact.phi + contact.shift
-    step.sine, step.cosine = sine_cosine(step.theta)
+    step.sine, step.cosine = values.sine_cosine(step.theta)
 
 
 def _beginning(contact: Any, step: Any) -> None:
@@ -101,14 +62,14 @@ def _beginning(contact: Any, step: Any) -> None:
     # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
     beyond = speed * speed + gap * (gap - 2.0 * rest)
     separating = less(0.0, contact.gap_rate) & less(0.0, beyond)
-    step.expected = where(separating, SEPARATION, RATE_ZERO)
+    step.expected = where(separating, events.SEPARATION, events.RATE_ZERO)
     # and turns back where the tangent is speed / apart.
     step.abeam = where(separating, -gap, speed)
     step.ahead = where(separating, speed + root(beyond), gap - rest)
     step.per_pulsation = per_pulsation
     # Of the two ends of the arc the one that is further away.
     reach = contact.other_sine
-    contact.other_sine = where(not_more(contact.feature, ARC), with_sign(reach, contact.phi), reach)
+    contact.other_sine = where(not_more(contact.feature, ARC), values.with_sign(reach, contact.phi), reach)
 
 
 def _expectation(contact: Any, step: Any) -> None:
@@ -117,13 +78,13 @@ def _expectation(contact: Any, step: Any) -> None:
     Angles are right to a thousandth: the event is found exactly, only faster if the guess is good. Nothing is expected
     of a body that turns as fast.
     """
-    separating, closing = not_more(step.expected, SEPARATION), less(contact.gap_rate, 0.0)
-    angle = rough_angle(step.abeam, step.ahead)
+    separating, closing = not_more(step.expected, events.SEPARATION), less(contact.gap_rate, 0.0)
+    angle = values.rough_angle(step.abeam, step.ahead)
     later = where(closing & less(angle, 0.0), angle + math.pi, angle)
     angle = where(separating, 2.0 * angle, later)
     step.guess = angle * step.per_pulsation / step.unit
     kept = less(absolute(angle), math.inf) & not_more(contact.pace, step.unit)
-    step.expected = where(kept, step.expected, NOTHING)
+    step.expected = where(kept, step.expected, events.NOTHING)
 
 
 def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
@@ -231,7 +192,7 @@ def _progress(contact: Any, step: Any) -> None:
     before = contact.gap
     contact.time = contact.time + step.length * step.unit
     contact.x, contact.phi = step.x_end, step.phi_end
-    contact.gap = where(equal(step.event, SEPARATION), 0.0, step.gap_end)
+    contact.gap = where(equal(step.event, events.SEPARATION), 0.0, step.gap_end)
     contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
     normal = step.normal_impulse
     contact.normal_impulse = contact.normal_impulse + normal
@@ -245,26 +206,10 @@ def _progress(contact: Any, step: Any) -> None:
     contact.hysteresis = contact.hysteresis + where(less(0.0, contact.gap_rate), eased, 0.0)
 
 
-_orient, _begin, _expect = straight(_orientation), straight(_beginning), straight(_expectation)
-_complete, _complete_locked, _advance = straight(_completion), straight(_locked_completion), straight(_progress)
-
-
-@kernel
-def orient(contact: np.void, step: np.void) -> None:
-    """Write how the feature lies."""
-    _orient(contact, step)
-
-
-@kernel
-def begin_step(contact: np.void, step: np.void) -> None:
-    """Write the unit of time of a step, and where it starts in the contact oscillation with frozen arms."""
-    _begin(contact, step)
-
-
-@kernel
-def expect(contact: np.void, step: np.void) -> None:
-    """Write the event that ends this phase of the contact oscillation, and when to expect it."""
-    _expect(contact, step)
+# Of a contact and a step: write how the feature lies; the unit of time, and where the step starts in the contact
+# oscillation; the event that ends the phase of that, and when to expect it; move the contact to the end of the step.
+orient, begin_step, expect, advance = map(of_step, (_orientation, _beginning, _expectation, _progress))
+_complete, _complete_locked = straight(_completion), straight(_locked_completion)
 
 
 @kernel
@@ -273,9 +218,3 @@ def complete(contact: np.void, step: np.void) -> None:
     _complete(contact, step)
     if contact["gap_rate"] == 0.0 or contact["slip"] == 0.0 or contact["spin"] == 0.0:
         _complete_locked(contact, step)
-
-
-@kernel
-def advance(contact: np.void, step: np.void) -> None:
-    """Move a contact to the end of a step, at which ``step["event"]`` happens."""
-    _advance(contact, step)

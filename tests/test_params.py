@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sledenv.kernel.params import Body, ContactLaw, Limits, Slope, State, circular_segment
+from sledenv.params import Body, ContactLaw, Limits, Slope, State, circular_segment
 from tests.oracles import segment_by_strips
 
 GOOD: dict[Any, dict[str, float]] = {
