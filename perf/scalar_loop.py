@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
 from sledenv.checks import touching_law
+from sledenv.entries import entry
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.flight import tell_bodies, tell_body, touchdown, touchdowns
-from sledenv.kernel.jit import entry
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new

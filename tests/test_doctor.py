@@ -10,9 +10,8 @@ from pathlib import Path
 import numba
 import pytest
 
-from sledenv import doctor
+from sledenv import doctor, entries
 from sledenv.cli import main
-from sledenv.kernel import jit
 
 pytestmark = pytest.mark.jit_only
 
@@ -34,7 +33,9 @@ def test_a_sound_installation_is_warmed_and_well(capsys: pytest.CaptureFixture[s
     assert re.search(r"FMA (yes|no|unknown), AVX2 (yes|no|unknown), cores \d+", out)
     assert re.search(rf"threads    {numba.get_num_threads()}, layer \w+", out)
     kept = int(re.findall(r"(\d+) kernels, ", out)[-1])
-    assert kept >= sum(entry.compiled + entry.loaded for entry in jit.entries() if "sledenv" in entry.__module__) > 5
+    assert (
+        kept >= sum(entry.compiled + entry.loaded for entry in entries.entries() if "sledenv" in entry.__module__) > 5
+    )
     assert out.endswith("all is well\n")
     assert logging.getLogger("sledenv").level == logging.NOTSET
 
@@ -73,10 +74,10 @@ def test_a_cache_that_cannot_be_written_is_found(ill: Ill, tmp_path: Path) -> No
 def test_damaged_files_are_found_and_replaced(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for module in (jit, doctor):
+    for module in (entries, doctor):
         monkeypatch.setattr(module, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(jit, "_entries", [])
-    monkeypatch.setattr(doctor, "_KERNELS", (("one kernel", lambda: jit.entry(halved)(3.0)),))
+    monkeypatch.setattr(entries, "_entries", [])
+    monkeypatch.setattr(doctor, "_KERNELS", (("one kernel", lambda: entries.entry(halved)(3.0)),))
     monkeypatch.setattr(doctor, "_CHECKS", ())
     said = []
     for damage in (None, None, b"x", None):

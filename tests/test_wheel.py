@@ -13,9 +13,9 @@ import pytest
 
 import sledenv
 from sledenv import wheel
+from sledenv.entries import entry
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
-from sledenv.kernel.jit import entry
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.kernel.state import HOP, new
 from sledenv.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck

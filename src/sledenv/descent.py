@@ -25,11 +25,11 @@ from sledenv.checks import (
     launched,
     touching_law,
 )
+from sledenv.entries import entry, parallel_entry
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.euler import descend_euler
-from sledenv.kernel.jit import entry, parallel_entry
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import CONTACT, new

@@ -19,8 +19,8 @@ import numpy as np
 
 from sledenv.checks import BatchSolver, Solver
 from sledenv.descent import simulate, simulate_batch
+from sledenv.entries import cache_folder, entries
 from sledenv.impact import rigid_impact
-from sledenv.kernel.jit import cache_folder, entries
 from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.ride import Ride, RideBatch
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from sledenv.entries import entry
 from sledenv.kernel import geometry
-from sledenv.kernel.jit import entry
 
 arms = entry(geometry.arms)
 directions = entry(geometry.directions)

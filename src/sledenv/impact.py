@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from sledenv.entries import entry
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, collide
-from sledenv.kernel.jit import entry
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.state import HOP, new
+from sledenv.kernel.state import HOP, PACK, new
 from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
@@ -104,7 +104,7 @@ def rigid_impact(
     count = _collide(body, law, state, e, _CODES[hypothesis], hops, rows)
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
-    hop = {name: float(hops[name][0]) for name in HOP.names or ()}
+    hop = {name: float(hops[name][0]) for name in PACK.names or ()}
     slip, omega = hop["v_t"], hop["omega"]
     after = state
     if count > 0:

@@ -23,10 +23,10 @@ from sledenv.checks import (
     touching_law,
 )
 from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
 from sledenv.kernel.batch import Trims, hop_batch
 from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
-from sledenv.kernel.jit import entry, parallel_entry
 from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import new
 from sledenv.params import FINITE, POSITIVE, TOLERANCE, Body, Limits, Slope, State, checked

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv.entries import entry
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.flight import tell_bodies, tell_body
 from sledenv.kernel.impact import ENERGETIC, impact
-from sledenv.kernel.jit import entry
 from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from sledenv.entries import entry
 from sledenv.geometry import arms, feature_at, support_height, whole_turns
 from sledenv.kernel import flight
-from sledenv.kernel.jit import entry
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from sledenv.entries import entry
 from sledenv.kernel import friction as box
 from sledenv.kernel.friction import Bounds, Drive, Mobility
-from sledenv.kernel.jit import entry
 from tests.oracles import box_rule
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles

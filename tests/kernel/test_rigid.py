@@ -8,8 +8,8 @@ import random
 import numpy as np
 import pytest
 
+from sledenv.entries import entry
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
-from sledenv.kernel.jit import entry
 from sledenv.kernel.records import PHASE
 from sledenv.kernel.state import HOP, new
 from tests.oracles import ImpactResult, rational_impact, wang_mason

@@ -10,12 +10,11 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from sledenv.entries import entry
 from sledenv.kernel import roots
-from sledenv.kernel.jit import entry
-from sledenv.kernel.roots import horner
 from sledenv.kernel.state import WIDTH
 
-first_root, locate = entry(roots.first_root), entry(roots.locate)
+first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 

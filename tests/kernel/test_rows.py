@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sledenv.entries import entry
 from sledenv.kernel import rows
-from sledenv.kernel.jit import entry
 from sledenv.kernel.rows import sums
 from sledenv.kernel.state import WIDTH, new, record
 from sledenv.kernel.trace import scalar, straight

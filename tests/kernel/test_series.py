@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from sledenv.entries import entry
 from sledenv.kernel import series
 from sledenv.kernel.friction import Drive, Mobility, rates_of
-from sledenv.kernel.jit import entry
 from sledenv.kernel.state import CONTACT, STEP, WIDTH, new
 from sledenv.kernel.step import complete
 

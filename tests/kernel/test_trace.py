@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.kernel.jit import entry
+from sledenv.entries import entry
 from sledenv.kernel.state import new, record
 from sledenv.kernel.trace import LANES, pack_of, packed, scalar, straight
 from sledenv.kernel.values import (
@@ -103,7 +103,7 @@ def test_lanes_side_by_side_compute_what_each_does_alone() -> None:
             alone = new(GIVEN)
             alone["x"], alone["y"] = x, y
             _alone(alone)
-            for name in GIVEN.names or ():
+            for name in MANY.names or ():
                 one, other = together[name][0, lane], alone[name][0]
                 assert one == other or (math.isnan(one) and math.isnan(other))
                 assert np.signbit(one) == np.signbit(other) or math.isnan(one)

@@ -20,10 +20,10 @@ from sledenv.benchmark.oracle import map_table, oracle
 from sledenv.benchmark.problem import TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
+from sledenv.entries import FINGERPRINT
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
 from sledenv.files import replacing
 from sledenv.jam import DescentJam
-from sledenv.kernel.jit import FINGERPRINT
 from sledenv.scenario import CONTROLS
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")

@@ -169,7 +169,7 @@ def packed(program: Program) -> Callable[..., None]:
 
 def pack_of(record: np.dtype) -> np.dtype:
     """Return the type of a pack: a record with the same fields, each of LANES numbers."""
-    return np.dtype([(name, "f8", (LANES,)) for name in record.names or ()], align=True)
+    return np.dtype([(name, "f8", (LANES,)) for name in record.names or () if record[name].shape == ()], align=True)
 
 
 def _of_records(program: Program, lanes: int) -> Callable[..., None]:

@@ -18,8 +18,10 @@ import pytest
 from numba import prange
 from numba.extending import overload
 
+from sledenv import entries
+from sledenv.entries import Entry, entry, parallel_entry
 from sledenv.kernel import jit
-from sledenv.kernel.jit import Entry, entry, kernel, parallel_entry
+from sledenv.kernel.jit import kernel
 
 pytestmark = pytest.mark.jit_only
 
@@ -40,8 +42,9 @@ import time
 
 from numba.extending import overload
 
+from sledenv.entries import entry
 from sledenv.kernel.callee import doubled
-from sledenv.kernel.jit import entry, kernel
+from sledenv.kernel.jit import kernel
 
 
 def compiling():
@@ -64,9 +67,9 @@ f = entry(doubled_and_one)
 """
 # Prints the result, how many kernels were compiled and how many were found, and the folder.
 RUN = """
-from sledenv.kernel import jit
+from sledenv import entries
 from sledenv.kernel.caller import f
-print(f(3.0), f.compiled, f.loaded, jit.cache_folder())
+print(f(3.0), f.compiled, f.loaded, entries.cache_folder())
 """
 # Instead of waiting, a process loses its patience at once when it starts to compile.
 IMPATIENT = """
@@ -86,6 +89,7 @@ def package(tmp_path: Path) -> Path:
     folder = tmp_path / "site" / "sledenv" / "kernel"
     folder.mkdir(parents=True)
     shutil.copy(str(jit.__file__), folder)
+    shutil.copy(str(entries.__file__), folder.parent)
     (folder / "__init__.py").touch()
     (folder.parent / "__init__.py").touch()
     (folder / "callee.py").write_text(CALLEE)
@@ -182,14 +186,14 @@ def test_bounds_checks_are_not_taken_from_a_cache_without(run: Run) -> None:
 
 def test_only_a_few_states_of_the_sources_are_kept(package: Path, run: Run) -> None:
     parent = Path(run()[3]).parent
-    states = [f"sledenv-{i:016x}" for i in range(jit._KEPT)]
+    states = [f"sledenv-{i:016x}" for i in range(entries._KEPT)]
     for i, name in enumerate((*states, "sledenv-results")):
         (parent / name).mkdir()
         os.utime(parent / name, (i, i))
     change_callee(package)
     newest = Path(run()[3])
     left = {path.name for path in parent.glob("sledenv-*")}
-    assert len(left) == jit._KEPT + 1
+    assert len(left) == entries._KEPT + 1
     assert {newest.name, "sledenv-results"} < left  # one who sets NUMBA_CACHE_DIR may have folders there
     assert set(states[:2]).isdisjoint(left)
 
@@ -220,8 +224,8 @@ def test_without_any_folder_to_write_to_kernels_still_run(package: Path, tmp_pat
 def test_a_cache_that_can_no_longer_be_written_ends_no_simulation(run: Run) -> None:
     program = """
 import shutil
-from sledenv.kernel import jit
-folder = jit.cache_folder()
+from sledenv import entries
+folder = entries.cache_folder()
 from sledenv.kernel.caller import f
 shutil.rmtree(folder.parent)
 folder.parent.write_text("in the way")
@@ -267,7 +271,7 @@ def test_a_process_that_is_killed_leaves_nothing_in_the_way(
     with start(WHILE_COMPILING="os._exit(9)") as process:
         assert process.wait() == 9
     folder = Path(run()[3])
-    (record,) = folder.rglob(jit._RECORD)
+    (record,) = folder.rglob(entries._RECORD)
     record.unlink()  # as if it had been killed when numba had written its files
     assert run()[:3] == (7.0, 1, 0)
     assert run()[:3] == (7.0, 0, 1)
@@ -309,7 +313,7 @@ def test_patience_ends_with_the_compilation(folder: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(threading, "Timer", Timer)
     assert entry(halved)(3.0) == 1.5
     (timer,) = timers
-    assert timer.interval == jit._PATIENCE
+    assert timer.interval == entries._PATIENCE
     assert timer.finished.is_set()
     assert entry(halved)(3.0) == 1.5  # from the cache
     assert len(timers) == 1
@@ -387,10 +391,10 @@ def counts(f: Any) -> tuple[int, int, int]:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where this process keeps the kernels of a test."""
-    folder = tmp_path / f"sledenv-{jit.FINGERPRINT}"
-    monkeypatch.setattr(jit, "cache_folder", lambda: folder)
-    monkeypatch.setattr(jit, "_told", set())
-    monkeypatch.setattr(jit, "_entries", [])
+    folder = tmp_path / f"sledenv-{entries.FINGERPRINT}"
+    monkeypatch.setattr(entries, "cache_folder", lambda: folder)
+    monkeypatch.setattr(entries, "_told", set())
+    monkeypatch.setattr(entries, "_entries", [])
     return folder
 
 
@@ -398,7 +402,7 @@ def test_a_kernel_stays_a_function_and_an_entry_has_its_name(folder: Path) -> No
     f: Any = entry(halved)
     assert halved(3) == 1.5
     assert (f.__name__, f.__doc__, f.__wrapped__) == ("halved", "Half of x.", halved)
-    assert jit.entries() == [f]
+    assert entries.entries() == [f]
     assert counts(f) == (0, 0, 0)
 
 
@@ -456,7 +460,7 @@ def test_a_loop_is_shared_between_threads_turn_by_turn(folder: Path, monkeypatch
         f(x)
         assert counts(f) == expected
     assert x.tolist() == [0.0, 1.0, 16.0, 81.0, 256.0]
-    monkeypatch.setattr(jit, "cache_folder", lambda: None)  # the size that is in force cannot be cached
+    monkeypatch.setattr(entries, "cache_folder", lambda: None)  # the size that is in force cannot be cached
     parallel_entry(chunk_size)(x)
     assert x.tolist() == 5 * [1.0]
     assert numba.get_parallel_chunksize() == before
@@ -510,7 +514,7 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-@pytest.mark.parametrize("ending", ["*.nbi", "*.nbc", jit._RECORD])
+@pytest.mark.parametrize("ending", ["*.nbi", "*.nbc", entries._RECORD])
 def test_a_damaged_file_is_named_and_replaced(
     folder: Path, caplog: pytest.LogCaptureFixture, ending: str, damage: str
 ) -> None:
@@ -523,7 +527,7 @@ def test_a_damaged_file_is_named_and_replaced(
     assert counts(f) == (1, 0, 1)
     (message,) = caplog.messages
     assert "sledenv: compiling halved again, because of damaged files" in message
-    if ending != jit._RECORD or damage != "one bit":  # that damages the digest of another file
+    if ending != entries._RECORD or damage != "one bit":  # that damages the digest of another file
         assert f.damaged == [str(path)]
         assert str(path) in message
     after: Any = entry(halved)
@@ -547,7 +551,7 @@ def test_a_folder_that_is_not_as_it_was_left_is_compiled_again(
     elif damage == "other":  # sound, but of another kernel
         data.write_bytes(next(path for path in folder.rglob("*.nbc") if "first_of" in path.name).read_bytes())
     else:
-        (index.parents[1] / jit._RECORD).write_text("1")
+        (index.parents[1] / entries._RECORD).write_text("1")
     f: Any = entry(halved)
     assert f(3.0) == 1.5
     assert counts(f) == (1, 0, 1)
@@ -564,7 +568,7 @@ def test_nothing_is_read_before_it_is_known_to_be_sound(folder: Path) -> None:
 
 def test_the_record_says_what_numba_has_written(folder: Path) -> None:
     assert entry(halved)(3.0) == 1.5
-    (record,) = folder.rglob(jit._RECORD)
+    (record,) = folder.rglob(entries._RECORD)
     there = {path.relative_to(record.parent).as_posix() for path in folder.rglob("*.nb?")}
     assert set(json.loads(record.read_text())) == there
     assert len(there) == 2
@@ -587,6 +591,6 @@ def test_an_entry_in_a_compilation_does_not_wait_for_itself(folder: Path) -> Non
     assert isinstance(f, Entry)
     assert counts(inner) == counts(f) == (1, 0, 0)
     assert {path.name.rpartition("-")[0] for path in folder.glob("*.lock")} == {
-        "test_jit.halved",
-        "test_jit.test_an_entry_in_a_compilation_does_not_wait_for_itself..outer",
+        "test_entries.halved",
+        "test_entries.test_an_entry_in_a_compilation_does_not_wait_for_itself..outer",
     }
