@@ -30,7 +30,7 @@ def new(record: np.dtype, count: int = 1) -> np.ndarray:
     size = count * record.itemsize
     room = np.zeros(size + _LINE, np.uint8)
     first = -room.ctypes.data % _LINE
-    return room[first : first + size].view(record)
+    return np.ndarray(count, record, room, first)  # a view would examine every field of the type
 
 
 # A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
