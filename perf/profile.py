@@ -42,10 +42,11 @@ def _plain_name(symbol: str) -> str:
 
 def _write_map() -> None:
     """Write /tmp/perf-PID.map: address, size and name of every function in the library of the descent."""
-    from sledenv.kernel.descend import descend
+    from sledenv.descent import _descend
 
     entries = []
-    for overload in descend.overloads.values():  # type: ignore[attr-defined]
+    versions = _descend._versions.values()  # type: ignore[attr-defined]
+    for overload in (overload for version in versions for overload in version.overloads.values()):
         library, entry = overload.library, overload.fndesc.llvm_cpython_wrapper_name
         with tempfile.NamedTemporaryFile(suffix=".o") as file:
             file.write(library._get_compiled_object())
