@@ -54,6 +54,7 @@ def ugly(rng: np.random.Generator, body: Body, lanes: int) -> tuple[np.ndarray, 
     return laws, np.stack([rng.choice(choices, lanes) for choices in given], axis=-1), states
 
 
+@pytest.mark.jit_only  # plain Python warns where a launch overflows, and is slow
 @pytest.mark.parametrize("settle_speed", [None, 0.0, 0.5])
 @pytest.mark.parametrize("name", BODIES)
 def test_a_lane_equals_the_descent_alone(name: str, settle_speed: float | None) -> None:
