@@ -12,7 +12,9 @@ from sledenv.geometry import support_heights
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import (
+    LAWS,
     NOT_NEGATIVE,
+    AnyLaw,
     Body,
     ContactLaw,
     Rule,
@@ -20,12 +22,12 @@ from sledenv.params import (
     State,
     checked,
     checked_rows,
+    kind_of,
     restitution_of,
 )
 
 Solver = Literal["compliant", "rigid", "euler"]
 BatchSolver = Literal["compliant", "rigid"]
-AnyLaw = ContactLaw  # every kind of contact law that a descent may be given
 Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray
 
@@ -59,11 +61,12 @@ def launched(body: Body, slope: Slope, state: State) -> State:
 
 def checked_law(law: AnyLaw) -> AnyLaw:
     """Return a contact law whose fields have been checked, or raise TypeError or ValueError."""
-    return ContactLaw(*law)
+    return kind_of(law)(*law)
 
 
 def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
     """Return the law that the kernel follows."""
+    _check_solver(kind_of(law), solver)
     if solver != "rigid":
         return law
     return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
@@ -72,7 +75,7 @@ def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_s
 class CheckedLanes(NamedTuple):
     """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
 
-    kind: type[AnyLaw] | type[RigidLaw]  # of the rows of laws
+    kind: type[Law]  # of the rows of laws
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
@@ -99,14 +102,16 @@ def checked_lanes(
     """
     launches = checked_table("launches", given, State._fields)
     checked_choice("solver", solver, get_args(BatchSolver))
-    laws = _rows("law", ContactLaw, law, len(launches))
+    kind = _kind_of_all(law)
+    _check_solver(kind, solver)
+    laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     rigid = solver == "rigid"
     if rigid:
         laws = _rigid(body, laws, slopes, settle_speed)
     checked_rows("launches[{lane}]", State, launches)
     _on_the_surface("launches[{lane}]", body, slopes, launches)
-    return CheckedLanes(RigidLaw if rigid else ContactLaw, laws, slopes, launches)
+    return CheckedLanes(RigidLaw if rigid else kind, laws, slopes, launches)
 
 
 def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
@@ -123,7 +128,22 @@ def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.nd
     return table
 
 
-def _rows(name: str, kind: type[ContactLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
+def _kind_of_all(given: Laws) -> type[AnyLaw]:
+    """Kind of one or of N laws; that of rows of numbers is ContactLaw."""
+    if isinstance(given, LAWS) or not isinstance(given, Sequence):
+        return kind_of(given)
+    kinds = list(dict.fromkeys(map(kind_of, given)))
+    if len(kinds) > 1:
+        raise TypeError(f"law holds {' and '.join(kind.__name__ for kind in kinds)}: must hold laws of one kind")
+    return kinds[0] if kinds else ContactLaw
+
+
+def _check_solver(kind: type[AnyLaw], solver: str) -> None:
+    if kind is not ContactLaw and solver != "compliant":
+        raise TypeError(f"law is a {kind.__name__}: solver = {solver!r} needs a ContactLaw")
+
+
+def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
     """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.checks import (
-    AnyLaw,
     BatchSolver,
     Laws,
     Slopes,
@@ -33,7 +32,7 @@ from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import CONTACT, new
-from sledenv.params import TOLERANCE, Body, Limits, Slope, State
+from sledenv.params import TOLERANCE, AnyLaw, Body, Limits, Slope, State
 
 if TYPE_CHECKING:
     from tqdm import tqdm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
 
@@ -201,6 +201,15 @@ class ContactLaw(params.ContactLaw):
         """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
         asymmetry = asymmetry_of(checked("ContactLaw", "restitution", restitution, RESTITUTION))
         return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
+
+
+AnyLaw = ContactLaw  # every kind of law that a descent may be given: a union, if there are more
+LAWS: tuple[type[AnyLaw], ...] = get_args(AnyLaw) or (AnyLaw,)
+
+
+def kind_of(law: Any) -> type[AnyLaw]:
+    """Return the kind of a contact law; that of a tuple without a name is ContactLaw."""
+    return next((kind for kind in LAWS if isinstance(law, kind)), ContactLaw)
 
 
 class Slope(params.Slope):

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.checks import (
-    AnyLaw,
     BatchSolver,
     CheckedLanes,
     Laws,
@@ -29,7 +28,7 @@ from sledenv.kernel.batch import Trims, hop_batch
 from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
 from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import new
-from sledenv.params import FINITE, POSITIVE, TOLERANCE, Body, Limits, Slope, State, checked
+from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked
 
 _embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
 
@@ -298,6 +297,8 @@ class RideBatch:
         return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
 
     def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
+        if given.kind is not type(self._like):
+            raise TypeError(f"law is a {given.kind.__name__}: the rides have a {type(self._like).__name__}")
         self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
         for name, column in zip(State._fields, given.launches.T, strict=True):

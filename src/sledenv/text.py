@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from sledenv.checks import AnyLaw
 from sledenv.descent import Descent
 from sledenv.geometry import support_height
 from sledenv.jam import SHOWN
 from sledenv.kernel.records import Feature, Mode
-from sledenv.params import Body, Slope, State
+from sledenv.params import AnyLaw, Body, Slope, State
 
 
 def feature_name(feature: int) -> str:

@@ -10,8 +10,8 @@ import pytest
 
 from sledenv.entries import entry
 from sledenv.kernel import rows
-from sledenv.kernel.rows import sums
-from sledenv.kernel.state import WIDTH, new, record
+from sledenv.kernel.rows import WIDTH, sums
+from sledenv.kernel.state import new, record
 from sledenv.kernel.trace import scalar, straight
 from sledenv.kernel.values import rough_angle, rough_root
 

@@ -11,7 +11,8 @@ import pytest
 from sledenv.entries import entry
 from sledenv.kernel import series
 from sledenv.kernel.friction import Drive, Mobility, rates_of
-from sledenv.kernel.state import CONTACT, STEP, WIDTH, new
+from sledenv.kernel.rows import WIDTH
+from sledenv.kernel.state import CONTACT, STEP, new
 from sledenv.kernel.step import complete
 
 BRANCHES = [branch for branch in itertools.product((0, -1, 1), repeat=3) if any(branch)]

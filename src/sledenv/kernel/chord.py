@@ -25,12 +25,13 @@ import math
 
 import numpy as np
 
-from sledenv.kernel import events, progress, records
+from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import corner_lengths
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.roots import first_root, horner
+from sledenv.kernel.rows import TERMS
 from sledenv.kernel.series import ORDER
 from sledenv.kernel.trajectory import CONTACT_ROWS, next_row, write_forces, write_motion
 
@@ -77,7 +78,7 @@ def _set_features(body: Body, contact: np.void, chord: np.void) -> None:
 def _let_move(contact: np.void, side: np.void, gap_rate: float) -> None:
     """Let the gap of a side close (-1) or open (1)."""
     side["gap_rate"] = gap_rate
-    side["stiffness"] = contact["k_closing"] if gap_rate < 0.0 else contact["k_opening"]
+    side["stiffness"] = normal.stiffness(gap_rate < 0.0, contact)
 
 
 @kernel
@@ -115,10 +116,17 @@ def _begin(body: Body, slope: Incline, contact: np.void, chord: np.void) -> bool
     progress.forget_branch(contact)
     contact["scale"] = progress.speed_scale(slope, size, v_n, v_t, omega)
     softness = 2.0 / body.mass + 2.0 * size**2 * (1.0 + contact["friction"]) / body.inertia
-    chord["longest"] = UNIT_ANGLE / math.sqrt(contact["k_closing"] * softness)
+    chord["longest"] = normal.pace(True, UNIT_ANGLE, softness, contact)
     chord["edge"] = math.pi - body.half_angle
     chord["step"]["unit"] = 1.0
     return True
+
+
+@kernel
+def _load(side: np.void, contact: np.void, chord: np.void) -> float:
+    """Load [m] of a side."""
+    rate = chord["v"] - _arms(side["point"], contact["phi"])[0] * contact["omega"]
+    return float(normal.load_at(side["gap"], rate, contact))
 
 
 @kernel
@@ -130,15 +138,16 @@ def _choose_branch(body: Body, slope: Incline, contact: np.void, chord: np.void)
     tail, nose, phi, omega = chord["tail"], chord["nose"], contact["phi"], contact["omega"]
     size = contact["size"]
     shallow = progress.NO_DEPTH * size
-    depth_1, depth_2 = max(-tail["gap"], shallow), max(-nose["gap"], shallow)
-    deepest = max(-tail["gap"], -nose["gap"])
-    if min(-tail["gap"], -nose["gap"]) > 0.0 and deepest < shallow:
+    deep_1, deep_2 = -_load(tail, contact, chord), -_load(nose, contact, chord)
+    depth_1, depth_2 = max(deep_1, shallow), max(deep_2, shallow)
+    deepest = max(deep_1, deep_2)
+    if min(deep_1, deep_2) > 0.0 and deepest < shallow:
         lift = shallow / deepest  # both are loaded: their ratio counts
-        depth_1, depth_2 = -tail["gap"] * lift, -nose["gap"] * lift
+        depth_1, depth_2 = deep_1 * lift, deep_2 * lift
     n_1, n_2 = tail["stiffness"] * depth_1, nose["stiffness"] * depth_2
-    normal = n_1 + n_2
-    lever = (_arms(tail["point"], phi)[0] * n_1 + _arms(nose["point"], phi)[0] * n_2) / normal
-    arm = (tail["rolling_arm"] * n_1 + nose["rolling_arm"] * n_2) / normal
+    push = n_1 + n_2
+    lever = (_arms(tail["point"], phi)[0] * n_1 + _arms(nose["point"], phi)[0] * n_2) / push
+    arm = (tail["rolling_arm"] * n_1 + nose["rolling_arm"] * n_2) / push
     a, b = _arms(chord["middle"], phi)
     signs = Branch(
         -1,  # of neither side: the normal force is given, whichever way the gaps move
@@ -151,7 +160,7 @@ def _choose_branch(body: Body, slope: Incline, contact: np.void, chord: np.void)
         contact["friction"],
         arm,
         size,
-        Bounds(normal, normal),
+        Bounds(push, push),
         signs,
     )
     # A friction without a force has no surface to stay on: its velocity passes zero freely.
@@ -183,14 +192,16 @@ def _expand(body: Body, slope: Incline, contact: np.void, chord: np.void) -> Non
     for k in range(ORDER):
         after = 1.0 / (k + 1)
         weight, drive = (slope.inward, slope.downhill) if k == 0 else (0.0, 0.0)
-        n_1, n_2 = -stiffness_1 * gap_1[k], -stiffness_2 * gap_2[k]
-        normal, load = n_1 + n_2, arm_1 * n_1 + arm_2 * n_2
-        step["normal"][k], chord["load"][k] = normal, load
-        gap_1[k + 1] = (v_n[k] + along_1 * tilt + across_1 * lever) * after
-        gap_2[k + 1] = (v_n[k] + along_2 * tilt + across_2 * lever) * after
+        rate_1 = v_n[k] + along_1 * tilt + across_1 * lever
+        rate_2 = v_n[k] + along_2 * tilt + across_2 * lever
+        gap_1[k + 1], gap_2[k + 1] = rate_1 * after, rate_2 * after
+        n_1 = -stiffness_1 * normal.load_at(gap_1[k], rate_1, contact)
+        n_2 = -stiffness_2 * normal.load_at(gap_2[k], rate_2, contact)
+        push, load = n_1 + n_2, arm_1 * n_1 + arm_2 * n_2
+        step["normal"][k], chord["load"][k] = push, load
         x[k + 1], y[k + 1], phi[k + 1] = speed[k] * after, v_n[k] * after, omega[k] * after
         sines[k + 1], cosines[k + 1] = lever * after, -tilt * after
-        v_n[k + 1] = (normal / m - weight) * after
+        v_n[k + 1] = (push / m - weight) * after
         # What depends on the spin to come is left out at first: its own coefficient, and the force that comes with it.
         tilt, lever = 0.0, 0.0
         for i in range(1, k + 2):
@@ -204,7 +215,7 @@ def _expand(body: Body, slope: Incline, contact: np.void, chord: np.void) -> Non
             by_sine += pull_sine[i] * sines[k - i]
             by_cosine += pull_cosine[i] * cosines[k - i]
         turning = by_sine + by_cosine
-        force = -slip * friction * normal
+        force = -slip * friction * push
         spin_rate = 0.0
         if spin != 0.0:
             moment = -spin * load
@@ -236,7 +247,7 @@ def _happens(at: float, event: int, sign: float, chord: np.void) -> None:
 
 
 @kernel
-def _gap_events(chord: np.void) -> None:
+def _gap_events(contact: np.void, chord: np.void) -> None:
     """Look for where the gap of a side turns, and for where the side leaves."""
     step = chord["step"]
     q = step["scratch"]
@@ -248,7 +259,10 @@ def _gap_events(chord: np.void) -> None:
         q[ORDER:] = 0.0
         _happens(first_root(q, step["length"], side["zeros"], 0.0), events.RATE_ZERO, sign, chord)
         if gap_rate > 0.0:
-            _happens(events.series_root(gaps, q, -1.0, step["length"], 0), events.SEPARATION, sign, chord)
+            for k in range(TERMS):
+                q[k] = -normal.load_at(gaps[k], (k + 1) * gaps[k + 1], contact)
+            q[TERMS:] = 0.0
+            _happens(first_root(q, step["length"], 0, 0.0), events.SEPARATION, sign, chord)
 
 
 @kernel
@@ -290,8 +304,8 @@ def _sample(limits: Limits, contact: np.void, flight: np.void, chord: np.void, t
             horner(step["v_n"], t),
             omega,
         )
-        normal, force, moment = horner(step["normal"], t), horner(step["force"], t), horner(step["moment"], t)
-        write_forces(row, normal, force, moment, records.CHORD, int(contact["slip"]), int(contact["spin"]))
+        push, force, moment = horner(step["normal"], t), horner(step["force"], t), horner(step["moment"], t)
+        write_forces(row, push, force, moment, records.CHORD, int(contact["slip"]), int(contact["spin"]))
 
 
 @kernel
@@ -336,12 +350,11 @@ def _advance(contact: np.void, chord: np.void) -> None:
         gap = side["gap"]
         leaves = step["event"] == events.SEPARATION and chord["event_sign"] == side["sign"]
         side["gap"] = 0.0 if leaves else horner(side["gaps"], t)
-        if side["gap_rate"] > 0.0:
-            eased += gap * gap - side["gap"] * side["gap"]
+        eased += normal.eased(gap, side)
         side["at_edge"] = 0
         if passes:
             side["zeros"] = 0
-    contact["hysteresis"] += 0.5 * (contact["k_closing"] - contact["k_opening"]) * eased
+    contact["hysteresis"] += normal.loss_factor(contact) * eased
 
 
 @kernel
@@ -418,7 +431,7 @@ def _end(contact: np.void, chord: np.void) -> None:
     contact["gap"] = side["gap"]
     contact["v_n"] = chord["v"] - a * omega
     contact["v_t"] -= (_arms(chord["middle"], phi)[1] - b) * omega
-    contact["stored"] = 0.5 * contact["k_closing"] * (min(tail["gap"], 0.0) ** 2 + min(nose["gap"], 0.0) ** 2)
+    contact["stored"] = normal.per_square(contact) * (min(tail["gap"], 0.0) ** 2 + min(nose["gap"], 0.0) ** 2)
 
 
 @kernel
@@ -469,7 +482,7 @@ def chord_contact(
             status = bounded
             break
         step["event"] = events.NOTHING
-        _gap_events(chord)
+        _gap_events(contact, chord)
         events.friction_events(contact, step, chord["load"], 1.0)
         _place_events(contact, chord)
         if trajectory.shape[0] > 0 and step["length"] > 0.0:

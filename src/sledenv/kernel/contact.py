@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from sledenv.kernel import events, progress, records
-from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
+from sledenv.kernel import events, normal, progress, records
+from sledenv.kernel.friction import Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import feature_geometry, other_corner, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
@@ -41,9 +41,8 @@ def _tell_feature(body: Body, contact: np.void) -> None:
     contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
     # The spring moves less than the mass where it turns the body.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    contact["pace_closing"] = UNIT_ANGLE / math.sqrt(contact["k_closing"] * moved)
-    opening = contact["k_opening"]
-    contact["pace_opening"] = UNIT_ANGLE / math.sqrt(opening * moved) if opening > 0.0 else math.inf
+    contact["pace_closing"] = normal.pace(True, UNIT_ANGLE, moved, contact)
+    contact["pace_opening"] = normal.pace(False, UNIT_ANGLE, moved, contact)
 
 
 @kernel
@@ -84,14 +83,13 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     shallow = progress.NO_DEPTH * contact["size"]
     if abs(drive.t) > progress.NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
         shallow = min(shallow, NO_LOAD * body.mass * abs(drive.t) / contact["k_closing"])
-    depth = max(-contact["gap"], shallow)
     return resolve(
         Mobility(1.0 / body.mass, 1.0 / body.inertia, a, b),
         drive,
         contact["friction"],
         contact["arm"],
         contact["size"],
-        Bounds(contact["k_closing"] * depth, contact["k_opening"] * depth),
+        normal.bounds(shallow, contact),
         Branch(
             progress.signs_of(v_n, contact["gap_left"]),
             progress.signs_of(v_t, contact["slip_left"]),
@@ -125,7 +123,7 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
         branch = _trial(progress.MOST_STALLED - stalled, contact)
     progress.take_branch(branch, contact)
     closing = branch.gap_rate < 0
-    contact["stiffness"] = contact["k_closing"] if closing else contact["k_opening"]
+    contact["stiffness"] = normal.stiffness(closing, contact)
     if contact["stiffness"] > 0.0:
         contact["pace"] = contact["pace_closing"] if closing else contact["pace_opening"]
 
@@ -156,8 +154,7 @@ def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
     """Tell a step what its series need, and what a locked normal force is held against."""
     copy_into_callers()
     begin_step(contact, step)
-    step["least"] = -contact["k_opening"] * contact["gap"]
-    step["largest"] = math.inf if contact["k_closing"] == math.inf else -contact["k_closing"] * contact["gap"]
+    step["largest"], step["least"] = normal.bounds(0.0, contact)
     if contact["gap_rate"] == 0.0:
         step["unit"] = _settled_unit(contact["size"], slope.gravity, contact["omega"])
 
@@ -196,7 +193,8 @@ def _foresee(contact: np.void, step: np.void) -> None:
     # A gap rate that starts from zero has a root there, which the search might find.
     sought = expected == events.SEPARATION or (expected == events.RATE_ZERO and contact["gap_zeros"] == 0.0)
     if sought and step["guess"] < SOUGHT * step["length"]:
-        at = locate(step["gap"] if expected == events.SEPARATION else step["v_n"], step["guess"], step["most"])
+        series = normal.load_series(contact, step) if expected == events.SEPARATION else step["v_n"]
+        at = locate(series, step["guess"], step["most"])
         if at > 0.0:
             step["length"], step["event"] = at, expected
     complete(contact, step)
@@ -215,7 +213,7 @@ def _sample_step(limits: Limits, flight: np.void, contact: np.void, step: np.voi
     rows = max(CONTACT_ROWS, math.ceil(length * unit / limits.sample_interval))
     for i in range(rows + 1):
         t = length * (i / rows)  # never beyond the step
-        phi, omega, normal = horner(step["phi"], t), horner(step["omega"], t), horner(step["normal"], t)
+        phi, omega, push = horner(step["phi"], t), horner(step["omega"], t), horner(step["normal"], t)
         a, b = h * math.sin(phi + shift), r - h * math.cos(phi + shift)
         row = next_row(trajectory, flight)
         write_motion(
@@ -228,9 +226,9 @@ def _sample_step(limits: Limits, flight: np.void, contact: np.void, step: np.voi
             horner(step["v_n"], t) + a * omega,
             omega,
         )
-        force = contact["mu"] * normal if slip != 0 else horner(step["force"], t)
-        moment = contact["rho"] * normal if spin != 0 else horner(step["moment"], t)
-        write_forces(row, normal, force, moment, int(contact["feature"]), slip, spin)
+        force = contact["mu"] * push if slip != 0 else horner(step["force"], t)
+        moment = contact["rho"] * push if spin != 0 else horner(step["moment"], t)
+        write_forces(row, push, force, moment, int(contact["feature"]), slip, spin)
 
 
 @kernel
@@ -358,5 +356,5 @@ def follow(
         choose = choose or step["event"] not in (events.NOTHING, events.MIDDLE_PASSED)
     contact["phi"] += contact["turns"]
     if contact["k_closing"] < math.inf:
-        contact["stored"] = 0.5 * contact["k_closing"] * contact["gap"] * contact["gap"]
+        contact["stored"] = normal.per_square(contact) * contact["gap"] * contact["gap"]
     return status

@@ -9,12 +9,13 @@ import math
 
 import numpy as np
 
+from sledenv.kernel import normal
 from sledenv.kernel.geometry import has_corners
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.roots import first_root, horner
-from sledenv.kernel.state import WIDTH
+from sledenv.kernel.rows import WIDTH
 
 # What ends a step.
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
@@ -122,21 +123,21 @@ def _gap_events(contact: np.void, step: np.void) -> None:
     """Look for the end of a locked gap, for the deepest place, and for the separation."""
     scratch = step["scratch"]
     if contact["gap_rate"] == 0.0:
-        normal, least, largest = step["normal"], step["least"], step["largest"]
+        force, least, largest = step["normal"], step["least"], step["largest"]
         if largest < math.inf and not step["safe_largest"] > 0.0:
-            noise = 1e-15 * (abs(largest) + abs(normal[0]))
-            if happens(level_root(normal, scratch, 1.0, largest, step["length"], 0, noise), RATE_RELEASED, step):
+            noise = 1e-15 * (abs(largest) + abs(force[0]))
+            if happens(level_root(force, scratch, 1.0, largest, step["length"], 0, noise), RATE_RELEASED, step):
                 step["released"] = -1.0
         if not step["safe_least"] > 0.0:
-            noise = 1e-15 * (abs(least) + abs(normal[0]))
-            if happens(level_root(normal, scratch, -1.0, least, step["length"], 0, noise), RATE_RELEASED, step):
+            noise = 1e-15 * (abs(least) + abs(force[0]))
+            if happens(level_root(force, scratch, -1.0, least, step["length"], 0, noise), RATE_RELEASED, step):
                 step["released"] = 1.0
         return
     if step["event"] != RATE_ZERO and not step["safe_v_n"] > 0.0:
         zeros = int(contact["gap_zeros"])
         happens(series_root(step["v_n"], scratch, contact["gap_rate"], step["length"], zeros), RATE_ZERO, step)
-    if contact["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_gap"] > 0.0:
-        happens(series_root(step["gap"], scratch, -1.0, step["length"], 0), SEPARATION, step)
+    if contact["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_load"] > 0.0:
+        happens(series_root(normal.load_series(contact, step), scratch, -1.0, step["length"], 0), SEPARATION, step)
 
 
 @kernel
@@ -145,13 +146,13 @@ def friction_events(contact: np.void, step: np.void, load: np.ndarray, arm: floa
 
     ``arm`` times the series ``load`` is the bound of the rolling moment.
     """
-    scratch, normal = step["scratch"], step["normal"]
+    scratch = step["scratch"]
     # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
     before = step["length"] * (1.0 - 1e-12) if step["event"] == SEPARATION else math.inf
     if contact["slip"] == 0.0:
         for sign in _both_signs(step["force"][0]):
             if not (step["safe_force"] if sign > 0 else step["safe_force_back"]) > 0.0:
-                at = _bound_root(normal, step["force"], scratch, sign, contact["friction"], step["length"])
+                at = _bound_root(step["normal"], step["force"], scratch, sign, contact["friction"], step["length"])
                 if at < before and happens(at, SLIP_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:

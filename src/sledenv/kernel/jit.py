@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 from numba import config
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -17,3 +17,20 @@ OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy"}
 def kernel(function: _F) -> _F:
     """Let compiled code call a function; for Python, which calls :mod:`sledenv.entries`, it stays as it is."""
     return function if config.DISABLE_JIT else register_jitable(**OPTIONS)(function)  # type: ignore[attr-defined]
+
+
+def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that the type of the tuple at a place of its arguments chooses, when it is compiled.
+
+    All kernels have the same names of arguments.
+    """
+
+    def chosen(kind: type) -> Callable[..., Any]:
+        return next((function for of, function in kinds.items() if issubclass(kind, of)), otherwise)
+
+    def choice(*given: Any) -> Any:
+        return chosen(type(given[place]))(*given)
+
+    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
+        overload(choice, strict=False)(lambda *given: chosen(given[place].instance_class))
+    return choice

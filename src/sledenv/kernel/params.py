@@ -28,6 +28,9 @@ class ContactLaw(NamedTuple):
     corner_rolling_arm: float  # [m] delta of a corner
 
 
+CompliantLaw = ContactLaw  # every kind of law of compliant surfaces: a union, if there are more
+
+
 class RigidLaw(NamedTuple):
     """The stiff limit of a contact law: docs/physics.md, sections 4 and 6."""
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.geometry import arms, corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
@@ -30,7 +31,7 @@ def tell_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> N
     copy_into_callers()
     size = body.radius + body.eccentricity
     spin, slip = contact["omega"], contact["v_t"]
-    contact["k_closing"], contact["k_opening"] = math.inf, 0.0
+    normal.tell_rigid(contact)
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     contact["most_normal"] = MOST_NORMAL * body.mass * (slope.inward + size * spin * spin + slip * slip / size)

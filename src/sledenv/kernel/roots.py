@@ -10,8 +10,7 @@ import numpy as np
 
 from sledenv.kernel import rows
 from sledenv.kernel.jit import kernel
-from sledenv.kernel.rows import element, sums
-from sledenv.kernel.state import WIDTH
+from sledenv.kernel.rows import WIDTH, element, sums
 from sledenv.kernel.trace import keep_apart, scalar, write_series
 from sledenv.kernel.values import absolute, fma, smaller, where_less
 

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from llvmlite import ir
 
-from sledenv.kernel.state import WIDTH
 from sledenv.kernel.trace import block
 from sledenv.kernel.values import DOUBLE, Value, absolute, constant, fma
 
 EIGHT = 8
+WIDTH: Final = 24  # numbers of a series: three vectors of eight
 TERMS = 19  # of a series; zeros fill up its row to WIDTH
 COUNT = np.arange(WIDTH + 0.0).reshape(-1, EIGHT)  # place of each number of a row
 _VARIABLE = np.minimum(COUNT[0], 1.0)  # without the constant term,
 _LATER = np.where(COUNT[0] > 1.0, 1.0, 0.0)  # and without the linear one
 _EVEN, _ODD = range(0, 2 * EIGHT, 2), range(1, 2 * EIGHT, 2)
+# Gauss's rule with eight nodes on [0, 1]; written out, so that the bits do not depend on the version of a library.
+_LOWER = [0.019855071751231884, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751]
+_UPPER = [0.591717321247825, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681]
+NODES = np.array(_LOWER + _UPPER)
+_RISING = [0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181]
+WEIGHTS = np.array(_RISING + _RISING[::-1])
 
 
 def side_by_side(*numbers: Any) -> Any:

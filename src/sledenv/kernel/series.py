@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel import rows
+from sledenv.kernel import normal, rows
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
 from sledenv.kernel.trace import Program, block, of_step, scalar
@@ -53,7 +53,7 @@ class _Spinning(NamedTuple):
     sines: list[Any]
     spins: list[Any]
     gaps: list[Any]  # where the gap is free
-    normals: list[Any]  # where it is locked
+    loads: list[Any]  # normal forces where it is locked
     forces: list[Any]  # where the slip is locked
 
 
@@ -66,8 +66,8 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
     unit, ratio, h, r = step.unit, contact.ratio, contact.h, contact.r
     square = unit * unit
     inward, downhill = square * contact.inward, square * contact.downhill
-    stiffness = -(contact.stiffness * contact.per_mass * square)  # normal force over gap
-    # Spin rate that a force at the lever gives; the load is the normal force where the gap is locked, else the gap.
+    stiffness = -(contact.stiffness * contact.per_mass * square)  # normal force over load
+    # Spin rate that a force at the lever gives; the load is the normal force itself where the gap is locked.
     per_lever = ratio if gap_locked else ratio * stiffness
     lever_sine, lever_cosine = -(h * per_lever), -(contact.mu * h * per_lever)
     lever_rest = fma(contact.mu, r, contact.rho) * per_lever
@@ -77,9 +77,9 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
     sine, cosine, spin = [step.sine], [step.cosine], [unit * contact.omega]
     turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
     gap: list[Any] = [contact.gap, unit * contact.v_n]
-    normal: list[Any] = []
+    load: list[Any] = []
     force: list[Any] = []
-    load = normal if gap_locked else gap
+    per_unit = 1.0 / unit
     lever, arm = [], []
     divisor: Any = 1.0
     left: list[Any] = []  # sine, cosine, lever, arm
@@ -98,6 +98,8 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
                 divisor = divisor + arm[0] * b_0
             divisor = 1.0 / divisor
         else:
+            if not gap_locked:
+                load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
             inner = _product(left, right, k, 2)
             known = None if inner is None else shuffled(inner, None, (0, 1))
             # The newest coefficient of the spin: the forces before, each with the levers.
@@ -124,7 +126,7 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
             spin.append(rest)
             twice.append(repeated(rest, 2))
             if gap_locked:
-                normal.append(fma(k * a_0, rest, lift))
+                load.append(fma(k * a_0, rest, lift))
             force.append(-fma(k * b_0, rest, sweep) if slip_locked else 0.0)
             right.append(shuffled(twice[k], side_by_side(load[k - 1], force[k - 1]), range(4)))
         # Sine and cosine after it.
@@ -133,9 +135,9 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
         sine.append(element(turn[k + 1], 0))
         cosine.append(element(turn[k + 1], 1))
         if not gap_locked and k > 0:
-            free = gap[k - 1] * (stiffness * (1.0 / (k * (k + 1))))
+            free = load[k - 1] * (stiffness * (1.0 / (k * (k + 1))))
             gap.append(fma(h, cosine[k + 1], fma(-0.5, inward, free) if k == 1 else free))
-    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, normal, force)
+    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, load, force)
 
 
 def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
@@ -149,13 +151,14 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
         masses = repeated(per_unit * per_unit / contact.per_mass, EIGHT)  # what makes a force of one per mass
         nothing = [np.zeros(EIGHT)] * 3
         spins, (sines, cosines) = rows.of(found.spins), rows.apart(found.turns)
-        loads = rows.of(found.normals[:ORDER] if gap_locked else found.gaps[:TERMS])
         if gap_locked:
-            gaps, rates = rows.of([contact.gap]), nothing
+            gaps, rates, loads = rows.of([contact.gap]), nothing, rows.of(found.loads[:ORDER])
             normals = [p * masses for p in loads]
         else:
-            rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(loads, found.gaps[1:]), _NEXT, strict=True)]
-            gaps, rates = loads, rows.with_first(rates, contact.v_n)
+            gaps = rows.of(found.gaps[:TERMS])
+            rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
+            rates = rows.with_first(rates, contact.v_n)
+            loads = normal.loads(contact, gaps, rates)
             stiff = repeated(-contact.stiffness, EIGHT)
             normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         # How fast the contact point turns away from under the mass centre: slip velocity = speed + sweep.
@@ -195,15 +198,17 @@ def _gliding(gap_locked: bool, slip_locked: bool) -> Program:
         per_unit = 1.0 / unit
         mass = 1.0 / contact.per_mass * per_unit * per_unit
         gap: list[Any] = [contact.gap, 0.0 if gap_locked else unit * contact.v_n]
+        load: list[Any] = []
         for k in range(ORDER):
-            free = 0.0 if gap_locked else gap[k] * (stiffness * (1.0 / ((k + 1) * (k + 2))))
+            load.append(normal.load(contact, gap[k], (k + 1) * per_unit * gap[k + 1]))
+            free = 0.0 if gap_locked else load[k] * (stiffness * (1.0 / ((k + 1) * (k + 2))))
             gap.append(fma(-0.5, inward, free) if k == 0 and not gap_locked else free)
         if gap_locked:
-            normal = [inward * mass]
+            normals = [inward * mass]
         else:
-            normal = [-(contact.stiffness * coefficient) for coefficient in gap[:ORDER]]
-        force = [-(downhill * mass)] if slip_locked else [mu * coefficient for coefficient in normal]
-        moment = [a * coefficient for coefficient in normal]
+            normals = [-(contact.stiffness * coefficient) for coefficient in load]
+        force = [-(downhill * mass)] if slip_locked else [mu * coefficient for coefficient in normals]
+        moment = [a * coefficient for coefficient in normals]
         for k, coefficient in enumerate(force):
             moment[k] = fma(-b, coefficient, moment[k])
         speed, pull = [unit * contact.v_t], square * contact.per_mass
@@ -218,7 +223,7 @@ def _gliding(gap_locked: bool, slip_locked: bool) -> Program:
         step.v_n = rows.of(opening)
         step.v_t = rows.of([] if slip_locked else [contact.v_t, *(v * per_unit for v in speed[1:])])
         step.omega = rows.of([])
-        step.normal = rows.of(normal)
+        step.normal = rows.of(normals)
         step.moment = rows.of(moment)
         step.sines = rows.of([step.sine])
         step.cosines = rows.of([step.cosine])
@@ -275,8 +280,8 @@ def _longest(size: Any, scale: Any, tolerance: Any, most: Any, v_n: Any, v_t: An
         # One block of the series: what has just been written at once can be read at once.
         last = block(series, ORDER - 2, count)
         heeded.append(absolute(shuffled(last, repeated(series[ORDER - 3], count), (count, 1, 2, 2))))
-    normal, slip, spin = heeded
-    largest = larger(larger(normal, slip), repeated(size, count) * spin)
+    opening, slip, spin = heeded
+    largest = larger(larger(opening, slip), repeated(size, count) * spin)
     powers = {1: most}
     for k in (2, 4, 8, 16):
         powers[k] = powers[k // 2] * powers[k // 2]
@@ -289,7 +294,7 @@ def _longest(size: Any, scale: Any, tolerance: Any, most: Any, v_n: Any, v_t: An
     small = repeated(tolerance, count) * _ALLOWED * repeated(scale, count)
     whole = repeated(most, count)
     steps = where(not_more(largest * side_by_side(*reached), small), whole, rough_root(small / largest, _HEEDED))
-    sane = (normal + slip + spin) * 0.0
+    sane = (opening + slip + spin) * 0.0
     step, unsound = most, 0.0
     for i in reversed(range(count - 1)):
         step, unsound = smaller(step, element(steps, i)), unsound + element(sane, i)

@@ -9,11 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from sledenv.kernel import normal
+from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.trace import pack_of
 from sledenv.kernel.values import where
-
-WIDTH: Final = 24  # numbers of a series: three vectors of eight; see rows.py
-
 
 _LINE = 64  # bytes of cache
 
@@ -72,8 +71,6 @@ CONTACT: Final = record(
     ("other", "f8"),  # [m]
     ("other_sine", "f8"),  # [m] and these times sine and cosine of phi + shift.
     ("other_cosine", "f8"),
-    ("pace_closing", "f8"),  # [s] unit of time of a step, as long as the spin is slow
-    ("pace_opening", "f8"),
     # Body, slope and law.
     ("per_mass", "f8"),  # [1/kg]
     ("ratio", "f8"),  # [1/m^2] mass over inertia
@@ -81,8 +78,7 @@ CONTACT: Final = record(
     ("inward", "f8"),  # [m/s^2] gravity along the inward normal
     ("downhill", "f8"),  # [m/s^2] and along the slope
     ("length", "f8"),  # [m] of the slope
-    ("k_closing", "f8"),  # [N/m] while the gap closes; inf if rigid
-    ("k_opening", "f8"),  # [N/m] while it opens; 0 if rigid
+    *normal.FIELDS,
     ("friction", "f8"),  # [-]
     ("arc_arm", "f8"),  # [m] rolling arm of the arc
     ("corner_arm", "f8"),  # [m] and of a corner
@@ -154,7 +150,7 @@ STEP: Final = record(
     ("travel", "f8"),  # [m] most that x changes by on the way
     ("turn", "f8"),  # [rad] and phi
     # > 0 if a quantity keeps the sign of the branch on the way, or does so once it has left zero.
-    ("safe_gap", "f8"),
+    ("safe_load", "f8"),
     ("safe_v_n", "f8"),
     ("safe_v_t", "f8"),
     ("safe_omega", "f8"),

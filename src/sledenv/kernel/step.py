@@ -12,19 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel import events, rows, values
+from sledenv.kernel import events, normal, rows, values
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.records import ARC
-from sledenv.kernel.rows import EIGHT, TERMS, repeated, sums
+from sledenv.kernel.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
 from sledenv.kernel.trace import of_step, straight
 from sledenv.kernel.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 
-# Gauss's rule with eight nodes on [0, 1]; written out, so that the bits do not depend on the version of a library.
-_LOWER = [0.019855071751231884, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751]
-_UPPER = [0.591717321247825, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681]
-_NODES = np.array(_LOWER + _UPPER)
-_RISING = [0.05061426814518813, 0.11119051722668724, 0.15685332293894363, 0.181341891689181]
-_WEIGHTS = np.array(_RISING + _RISING[::-1])
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)
 _SAGS = np.where(rows.COUNT > 1.0, (_ORDERS - 1.0) * _ORDERS ** (-_ORDERS / (_ORDERS - 1.0)), 0.0)
@@ -107,16 +101,16 @@ def _completion(contact: Any, step: Any) -> None:
     s = step.length
     time = s * step.unit
     powers = rows.without_constant(rows.powers(s))
-    nodes = repeated(s, EIGHT) * _NODES
-    normal, slip, spin = (rows.values(series, TERMS, nodes) for series in (step.normal, step.v_t, step.omega))
-    load = normal * _WEIGHTS
+    nodes = repeated(s, EIGHT) * NODES
+    push, slip, spin = (rows.values(series, TERMS, nodes) for series in (step.normal, step.v_t, step.omega))
+    push = push * WEIGHTS
     moving = (step.x, step.gap, step.v_n, step.v_t, step.omega)
     terms = [rows.times(rows.read(series), powers) for series in moving]
     along, gaps, *velocities = terms
     starts = [series[0] for series in moving]
     signs = (contact.gap_rate, contact.slip, contact.spin)
     zeros = (contact.gap_zeros, contact.slip_zeros, contact.spin_zeros)
-    sagging = [_sagging([-part for part in gaps])]
+    sagging = [_sagging([-part for part in normal.loads(contact, gaps, velocities[0])])]
     for row, sign, vanishing in zip(velocities, signs, zeros, strict=True):
         signed = repeated(sign, EIGHT)
         sagging.append(_sagging([signed * part for part in row], smaller(vanishing, 1.0)))
@@ -125,10 +119,10 @@ def _completion(contact: Any, step: Any) -> None:
     around = zip(*(rows.times(rows.read(series), powers) for series in (step.sines, step.cosines)), gaps, strict=True)
     other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
     ends = [rows.added(row) for row in terms]
-    *changes, turned, impulse, slid = sums([*ends, spin * _WEIGHTS, load, load * slip])
+    *changes, turned, impulse, slid = sums([*ends, spin * WEIGHTS, push, push * slip])
     turning = _sagging([absolute(part) for part in velocities[2]])
-    rolled, rest, gap_sag, *sags, other_sag, other_change, turning_sag = sums(
-        [load * spin, rows.sizes(along), *sagging, _sagging(other), rows.added(other), turning]
+    rolled, rest, load_sag, *sags, other_sag, other_change, turning_sag = sums(
+        [push * spin, rows.sizes(along), *sagging, _sagging(other), rows.added(other), turning]
     )
     x, gap, *rates = (start + change for start, change in zip(starts, changes, strict=True))
     step.x_end, step.gap_end = x, gap
@@ -138,7 +132,8 @@ def _completion(contact: Any, step: Any) -> None:
     step.slip_work = time * slid
     step.spin_work = time * rolled
     step.travel = absolute(step.x[1] * s) + rest
-    step.safe_gap = smaller(-starts[1], -gap) - gap_sag
+    loads = [normal.load(contact, *of) for of in ((starts[1], starts[2]), (gap, rates[0]))]
+    step.safe_load = smaller(*(-of for of in loads)) - load_sag
     safe = []
     for series, rate, sign, vanishing, sag in zip(moving[2:], rates, signs, zeros, sags, strict=True):
         end = sign * rate
@@ -159,12 +154,12 @@ def _locked_completion(contact: Any, step: Any) -> None:
     s = step.length
     time = s * step.unit
     powers = rows.without_constant(rows.powers(s))
-    nodes = repeated(s, EIGHT) * _NODES
+    nodes = repeated(s, EIGHT) * NODES
     forces = (step.normal, step.force, step.moment)
     normals, *tangential = terms = [rows.times(rows.read(series), powers) for series in forces]
     sizes = [[absolute(part) for part in row] for row in tangential]
     sagging = [_sagging(row) for row in (normals, [-part for part in normals], *sizes)]
-    pushes = [rows.values(series, TERMS, nodes) * _WEIGHTS for series in forces[1:]]
+    pushes = [rows.values(series, TERMS, nodes) * WEIGHTS for series in forces[1:]]
     *changes, impulse, twist, sag, rise, force_sag, moment_sag = sums(
         [*(rows.added(row) for row in terms), *pushes, *sagging]
     )
@@ -192,18 +187,17 @@ def _progress(contact: Any, step: Any) -> None:
     before = contact.gap
     contact.time = contact.time + step.length * step.unit
     contact.x, contact.phi = step.x_end, step.phi_end
-    contact.gap = where(equal(step.event, events.SEPARATION), 0.0, step.gap_end)
+    contact.gap = where(equal(step.event, events.SEPARATION), normal.unloaded(contact, step.v_n_end), step.gap_end)
     contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
-    normal = step.normal_impulse
-    contact.normal_impulse = contact.normal_impulse + normal
-    contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * normal, step.force_impulse)
-    contact.rolling_impulse = contact.rolling_impulse + where(spinning, contact.rho * normal, step.moment_impulse)
+    impulse = step.normal_impulse
+    contact.normal_impulse = contact.normal_impulse + impulse
+    contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * impulse, step.force_impulse)
+    contact.rolling_impulse = contact.rolling_impulse + where(spinning, contact.rho * impulse, step.moment_impulse)
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
     slid, rolled = larger(-contact.mu * step.slip_work, 0.0), larger(-contact.rho * step.spin_work, 0.0)
     contact.sliding = contact.sliding + where(slipping, slid, 0.0)
     contact.rolling = contact.rolling + where(spinning, rolled, 0.0)
-    eased = 0.5 * (contact.k_closing - contact.k_opening) * (before * before - contact.gap * contact.gap)
-    contact.hysteresis = contact.hysteresis + where(less(0.0, contact.gap_rate), eased, 0.0)
+    contact.hysteresis = contact.hysteresis + normal.lost(contact, step, before)
 
 
 # Of a contact and a step: write how the feature lies; the unit of time, and where the step starts in the contact
