@@ -14,11 +14,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from sledenv import RideBatch, params
 from sledenv import descent as descent_module
+from sledenv.checks import checked_lanes, checked_law
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs.task import FIELDS, Task
 from sledenv.geometry import support_height
 from sledenv.jam import DescentJam
+from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.scenario import load_scenario, scenario_names
@@ -939,6 +942,33 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
     with pytest.raises(error) as caught:  # on the call, not on the first block
         simulate_blocks(**good | bad)
     assert message in str(caught.value)
+
+
+class OtherLaw(kernel_params.ContactLaw):
+    """A law of another kind than ContactLaw."""
+
+    rules = ContactLaw.rules
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the kind; the message where it does not fit, for there is a rigid limit of ContactLaw alone."""
+    monkeypatch.setattr(params, "LAWS", (ContactLaw, OtherLaw))
+    other, lane = OtherLaw(*LAW), np.array([LAUNCH])
+    assert [params.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
+    for law, kind in ((other, OtherLaw), ([other], OtherLaw), (LAW, ContactLaw), (np.array([LAW]), ContactLaw)):
+        assert checked_lanes(DISC, law, INCLINE, lane, "compliant", None).kind is kind
+    assert type(checked_law(other)) is OtherLaw
+    with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
+        simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
+    for solver in ("rigid", "euler"):
+        with pytest.raises(TypeError, match=f"law is of the kind OtherLaw: solver = '{solver}' needs a ContactLaw"):
+            simulate(DISC, other, INCLINE, LAUNCH, solver=solver)
+    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
+        simulate_batch(DISC, other, INCLINE, lane, solver="rigid")
+    rides = RideBatch(DISC, LAW, INCLINE, lane)
+    with pytest.raises(TypeError, match="law is of the kind OtherLaw: the rides have a ContactLaw"):
+        rides.launch(np.arange(1), other, INCLINE, lane)
 
 
 @pytest.mark.usefixtures("nothing_runs")

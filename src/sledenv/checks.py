@@ -12,7 +12,6 @@ from sledenv.geometry import support_heights
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import (
-    LAWS,
     NOT_NEGATIVE,
     AnyLaw,
     Body,
@@ -130,7 +129,7 @@ def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.nd
 
 def _kind_of_all(given: Laws) -> type[AnyLaw]:
     """Kind of one or of N laws; that of rows of numbers is ContactLaw."""
-    if isinstance(given, LAWS) or not isinstance(given, Sequence):
+    if isinstance(given, tuple) or not isinstance(given, Sequence):
         return kind_of(given)
     kinds = list(dict.fromkeys(map(kind_of, given)))
     if len(kinds) > 1:
@@ -140,7 +139,7 @@ def _kind_of_all(given: Laws) -> type[AnyLaw]:
 
 def _check_solver(kind: type[AnyLaw], solver: str) -> None:
     if kind is not ContactLaw and solver != "compliant":
-        raise TypeError(f"law is a {kind.__name__}: solver = {solver!r} needs a ContactLaw")
+        raise TypeError(f"law is of the kind {kind.__name__}: solver = {solver!r} needs a ContactLaw")
 
 
 def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:

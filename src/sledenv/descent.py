@@ -32,7 +32,7 @@ from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import CONTACT, new
-from sledenv.params import TOLERANCE, AnyLaw, Body, Limits, Slope, State
+from sledenv.params import TOLERANCE, AnyLaw, Body, ContactLaw, Limits, Slope, State
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -238,7 +238,9 @@ def simulate(
 
     def run() -> None:
         if euler:
-            _descend_euler(body, law, slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes)
+            _descend_euler(
+                body, ContactLaw._make(law), slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes
+            )
         else:
             _descend(body, touching, slope, launch, limits, rebounds, new(SPACE), trajectory, outcomes)
 

@@ -298,7 +298,7 @@ class RideBatch:
 
     def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
         if given.kind is not type(self._like):
-            raise TypeError(f"law is a {given.kind.__name__}: the rides have a {type(self._like).__name__}")
+            raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
         self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
         for name, column in zip(State._fields, given.launches.T, strict=True):

@@ -116,7 +116,7 @@ def _begin(body: Body, slope: Incline, contact: np.void, chord: np.void) -> bool
     progress.forget_branch(contact)
     contact["scale"] = progress.speed_scale(slope, size, v_n, v_t, omega)
     softness = 2.0 / body.mass + 2.0 * size**2 * (1.0 + contact["friction"]) / body.inertia
-    chord["longest"] = normal.pace(True, UNIT_ANGLE, softness, contact)
+    chord["longest"] = UNIT_ANGLE / math.sqrt(normal.stiffness(True, contact) * softness)
     chord["edge"] = math.pi - body.half_angle
     chord["step"]["unit"] = 1.0
     return True
@@ -126,7 +126,7 @@ def _begin(body: Body, slope: Incline, contact: np.void, chord: np.void) -> bool
 def _load(side: np.void, contact: np.void, chord: np.void) -> float:
     """Load [m] of a side."""
     rate = chord["v"] - _arms(side["point"], contact["phi"])[0] * contact["omega"]
-    return float(normal.load_at(side["gap"], rate, contact))
+    return float(normal.load_at(contact, side["gap"], rate))
 
 
 @kernel
@@ -195,8 +195,8 @@ def _expand(body: Body, slope: Incline, contact: np.void, chord: np.void) -> Non
         rate_1 = v_n[k] + along_1 * tilt + across_1 * lever
         rate_2 = v_n[k] + along_2 * tilt + across_2 * lever
         gap_1[k + 1], gap_2[k + 1] = rate_1 * after, rate_2 * after
-        n_1 = -stiffness_1 * normal.load_at(gap_1[k], rate_1, contact)
-        n_2 = -stiffness_2 * normal.load_at(gap_2[k], rate_2, contact)
+        n_1 = -stiffness_1 * normal.load_at(contact, gap_1[k], rate_1)
+        n_2 = -stiffness_2 * normal.load_at(contact, gap_2[k], rate_2)
         push, load = n_1 + n_2, arm_1 * n_1 + arm_2 * n_2
         step["normal"][k], chord["load"][k] = push, load
         x[k + 1], y[k + 1], phi[k + 1] = speed[k] * after, v_n[k] * after, omega[k] * after
@@ -260,7 +260,7 @@ def _gap_events(contact: np.void, chord: np.void) -> None:
         _happens(first_root(q, step["length"], side["zeros"], 0.0), events.RATE_ZERO, sign, chord)
         if gap_rate > 0.0:
             for k in range(TERMS):
-                q[k] = -normal.load_at(gaps[k], (k + 1) * gaps[k + 1], contact)
+                q[k] = -normal.load_at(contact, gaps[k], (k + 1) * gaps[k + 1])
             q[TERMS:] = 0.0
             _happens(first_root(q, step["length"], 0, 0.0), events.SEPARATION, sign, chord)
 
@@ -350,11 +350,12 @@ def _advance(contact: np.void, chord: np.void) -> None:
         gap = side["gap"]
         leaves = step["event"] == events.SEPARATION and chord["event_sign"] == side["sign"]
         side["gap"] = 0.0 if leaves else horner(side["gaps"], t)
-        eased += normal.eased(gap, side)
+        if side["gap_rate"] > 0.0:
+            eased += gap * gap - side["gap"] * side["gap"]
         side["at_edge"] = 0
         if passes:
             side["zeros"] = 0
-    contact["hysteresis"] += normal.loss_factor(contact) * eased
+    contact["hysteresis"] += normal.per_square(contact)[1] * eased
 
 
 @kernel
@@ -431,7 +432,7 @@ def _end(contact: np.void, chord: np.void) -> None:
     contact["gap"] = side["gap"]
     contact["v_n"] = chord["v"] - a * omega
     contact["v_t"] -= (_arms(chord["middle"], phi)[1] - b) * omega
-    contact["stored"] = normal.per_square(contact) * (min(tail["gap"], 0.0) ** 2 + min(nose["gap"], 0.0) ** 2)
+    contact["stored"] = normal.per_square(contact)[0] * (min(tail["gap"], 0.0) ** 2 + min(nose["gap"], 0.0) ** 2)
 
 
 @kernel

@@ -41,8 +41,9 @@ def _tell_feature(body: Body, contact: np.void) -> None:
     contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
     # The spring moves less than the mass where it turns the body.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    contact["pace_closing"] = normal.pace(True, UNIT_ANGLE, moved, contact)
-    contact["pace_opening"] = normal.pace(False, UNIT_ANGLE, moved, contact)
+    contact["pace_closing"] = UNIT_ANGLE / math.sqrt(normal.stiffness(True, contact) * moved)
+    opening = normal.stiffness(False, contact)
+    contact["pace_opening"] = UNIT_ANGLE / math.sqrt(opening * moved) if opening > 0.0 else math.inf
 
 
 @kernel
@@ -356,5 +357,5 @@ def follow(
         choose = choose or step["event"] not in (events.NOTHING, events.MIDDLE_PASSED)
     contact["phi"] += contact["turns"]
     if contact["k_closing"] < math.inf:
-        contact["stored"] = normal.per_square(contact) * contact["gap"] * contact["gap"]
+        contact["stored"] = normal.per_square(contact)[0] * contact["gap"] * contact["gap"]
     return status

@@ -158,7 +158,7 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
             gaps = rows.of(found.gaps[:TERMS])
             rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
             rates = rows.with_first(rates, contact.v_n)
-            loads = normal.loads(contact, gaps, rates)
+            loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
             stiff = repeated(-contact.stiffness, EIGHT)
             normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         # How fast the contact point turns away from under the mass centre: slip velocity = speed + sweep.

@@ -71,6 +71,8 @@ CONTACT: Final = record(
     ("other", "f8"),  # [m]
     ("other_sine", "f8"),  # [m] and these times sine and cosine of phi + shift.
     ("other_cosine", "f8"),
+    ("pace_closing", "f8"),  # [s] unit of time of a step, as long as the spin is slow
+    ("pace_opening", "f8"),
     # Body, slope and law.
     ("per_mass", "f8"),  # [1/kg]
     ("ratio", "f8"),  # [1/m^2] mass over inertia

@@ -110,7 +110,7 @@ def _completion(contact: Any, step: Any) -> None:
     starts = [series[0] for series in moving]
     signs = (contact.gap_rate, contact.slip, contact.spin)
     zeros = (contact.gap_zeros, contact.slip_zeros, contact.spin_zeros)
-    sagging = [_sagging([-part for part in normal.loads(contact, gaps, velocities[0])])]
+    sagging = [_sagging([-normal.load(contact, *of) for of in zip(gaps, velocities[0], strict=True)])]
     for row, sign, vanishing in zip(velocities, signs, zeros, strict=True):
         signed = repeated(sign, EIGHT)
         sagging.append(_sagging([signed * part for part in row], smaller(vanishing, 1.0)))
@@ -132,8 +132,7 @@ def _completion(contact: Any, step: Any) -> None:
     step.slip_work = time * slid
     step.spin_work = time * rolled
     step.travel = absolute(step.x[1] * s) + rest
-    loads = [normal.load(contact, *of) for of in ((starts[1], starts[2]), (gap, rates[0]))]
-    step.safe_load = smaller(*(-of for of in loads)) - load_sag
+    step.safe_load = smaller(-normal.load(contact, *starts[1:3]), -normal.load(contact, gap, rates[0])) - load_sag
     safe = []
     for series, rate, sign, vanishing, sag in zip(moving[2:], rates, signs, zeros, sags, strict=True):
         end = sign * rate
@@ -184,10 +183,10 @@ def _locked_completion(contact: Any, step: Any) -> None:
 def _progress(contact: Any, step: Any) -> None:
     """Program that moves the state, the impulses and the losses to the end of a step."""
     slipping, spinning = _nonzero(contact.slip), _nonzero(contact.spin)
-    before = contact.gap
     contact.time = contact.time + step.length * step.unit
     contact.x, contact.phi = step.x_end, step.phi_end
-    contact.gap = where(equal(step.event, events.SEPARATION), normal.unloaded(contact, step.v_n_end), step.gap_end)
+    lost = normal.ease(contact, step, equal(step.event, events.SEPARATION))
+    contact.hysteresis = contact.hysteresis + lost
     contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
     impulse = step.normal_impulse
     contact.normal_impulse = contact.normal_impulse + impulse
@@ -197,7 +196,6 @@ def _progress(contact: Any, step: Any) -> None:
     slid, rolled = larger(-contact.mu * step.slip_work, 0.0), larger(-contact.rho * step.spin_work, 0.0)
     contact.sliding = contact.sliding + where(slipping, slid, 0.0)
     contact.rolling = contact.rolling + where(spinning, rolled, 0.0)
-    contact.hysteresis = contact.hysteresis + normal.lost(contact, step, before)
 
 
 # Of a contact and a step: write how the feature lies; the unit of time, and where the step starts in the contact
