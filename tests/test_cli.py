@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sledenv import cli
 from sledenv.cli import PICTURES, main
+from sledenv.scenario import scenario_names
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -40,6 +43,40 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
     assert ledger["hysteresis"] == "29.862748"
     assert abs(float(ledger["residual"])) < 1e-12
     assert max(map(len, out.splitlines())) <= 120
+
+
+def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: configs/scenarios/brake_mat.yaml, and h = 2 r sin^3(alpha)/(3 D) of its segment."""
+    assert main(["simulate", "brake_mat"]) == 0
+    out = capsys.readouterr().out
+    assert "mass 100 kg, radius 0.5 m, eccentricity 0.1234 m, inertia 9.922 kg m^2, half-angle 110 deg" in out
+    assert "stiffness 10 MN/m, restitution 0.500" in out
+    assert "rolling arm 0.005 m (0 m at a corner)" in out
+    assert "length 10 m, gravity 9.81 m/s^2" in out
+
+
+def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the worked example, 1 kg at 10 m/s; the column of the normal force sums to the change of momentum."""
+    file = tmp_path / "fall.csv"
+    assert main(["simulate", "paper_impact", "--csv", str(file)]) == 0
+    out = capsys.readouterr().out
+    with file.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert f"wrote {len(rows)} rows into {file}" in out
+    assert f"columns {', '.join(rows[0])}" in out
+    assert [float(rows[0][name]) for name in ("t_s", "y_m", "v_m_s", "normal_n")] == pytest.approx([0, 0.07, -10, 0])
+    assert {row["feature"] for row in rows} == {"none", "arc"}
+    t, normal = ([float(row[name]) for row in rows] for name in ("t_s", "normal_n"))
+    assert np.trapezoid(normal, t) == pytest.approx(10.0 + float(rows[-1]["v_m_s"]), rel=0.01)
+
+
+def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios"]) == 0
+    header, *lines = capsys.readouterr().out.splitlines()
+    assert header.split() == ["name", "agent", "chooses", "solver", "what", "is", "asked"]
+    assert [line.split()[0] for line in lines] == list(scenario_names())
+    assert all(len(line) <= 120 and len(line) > header.index("what") for line in lines)
+    assert next(line for line in lines if line.startswith("track_grade_20")).split()[1:3] == ["spin", "compliant"]
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,8 +148,13 @@ def test_places_that_are_taken_are_refused(tmp_path: Path, capsys: pytest.Captur
     (tmp_path / "thesis.tex").write_text("years of work")
     assert "sledenv reproduce: error: " in refused(capsys, "reproduce", "--out", str(tmp_path))
     assert "thesis.tex is a file" in refused(capsys, "reproduce", "--out", str(tmp_path / "thesis.tex"))
-    assert main(["simulate", "paper_impact", "--out", str(tmp_path)]) == 2
-    assert "holds 'thesis.tex'" in capsys.readouterr().err
+    assert "--out: " in refused(capsys, "simulate", "paper_impact", "--out", str(tmp_path / "thesis.tex" / "out"))
+    assert "holds 'thesis.tex'" in refused(capsys, "simulate", "paper_impact", "--out", str(tmp_path))
+    assert "--csv: " in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "thesis.tex"))
+    assert "must end in .csv" in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "thesis.tex"))
+    assert "there is no folder" in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "a" / "b.csv"))
+    both = "--out", str(tmp_path / "out"), "--csv", str(tmp_path / "out" / "fall.csv")
+    assert "must lie outside" in refused(capsys, "simulate", "paper_impact", *both)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 

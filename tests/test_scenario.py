@@ -157,7 +157,7 @@ def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: s
         ("launch__speed_km_h", "launch.speed_km_h = 1: unknown key (did you mean 'speed_m_s'?)"),
         ("control__spin_deg_s", "control.spin_deg_s = 1: unknown key (did you mean 'spin_rad_s'?)"),
         ("limits__max_rebound", "limits.max_rebound = 1: unknown key (did you mean 'max_rebounds'?)"),
-        ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, description,"),
+        ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, question,"),
         ("slope__zzz", "slope.zzz = 1: unknown key; known: angle_deg, length_m, gravity_m_s2"),
     ],
 )

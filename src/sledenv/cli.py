@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -19,14 +19,15 @@ import numpy as np
 from sledenv.checks import Solver
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
-from sledenv.files import publish, replacing
+from sledenv.files import publish, replacing, write_csv
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
-from sledenv.scenario import load_scenario, scenario_names
-from sledenv.text import story
+from sledenv.scenario import CONTROLLED, load_scenario, scenario_names
+from sledenv.text import TRAJECTORY_COLUMNS, story, trajectory_rows
 
 PICTURES = ("strobe.png", "series.png")
 _DPI = 150
+_SOLVER: Solver = "compliant"  # unless another is asked for
 _USAGE = 2  # exit status of a wrong argument, as argparse has it
 _BROKEN_PIPE = 141
 
@@ -76,11 +77,26 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser(
         "simulate",
         help="simulate one descent of a scenario",
-        description="Simulate one descent: rebounds, how it ended, jam metrics and energy ledger.",
+        description="Simulate one descent and print what was simulated, the rebounds, how it ended, jam metrics and "
+        "energy ledger. Positions are those of the mass centre in the frame of the slope: x downhill, y along the "
+        "outward normal, angles counter-clockwise.",
     )
     one.set_defaults(run=_simulate)
     _add_descent(one)
     one.add_argument("--out", type=Path, metavar="FOLDER", help=f"write {' and '.join(PICTURES)} into this folder")
+    one.add_argument(
+        "--csv",
+        type=Path,
+        metavar="FILE",
+        help=f"write the trajectory as this table, units in the header: {', '.join(TRAJECTORY_COLUMNS.values())}",
+    )
+
+    packs = commands.add_parser(
+        "scenarios",
+        help="list the shipped scenarios",
+        description="List the shipped scenarios: name, what an agent chooses, solver, and what is asked.",
+    )
+    packs.set_defaults(run=_scenarios)
 
     film = commands.add_parser(
         "replay",
@@ -163,7 +179,10 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--spin", type=_number, metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one")
     parser.add_argument(
-        "--solver", choices=get_args(Solver), default="compliant", help="contact model (default compliant)"
+        "--solver",
+        choices=get_args(Solver),
+        default=_SOLVER,
+        help=f"contact model (default {_SOLVER}; rigid ignores the stiffness)",
     )
 
 
@@ -225,7 +244,8 @@ def _map(options: argparse.Namespace) -> int:
     with _extra():
         from sledenv.benchmark.landscape import landscape
 
-    with replacing(options.out, ".png") as picture:
+    with ExitStack() as places:
+        picture = _place(places, "--out", replacing(options.out, ".png"))
         drawn = landscape(options.scenario, options.seed, options.runs)
         drawn.figure.savefig(picture, dpi=_DPI, format="png")
     print(drawn.words)
@@ -252,17 +272,49 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    title, descent = _descend(options, "rebounds" if options.out is None else "trajectory")
+    if options.out is not None and options.csv is not None and options.csv.parent.resolve() == options.out.resolve():
+        raise ValueError(f"--csv = {options.csv}: must lie outside {options.out}, which --out replaces as a whole")
+    with ExitStack() as places:  # taken before anything is simulated
+        table = options.csv and _place(places, "--csv", replacing(options.csv, ".csv"))
+        folder = options.out and _place(places, "--out", publish(options.out, PICTURES))
+        title, descent = _descend(options, "trajectory" if table or folder else "rebounds")
+        if table:
+            write_csv(table, list(TRAJECTORY_COLUMNS.values()), trajectory_rows(descent))
+        if folder:
+            _draw(descent, folder)
     print(title)
     print(story(descent))
-    if options.out is not None:
-        _draw(descent, options.out)
+    if table:
+        columns = ", ".join(TRAJECTORY_COLUMNS.values())
+        _progress("simulate")(f"wrote {len(descent.trajectory)} rows into {options.csv}\n  columns {columns}")
+    if folder:
         _progress("simulate")(f"wrote {' and '.join(PICTURES)} into {options.out}")
     return 0
 
 
+def _place(places: ExitStack, option: str, place: AbstractContextManager[Path]) -> Path:
+    """Take a place to write to; what is wrong with it is said of the option."""
+    try:
+        return places.enter_context(place)
+    except OSError as error:
+        raise OSError(f"{option}: {error}") from error
+
+
+def _scenarios(options: argparse.Namespace) -> int:
+    table = [("name", "agent chooses", "solver", "what is asked")]
+    for name in scenario_names():
+        scenario = load_scenario(name)
+        chosen = ", ".join(CONTROLLED[scenario.control.chosen])
+        table.append((name, chosen, _SOLVER, scenario.question))
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for row in table:
+        print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    return 0
+
+
 def _replay(options: argparse.Namespace) -> int:
-    with replacing(options.out, ".html", ".htm") as page:
+    with ExitStack() as places:
+        page = _place(places, "--out", replacing(options.out, ".html", ".htm"))
         title, descent = _descend(options, "trajectory")
         page.write_text(replay_page(descent, title), encoding="utf-8")
     _progress("replay")(f"wrote {options.out}")
@@ -290,9 +342,8 @@ def _descend(options: argparse.Namespace, record: Record) -> tuple[str, Descent]
 def _draw(descent: Descent, folder: Path) -> None:
     from sledenv.plot import plot_descent, plot_strobe
 
-    with publish(folder, PICTURES) as new:
-        plot_strobe(descent).savefig(new / PICTURES[0], dpi=_DPI)
-        plot_descent(descent).savefig(new / PICTURES[1], dpi=_DPI)
+    plot_strobe(descent).savefig(folder / PICTURES[0], dpi=_DPI)
+    plot_descent(descent).savefig(folder / PICTURES[1], dpi=_DPI)
 
 
 if __name__ == "__main__":

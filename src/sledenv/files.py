@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -67,7 +68,9 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
     """
     place = Path(folder).resolve()
     _check_free(place, folder, files)
-    home = next(parent for parent in place.parents if parent.is_dir())
+    home = next(parent for parent in place.parents if parent.exists())
+    if not home.is_dir():
+        raise NotADirectoryError(f"{folder} cannot be written: {home} is a file")
     try:
         scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
     except OSError as error:
@@ -88,6 +91,14 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
             raise
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table as comma-separated values; a float has all its digits."""
+    with file.open("w", encoding="utf-8", newline="") as lines:
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
 
 
 def _check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:

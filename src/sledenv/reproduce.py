@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.checks import Solver
 from sledenv.descent import Descent, FrictionSign, simulate
-from sledenv.files import publish
+from sledenv.files import publish, write_csv
 from sledenv.geometry import support_height
 from sledenv.impact import rigid_impact
 from sledenv.kernel.records import Feature
@@ -408,7 +407,7 @@ def _write_worked_example(folder: Path, example: Example) -> None:
     figure = plot_worked_example(runs, paper=(EXAMPLE_END, PRINTED_ENERGIES[1]))
     figure.savefig(folder / "fig_7_10.png", dpi=_DPI)
     keys = ("event-driven", "euler", "euler-printed-sign")
-    _write_csv(
+    write_csv(
         folder / "fig_7_10.csv",
         ("run", "t_s", "normal_n", "tangential_n", "moment_n_m", "kinetic_j"),
         ((key, *row) for key, rows in zip(keys, runs.values(), strict=True) for row in rows.tolist()),
@@ -427,7 +426,7 @@ def _write_sled(folder: Path, descent: Descent) -> None:
         rows["omega"],
         (rows["feature"] != Feature.NONE).astype(int),
     )
-    _write_csv(
+    write_csv(
         folder / "fig_12_14.csv",
         ("t_s", "vertical_m_s", "horizontal_m_s", "spin_rad_s", "in_contact"),
         zip(*(column.tolist() for column in columns), strict=True),
@@ -447,7 +446,7 @@ def _write_table_1(folder: Path) -> None:
         f"rolling arm δ = {WHEEL_ARM:g} r (assumed). Numbers are the rows of Table 1."
     )
     plot_table_1(ratio, friction, scenario, printed, note=note).savefig(folder / "table_1.png", dpi=_DPI)
-    _write_csv(
+    write_csv(
         folder / "table_1.csv",
         ("speed_ratio", "friction", "scenario", "printed_rules"),
         zip(*(column.ravel().tolist() for column in (u, f, scenario, printed)), strict=True),
@@ -469,7 +468,7 @@ def _write_mode_map(folder: Path) -> None:
         panels[f"f = {friction:g}, δ = {1e3 * arm:g} mm, e = {restitution:.3g}"] = modes
     note = "How one rigid impact ends: the body of the worked example, without spin at touch."
     plot_mode_map(np.radians(degrees), ratio, panels, note=note).savefig(folder / "mode_map.png", dpi=_DPI)
-    _write_csv(
+    write_csv(
         folder / "mode_map.csv",
         ("friction", "rolling_arm_m", "restitution", "phi_deg", "speed_ratio", "mode"),
         lines,
@@ -492,7 +491,7 @@ def _write_convergence(folder: Path) -> None:
         errors[name] = np.array(error)
     note = "One impact of the two-stiffness contact against the exact rigid one, without gravity"
     plot_convergence(stiffness, errors, note=note).savefig(folder / "convergence.png", dpi=_DPI)
-    _write_csv(
+    write_csv(
         folder / "convergence.csv",
         ("stiffness_n_m", *(f"{name.replace(' ', '_').replace(',', '')}_m_s" for name in errors)),
         zip(stiffness.tolist(), *(error.tolist() for error in errors.values()), strict=True),
@@ -505,15 +504,8 @@ def _middles(low: float, high: float, cells: int) -> Floats:
     return np.round(0.5 * (edges[1:] + edges[:-1]), 12)
 
 
-def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
-
-
 def _write_table(folder: Path, rows: list[Row]) -> None:
-    _write_csv(
+    write_csv(
         folder / "table.csv",
         ("id", "where", "quantity", "unit", "paper", "ours", "why"),
         ((row.id, row.where, row.quantity, row.unit, row.paper, row.ours, row.why) for row in rows),

@@ -307,6 +307,7 @@ class Scenario(Section):
 
     id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     title: str
+    question: str = ""  # what a launch, or an agent that chooses it, is asked
     description: str = ""
     sources: str = ""  # where the numbers come from
     tags: tuple[str, ...] = ()
@@ -346,11 +347,11 @@ class Scenario(Section):
 
     @property
     def hash(self) -> str:
-        """Identity of what is simulated, 16 hex digits: title, description, sources and tags do not count.
+        """Identity of what is simulated, 16 hex digits: words about it, such as title, sources and tags, do not count.
 
         Neither does a section, or a key of ``control``, that is not given.
         """
-        content = self.model_dump(mode="json", exclude={"title", "description", "sources", "tags"})
+        content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

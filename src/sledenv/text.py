@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from sledenv.descent import Descent
 from sledenv.geometry import support_height
 from sledenv.jam import SHOWN
 from sledenv.kernel.records import Feature, Mode
 from sledenv.params import AnyLaw, Body, Slope, State
+
+# Fields of TRAJECTORY and how a table calls them, with their units; features are written as words.
+TRAJECTORY_COLUMNS = {
+    "t": "t_s",
+    "x": "x_m",
+    "y": "y_m",
+    "phi": "phi_rad",
+    "u": "u_m_s",
+    "v": "v_m_s",
+    "omega": "omega_rad_s",
+    "normal": "normal_n",
+    "tangential": "tangential_n",
+    "rolling": "rolling_n_m",
+    "feature": "feature",
+    "slip": "slip_sign",
+    "spin": "spin_sign",
+}
 
 
 def feature_name(feature: int) -> str:
@@ -42,13 +60,31 @@ def quantity(value: float, unit: str) -> str:
 
 
 def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
-    """Return the surface and the launch, one line each."""
+    """Return the body, the surface, the slope and the launch, one line each."""
     clearance = launch.y - support_height(body, launch.phi)
+    corners = body.half_angle < math.pi
+    shape = f"half-angle {math.degrees(body.half_angle):.4g} deg" if corners else "no corners"
+    arm = f"rolling arm {law.rolling_arm:.4g} m"
+    if corners:
+        arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
+    length = f"length {slope.length:.4g} m" if math.isfinite(slope.length) else "without end"
     return (
-        f"slope {math.degrees(slope.angle):.2f} deg, friction {law.friction:.3f}, restitution {law.restitution:.3f}\n"
+        f"body: mass {body.mass:.4g} kg, radius {body.radius:.4g} m, eccentricity {body.eccentricity:.4g} m, "
+        f"inertia {body.inertia:.4g} kg m^2, {shape}\n"
+        f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
+        f"friction {law.friction:.3f}, {arm}\n"
+        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n"
         f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
         f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
     )
+
+
+def trajectory_rows(descent: Descent) -> Iterator[tuple[object, ...]]:
+    """Return the rows of the table of the trajectory, one cell for each of ``TRAJECTORY_COLUMNS``."""
+    columns = [descent.trajectory[field].tolist() for field in TRAJECTORY_COLUMNS]
+    feature = list(TRAJECTORY_COLUMNS).index("feature")
+    columns[feature] = [feature_name(code) for code in columns[feature]]
+    return zip(*columns, strict=True)
 
 
 REBOUND_COLUMNS = (
