@@ -97,6 +97,15 @@ def test_the_ends_of_the_ranges_are_accepted() -> None:
     assert Body(1.0, 0.1, 0.0, 1.0) == (1.0, 0.1, 0.0, 1.0, math.pi)
 
 
+def test_a_mass_centre_outside_a_disc_is_refused() -> None:
+    """Oracle: at phi = 0 the mass centre is at r - h above the slope; a corner, or a rod, may have it there."""
+    with pytest.raises(ValueError, match=r"Body.eccentricity = 0.11: must be in \[0, radius\] = \[0, 0.1\] m"):
+        Body(1.0, 0.1, 0.11, 1e-3)
+    assert Body(1.0, 0.1, 0.1, 1e-3).eccentricity == 0.1
+    assert Body(1.0, 0.1, 0.11, 1e-3, 3.0).eccentricity == 0.11
+    assert Body(1.0, 0.0, 0.11, 1e-3).eccentricity == 0.11
+
+
 @pytest.mark.parametrize("kind", [Body, ContactLaw, Slope, State, Limits])
 def test_every_field_is_a_float_whatever_it_was_given_as(kind: Any) -> None:
     """Oracle: one compiled specialisation; integers and numpy scalars would compile another."""

@@ -352,6 +352,10 @@ def test_each_kind_of_body_is_built() -> None:
             "body.radius_m = -1: must be a number in [0, inf) m",
         ),
         (
+            {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.6, "inertia_kg_m2": 1},
+            "body: eccentricity_m = 0.6: must be a number in [0, radius_m] = [0, 0.5] m without corners",
+        ),
+        (
             {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},
             "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, radius_m, half_angle_deg",
         ),

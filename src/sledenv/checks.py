@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.geometry import support_heights
+from sledenv.geometry import support_heights, within_a_turn
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import (
@@ -52,9 +52,9 @@ def checked_count(name: str, value: int) -> int:
 
 
 def launched(body: Body, slope: Slope, state: State) -> State:
-    """Return one launch, put on the surface if it lies there up to rounding; see :func:`_on_the_surface`."""
+    """Return one launch as :func:`_admit` does many."""
     launches = np.array([state])
-    _on_the_surface("State", body, np.array([slope]), launches)
+    _admit("State", body, np.array([slope]), launches)
     return State._make(launches[0].tolist())
 
 
@@ -109,7 +109,7 @@ def checked_lanes(
     if rigid:
         laws = _rigid(body, laws, slopes, settle_speed)
     checked_rows("launches[{lane}]", State, launches)
-    _on_the_surface("launches[{lane}]", body, slopes, launches)
+    _admit("launches[{lane}]", body, slopes, launches)
     return CheckedLanes(RigidLaw if rigid else kind, laws, slopes, launches)
 
 
@@ -173,14 +173,17 @@ def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float
     return np.stack(np.broadcast_arrays(*limit), axis=-1)
 
 
-def _on_the_surface(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
-    """Put launches, shape (N, 6), that lie on the surface up to rounding exactly there, in place.
+def _admit(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
+    """Take whole turns off launches, shape (N, 6), and put those that are on the surface up to rounding there, in place.
+
+    A large orientation would round off every small turn that is added to it.
 
     Raises
     ------
     ValueError
         If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
+    launches[:, 2] = within_a_turn(launches[:, 2])
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
     lowest = support_heights(body, phi)
     below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)

@@ -180,7 +180,8 @@ def simulate(
     body, law, slope
         What descends, how it touches and where.
     launch : State
-        Where and how it starts; the body must not lie below the surface.
+        Where and how it starts; the body must not lie below the surface. Whole turns are taken off ``phi``, into
+        [-pi, pi]: orientations of the result count from there, and are not wrapped.
     solver : {"compliant", "rigid", "euler"}
         The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
         impulse and sustained contact (sections 4 and 6), which takes the restitution of ``law`` and ignores its

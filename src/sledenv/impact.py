@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from sledenv.entries import entry
+from sledenv.geometry import within_a_turn
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, collide
 from sledenv.kernel.records import PHASE, Mode
@@ -101,7 +102,8 @@ def rigid_impact(
     body, law, state = Body(*body), ContactLaw(*law), State(*state)
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
-    count = _collide(body, law, state, e, _CODES[hypothesis], hops, rows)
+    touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
+    count = _collide(body, law, touching, e, _CODES[hypothesis], hops, rows)
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
     hop = {name: float(hops[name][0]) for name in PACK.names or ()}

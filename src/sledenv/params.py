@@ -88,7 +88,8 @@ class Body(params.Body):
     radius : float
         Radius of the arc [m], >= 0; 0 is a rod that touches with its end.
     eccentricity : float
-        Distance from the centre of the arc to the mass centre [m], >= 0.
+        Distance from the centre of the arc to the mass centre [m], >= 0; of a body without corners, unless it is a rod,
+        <= ``radius``, as the mass centre would pass below the slope.
     inertia : float
         Moment of inertia about the mass centre [kg m^2], > 0.
     half_angle : float
@@ -106,7 +107,14 @@ class Body(params.Body):
     def __new__(
         cls, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
     ) -> Self:
-        return super().__new__(cls, *_checked_fields(cls, mass, radius, eccentricity, inertia, half_angle))
+        values = _checked_fields(cls, mass, radius, eccentricity, inertia, half_angle)
+        _, r, h, _, alpha = values
+        if h > r > 0.0 and alpha == math.pi:
+            raise ValueError(
+                f"Body.eccentricity = {eccentricity!r}: must be in [0, radius] = [0, {r!r}] m without corners "
+                "(half_angle = pi): the mass centre would pass below the slope"
+            )
+        return super().__new__(cls, *values)
 
 
 def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
@@ -240,7 +248,8 @@ class Slope(params.Slope):
 class State(params.State):
     """Position, orientation and velocity of the body: docs/physics.md, section 1.
 
-    ``x``, ``y`` [m] locate the mass centre in the slope frame, ``phi`` [rad] is counter-clockwise and not wrapped,
+    ``x``, ``y`` [m] locate the mass centre in the slope frame, ``phi`` [rad] is counter-clockwise (a
+    simulation takes whole turns off that of a launch, and goes on from there without wrapping),
     ``u``, ``v`` [m/s] and ``omega`` [rad/s] are their rates.
 
     Raises

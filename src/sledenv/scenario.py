@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from sledenv.geometry import support_heights
+from sledenv.geometry import support_heights, within_a_turn
 from sledenv.params import (
     FINITE,
     NOT_NEGATIVE,
@@ -197,6 +197,13 @@ class CustomBody(Section):
     eccentricity_m: Annotated[float, _Quantity("[0, inf) m")]
     inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]  # about the mass centre
     half_angle_deg: Annotated[float, _Quantity("(0, 180] deg")] = 180.0
+
+    @model_validator(mode="after")
+    def _mass_centre_inside(self) -> Self:
+        if self.half_angle_deg == 180.0 and self.eccentricity_m > self.radius_m > 0.0:
+            allowed = f"[0, radius_m] = [0, {self.radius_m:g}] m without corners (half_angle_deg: 180)"
+            raise ValueError(f"eccentricity_m = {self.eccentricity_m:g}: must be a number in {allowed}")
+        return self
 
     def build(self) -> Body:
         """Return the body of the simulator."""
@@ -467,7 +474,7 @@ class Scenario(Section):
     def launches(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
         *_, speed, drop, fall, orientation, spin = contexts.T
-        height = drop + support_heights(self.body(), np.ascontiguousarray(orientation))
+        height = drop + support_heights(self.body(), within_a_turn(orientation))
         return _rows(State, len(contexts), x=0.0, y=height, phi=orientation, u=speed, v=0.0 - fall, omega=spin)
 
 

@@ -24,7 +24,7 @@ DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 ROD = Body(1.0, 0.0, 0.4, 0.02)
 WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
 SEGMENT = circular_segment(1.0, 0.5, math.radians(110.0))
-BODIES = [DISC, ROD, WHEEL, SEGMENT, Body(1.0, 0.1, 0.15, 0.01)]
+BODIES = [DISC, ROD, WHEEL, SEGMENT, Body(1.0, 0.1, 0.15, 0.01, 2.5)]
 
 bodies = st.one_of(
     st.sampled_from(BODIES),
