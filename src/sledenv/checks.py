@@ -174,7 +174,7 @@ def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float
 
 
 def _admit(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
-    """Take whole turns off launches, shape (N, 6), and put those that are on the surface up to rounding there, in place.
+    """Take whole turns off launches, shape (N, 6), in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.
 
