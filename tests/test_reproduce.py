@@ -12,13 +12,25 @@ import pytest
 from matplotlib.figure import Figure
 
 from sledenv import plot, reproduce
+from sledenv.descent import simulate
 from sledenv.files import publish
+from sledenv.geometry import support_height
 from sledenv.kernel.records import Mode
-from sledenv.reproduce import FILES, Row, printed_rules
+from sledenv.params import Slope, State
+from sledenv.reproduce import FILES, cases, numbers
+from sledenv.reproduce.cases import printed_rules
+from sledenv.reproduce.numbers import Row
 from sledenv.wheel import collide_wheel
 
 # id: value, tolerance; docs/physics.md, sections 2 and 4
 EXPECTED = {
+    "sn_1": (1.0, 1e-5),
+    "sn_2": (math.sqrt(1.0 / 3.0), 1e-5),
+    "v_1": (math.sqrt(1.0 / 3.0), 1e-12),
+    "tau_1": (500.0 * math.pi / math.sqrt(1.5 * 9810.0), 1e-9),
+    "tau_2": (500.0 * math.pi / math.sqrt(0.5 * 9810.0), 1e-9),
+    "sf_first": (-0.060515, 1e-6),
+    "sf_second": (-0.127182, 1e-6),
     "t0_printed_speed": (0.5, 1e-12),
     "speed": (-10.0, 1e-12),
     "t0": (50.0, 1e-12),
@@ -52,9 +64,13 @@ EXPECTED = {
 @pytest.fixture(scope="module")
 def rows() -> dict[str, Row]:
     found = [
-        *reproduce.example_rows(reproduce.worked_example()),
-        *reproduce.table_1_rows(),
-        *reproduce.sled_rows(reproduce.sled_descent()),
+        *numbers.wheel_rows(
+            cases.disc_impact(0.0), {name: cases.disc_impact(u) for name, u in cases.DISC_SPEEDS.items()}
+        ),
+        *numbers.example_rows(cases.worked_example()),
+        *numbers.table_1_rows(),
+        *numbers.sled_rows(cases.sled_descent()),
+        *numbers.jam_rows({name: cases.jam_map(f) for name, f in cases.JAM_FRICTIONS.items()}),
     ]
     assert len({row.id for row in found}) == len(found)
     return {row.id: row for row in found}
@@ -104,9 +120,9 @@ def test_exactly_one_corrected_rule_holds_and_names_the_scenario() -> None:
 
 def test_the_moment_has_the_sign_by_which_it_was_computed() -> None:
     """Oracle: J times the difference quotient of the spin, row by row."""
-    example = reproduce.worked_example()
+    example = cases.worked_example()
     for descent, sign in ((example.euler, "dissipative"), (example.printed, "printed")):
-        series, rows = reproduce.force_series(descent, sign), descent.trajectory  # type: ignore[arg-type]
+        series, rows = cases.force_series(descent, sign), descent.trajectory  # type: ignore[arg-type]
         rate = descent.body.inertia * np.diff(rows["omega"]) / np.diff(rows["t"])
         middle = 0.5 * (series["moment"][1:] + series["moment"][:-1])
         smooth = np.abs(np.diff(series["normal"])) < 50.0
@@ -147,6 +163,17 @@ def test_the_data_are_those_of_the_figures(folder: Path) -> None:
     tilt = math.radians(10.0)
     assert float(sled[0]["vertical_m_s"]) == pytest.approx(-3.0 * math.sin(tilt))
     assert float(sled[0]["horizontal_m_s"]) == pytest.approx(3.0 * math.cos(tilt))
+    for name, batch in (("0.03", cases.jam_map(0.03)),):
+        cells = [line for line in read(folder / "jam_map.csv") if line["friction"] == name]
+        assert [float(line["jam_index"]) for line in cells] == batch.jam.jam_index.tolist()
+        cell = cells[12345]
+        launch = cases.sled_descent().launch._replace(
+            y=cases.SLED_DROP + support_height(cases.SLED, math.radians(float(cell["phi_deg"]))),
+            phi=math.radians(float(cell["phi_deg"])),
+            omega=float(cell["spin_rad_s"]),
+        )
+        one = simulate(cases.SLED, cases.SLED_LAW, cases.SLED_SLOPE, launch)
+        assert (float(cell["jam_index"]), cell["status"]) == (float(one.jam.jam_index), one.status)
     wheel = read(folder / "table_1.csv")
     assert {line["scenario"] for line in wheel} == {"slide-roll", "stop-roll", "slide", "stuck"}
     number = {"slide-roll": "1", "stop-roll": "2", "slide": "3", "stuck": "4"}
@@ -173,7 +200,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path: Path, error: type[BaseExcep
         lines.append(line)
         if len(lines) == 2:
             (scratch,) = tmp_path.iterdir()
-            assert (scratch / "new" / "fig_7_10.png").exists()
+            assert (scratch / "new" / "fig_4.png").exists()
             raise error
 
     with pytest.raises(error):
@@ -231,6 +258,48 @@ def test_maps_are_labelled() -> None:
     figure = plot.plot_mode_map(x, y, {"one": modes, "other": modes})
     assert [ax.get_title("left") for ax in figure.axes] == ["one", "other"]
     assert legend(figure) == ["slides without rotation", "slip reversed"]
+
+
+def test_a_jam_map_is_hatched_where_the_end_is_not_reached() -> None:
+    x, y = np.linspace(-3.0, 3.0, 40), np.linspace(-8.0, 8.0, 30)
+    finished = np.broadcast_to(x > 0.0, (30, 40))
+    jam = np.where(finished, 0.1, 0.9)
+    figure = plot.plot_jam_map(x, y, {"ice": (jam, finished), "all": (jam, finished | True)}, mark=(1.0, 2.0, "ours"))
+    ice, everything, scale = figure.axes
+    assert [ax.get_title("left") for ax in (ice, everything)] == ["ice", "all"]
+    assert scale.get_ylabel() == "jam index [-]"
+    hatched = [set(ax.collections[1:]) for ax in (ice, everything)]
+    assert len(hatched[0]) == 1
+    assert hatched[1] == set()
+    assert legend(figure) == ["end of the slope not reached", "ours"]
+    with pytest.raises(ValueError, match=r"'ice' has shape \(40, 30\): must be \(30, 40\)"):
+        plot.plot_jam_map(x, y, {"ice": (jam.T, finished)})
+    with pytest.raises(ValueError, match="panels is empty"):
+        plot.plot_jam_map(x, y, {})
+
+
+def test_the_phases_of_an_impact_are_its_areas() -> None:
+    """Oracle: m V0 and R m V0."""
+    figure = plot.plot_impact_phases(cases.disc_impact(0.0))
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["phase I: $S_{NI}$ = 1 N s", "phase II: $S_{NII}$ = 0.5774 N s"]
+    rigid = simulate(
+        cases.DISC, cases.EXAMPLE_LAW, Slope(0.0), State(0.0, 0.5, 0.0), solver="rigid", record="trajectory"
+    )
+    with pytest.raises(ValueError, match="takes no time"):
+        plot.plot_impact_phases(rigid)
+
+
+def test_sliding_is_shown_to_stop_where_it_does() -> None:
+    """Oracle: after the impulse p1 of docs/physics.md (3.2); the impulse of a quarter of an oscillation is a cosine."""
+    run = cases.disc_impact(0.15)
+    figure = plot.plot_sliding_end({"early": run})
+    m, r, f, arm = 1.0, 0.1, 0.1, 1e-3
+    p1 = 0.15 / (f * (1.0 / m + r**2 / cases.DISC.inertia) - r * arm / cases.DISC.inertia)
+    pulsation = math.sqrt(1.5 * 9810.0 / m)
+    assert figure.axes[0].get_xlabel() == f"sliding stops at {1e3 * math.acos(1.0 - p1 / m) / pulsation:.2f} ms"
+    with pytest.raises(ValueError, match="panels is empty"):
+        plot.plot_sliding_end({})
 
 
 def test_a_sliver_is_not_labelled() -> None:

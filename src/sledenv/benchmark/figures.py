@@ -27,7 +27,7 @@ from sledenv.benchmark.scores import (
     regrets,
     robustness,
 )
-from sledenv.plot import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
+from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
 from sledenv.scenario import CONTROLS
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures

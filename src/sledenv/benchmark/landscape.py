@@ -16,7 +16,7 @@ from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.task import Contexts
-from sledenv.plot import INK
+from sledenv.plot.style import INK
 from sledenv.scenario import CONTROLS, Scenario, ScenarioError
 
 _GRID: Final = tuple(control.drawn for control in CONTROLS.values())

@@ -1,0 +1,28 @@
+"""The figures: descents as strobe pictures, impacts and descents in time, energies, and maps of how an impact ends."""
+
+from sledenv.plot.contact import plot_impact
+from sledenv.plot.energy import energy_layers, plot_descent
+from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
+from sledenv.plot.motion import plot_strobe
+from sledenv.plot.paper import (
+    plot_convergence,
+    plot_impact_phases,
+    plot_sliding_end,
+    plot_velocities,
+    plot_worked_example,
+)
+
+__all__ = [
+    "energy_layers",
+    "plot_convergence",
+    "plot_descent",
+    "plot_impact",
+    "plot_impact_phases",
+    "plot_jam_map",
+    "plot_mode_map",
+    "plot_sliding_end",
+    "plot_strobe",
+    "plot_table_1",
+    "plot_velocities",
+    "plot_worked_example",
+]

@@ -1,0 +1,136 @@
+"""The velocities of a descent over time, and where its energy is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sledenv.descent import Descent
+from sledenv.outline import drawable_rows, to_world
+from sledenv.plot.style import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    POTENTIAL,
+    PURPLE,
+    RED,
+    SKY,
+    WIDTH,
+    contact_key,
+    outcome,
+    shade_contacts,
+    styled,
+    touching_arms,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_descent(descent: Descent) -> Figure:
+    """Plot velocities (the paper's Fig. 12-14) and the energy ledger of a descent over time.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+
+    Returns
+    -------
+    Figure
+        Velocity along the slope, velocity normal to it, angular velocity, and where the energy of the launch has gone:
+        the layers add up to the same sum at all times.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing.
+    """
+    rows = drawable_rows(descent)
+    t = rows["t"]
+    layers = energy_layers(descent, rows)
+    curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 8.0), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.9)))
+        for ax, (field, label) in zip(axes[:3], curves, strict=True):
+            shade_contacts(ax, descent, 1.0)
+            ax.axhline(0.0, color=INK, lw=0.6)
+            ax.plot(t, rows[field], color=BLUE)
+            ax.set_ylabel(label)
+        colours = (BLUE, SKY, POTENTIAL, GREEN, RED, ORANGE, PURPLE)
+        axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
+        axes[3].set_ylabel("energy [J]")
+        axes[3].set_xlabel("time [s]")
+        axes[3].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        axes[0].set_title(outcome(descent), loc="left")
+        handles = [*axes[3].get_legend_handles_labels()[0], contact_key()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        figure.align_ylabels(axes)
+    return figure
+
+
+def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Return where the energy [J] is in each row: moving, above the lowest place of the descent, stored or lost."""
+    translation, rotation = kinetic(descent, rows)
+    height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
+    potential = descent.body.mass * descent.slope.gravity * (height - height.min())
+    _, b = touching_arms(descent, rows)
+    squeezed = np.where(rows["feature"] > 0, np.minimum(rows["y"] - b, 0.0), 0.0)
+    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * np.square(squeezed)
+    hysteresis, sliding, rolling = _losses(descent, rows)
+    return {
+        "translation": translation,
+        "rotation": rotation,
+        "potential": potential,
+        "stored in the contact": stored,
+        "lost by hysteresis": hysteresis,
+        "lost by sliding": sliding,
+        "lost by rolling": rolling,
+    }
+
+
+def kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Energy [J] of translation and of rotation in each row."""
+    speed_squared = np.square(rows["u"]) + np.square(rows["v"])
+    return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
+
+
+def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Cumulative losses [J] by hysteresis, sliding and rolling, shape (3, m).
+
+    The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost
+    in an impact of rigid surfaces, where the kinetic energy falls.
+    """
+    falls = -np.diff(sum(kinetic(descent, rows)))
+    a, b = touching_arms(descent, rows)
+    power = np.stack(
+        [
+            rows["normal"] * np.maximum(rows["v"] - a * rows["omega"], 0.0),  # lost while the gap opens
+            np.abs(rows["tangential"] * (rows["u"] + b * rows["omega"])),
+            np.abs(rows["rolling"] * rows["omega"]),
+        ]
+    )
+    work = np.diff(rows["t"]) * 0.5 * (power[:, 1:] + power[:, :-1])
+    total = np.zeros(power.shape)
+    for rebound in descent.rebounds:
+        first = np.searchsorted(rows["t"], rebound["t"] - rebound["duration"])
+        last = np.searchsorted(rows["t"], rebound["t"], side="right") - 1
+        losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
+        done = np.cumsum(work[:, first:last], axis=1)
+        if done.size == 0:  # an impact whose rows were left out
+            total[:, last + 1 :] += losses[:, None]
+            continue
+        struck = np.arange(done.shape[1]) >= np.argmax(falls[first:last])
+        forced = done[:, -1:] > np.maximum(0.1 * losses[:, None], 0.0)
+        spread = np.divide(done, done[:, -1:], out=np.tile(1.0 * struck, (3, 1)), where=forced)
+        total[:, first + 1 : last + 1] += losses[:, None] * spread
+        total[:, last + 1 :] += losses[:, None]
+    return total

@@ -1,0 +1,106 @@
+"""What all figures share: colours, widths, what is written and shaded in each."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sledenv.descent import Descent
+from sledenv.geometry import arms
+from sledenv.outline import drawable_rows
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+
+# Okabe and Ito's colours, which stay apart for colour-blind readers.
+BLUE, SKY, GREEN, ORANGE, RED, PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
+INK, GROUND, SHADE, POTENTIAL = "#333333", "#E3E7EC", "#E9EDF2", "#BFC8D2"
+STYLE: dict[str, Any] = {
+    "font.size": 11.0,
+    "axes.titlesize": 11.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "lines.linewidth": 1.6,
+    "legend.frameon": False,
+}
+DASHES = (0, (4, 3))
+WIDTH = 9.0  # [in]
+_LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
+
+
+def styled(more: dict[str, Any] | None = None) -> AbstractContextManager[None]:
+    """Return the context in which figures are drawn, with ``more`` settings of matplotlib.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    """
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise ImportError('figures need matplotlib: pip install "sledenv[plot]"') from error
+    settings: Any = STYLE | (more or {})  # matplotlib types the names of its settings
+    return matplotlib.rc_context(settings)
+
+
+def outcome(descent: Descent) -> str:
+    """Return how a descent ended, for a title."""
+    jam = descent.jam
+    return (
+        f"{descent.status} after {descent.time:.2f} s, reward {float(jam.reward):.2f}, "
+        f"jam index {float(jam.jam_index):.2f}"
+    )
+
+
+def shade_contacts(ax: Axes, descent: Descent, scale: float) -> None:
+    """Shade the times of contact; ``scale`` is that of the time axis."""
+    for rebound in descent.rebounds:
+        end = scale * rebound["t"]
+        ax.axvspan(end - scale * rebound["duration"], end, facecolor=SHADE, edgecolor=SHADE, lw=0.8, zorder=0)
+
+
+def contact_key() -> Artist:
+    """Return the entry of the legend for what :func:`shade_contacts` shades."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=SHADE, label="in contact")
+
+
+def touching_arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Arms [m] of the touching feature in each row, zero in flight."""
+    a, b = np.zeros(len(rows)), np.zeros(len(rows))
+    for i in np.flatnonzero(rows["feature"]):
+        a[i], b[i] = arms(descent.body, rows["feature"][i], rows["phi"][i])
+    return a, b
+
+
+def gap_rate(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Rate of the gap [m/s] in each row in contact, the velocity of the mass centre in flight."""
+    a, _ = touching_arms(descent, rows)
+    rate: np.ndarray = rows["v"] - a * rows["omega"]
+    return rate
+
+
+def contact_rows(descent: Descent, number: int = 0) -> np.ndarray:
+    """Return the rows of one contact, from touchdown to separation.
+
+    Raises
+    ------
+    ValueError
+        If the trajectory is missing, or there is no such contact or it takes no time.
+    """
+    every = drawable_rows(descent)
+    if not 0 <= number < len(descent.rebounds):
+        raise ValueError(f"number = {number!r}: must be in [0, {len(descent.rebounds)}), the contacts of the descent")
+    rebound = descent.rebounds[number]
+    begin = rebound["t"] - rebound["duration"]
+    rows: np.ndarray = every[(every["feature"] > 0) & (every["t"] >= begin - _LATE) & (every["t"] <= rebound["t"])]
+    if len(rows) < 2 or rows["t"][-1] <= rows["t"][0]:
+        raise ValueError(f"number = {number!r}: this contact takes no time, as between rigid surfaces")
+    return rows

@@ -1,0 +1,179 @@
+"""Every number and figure of the paper, computed anew in one folder: the command ``sledenv reproduce``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from sledenv.files import publish, write_csv
+from sledenv.reproduce import cases, figures
+from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows
+
+__all__ = ["FILES", "reproduce"]
+
+
+FILES: Final = (
+    "index.md",
+    "table.md",
+    "table.csv",
+    "fig_2.png",
+    "fig_4.png",
+    "fig_2_4.csv",
+    "fig_7_10.png",
+    "fig_7_10.csv",
+    "fig_11.png",
+    "fig_12_14.png",
+    "fig_12_14.csv",
+    "table_1.png",
+    "table_1.csv",
+    "mode_map.png",
+    "mode_map.csv",
+    "convergence.png",
+    "convergence.csv",
+    "jam_map.png",
+    "jam_map.csv",
+)
+
+
+def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], None] = print) -> Path:
+    """Compute everything quantitative in the paper and write it into one folder.
+
+    Figures 2, 4, 7-10 and 11-14, Table 1 as a map, the modes of an eccentric impact, the map of jamming that the paper
+    only announces, and a table that sets the paper's numbers against ours with the reason of each difference;
+    docs/physics.md, section 2, derives the corrections.
+
+    Parameters
+    ----------
+    folder : str or path
+        Made anew in one move when all is complete. It may exist if it holds nothing but an earlier reproduction.
+    progress : callable
+        Called with one line before each part.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    OSError
+        If the folder cannot be written or holds files of another origin; it is then left as it was.
+    """
+    with publish(folder, FILES) as new:
+        progress("Equation (1), figures 2 and 4: impacts of a wheel")
+        straight = cases.disc_impact(0.0)
+        oblique = {phase: cases.disc_impact(u0) for phase, u0 in cases.DISC_SPEEDS.items()}
+        figures.write_wheel(new, straight, oblique)
+        progress("Figures 7-10: the worked example, event-driven and by explicit Euler")
+        example = cases.worked_example()
+        figures.write_worked_example(new, example)
+        progress("Figures 11-14: the sled hops down an incline")
+        sled = cases.sled_descent()
+        figures.write_sled(new, sled)
+        progress("Table 1 as a map")
+        figures.write_table_1(new)
+        progress("Modes of an eccentric impact as a map")
+        figures.write_mode_map(new)
+        progress("Convergence to the rigid impact")
+        figures.write_convergence(new)
+        progress("Jamming over orientation and spin at the launch as a map")
+        maps = {name: cases.jam_map(friction) for name, friction in cases.JAM_FRICTIONS.items()}
+        figures.write_jam_map(new, maps)
+        progress("Table of numbers")
+        rows = [*wheel_rows(straight, oblique), *example_rows(example), *table_1_rows(), *sled_rows(sled)]
+        rows += jam_rows(maps)
+        _write_table(new, rows)
+        _write_index(new, example)
+    return Path(folder)
+
+
+def _write_table(folder: Path, rows: list[Row]) -> None:
+    write_csv(
+        folder / "table.csv",
+        ("id", "where", "quantity", "unit", "paper", "ours", "why"),
+        ((row.id, row.where, row.quantity, row.unit, row.paper, row.ours, row.why) for row in rows),
+    )
+    lines = ["| where | quantity | paper | ours | why they differ |", "|---|---|---|---|---|"]
+    for row in rows:
+        ours = row.ours if isinstance(row.ours, str) else f"{row.ours:{row.form}}"
+        unit = "" if row.unit == "-" else f" {row.unit}"
+        paper = f"{row.paper}{unit}" if row.paper.lstrip("-")[:1].isdigit() else row.paper
+        lines.append(f"| {row.where} | {row.quantity} | {paper} | {ours}{unit} | {row.why} |")
+    (folder / "table.md").write_text("# The paper's numbers and ours\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_index(folder: Path, example: cases.Example) -> None:
+    ends = (f"{run.energy.kinetic:.2f} J" for run in (example.euler, example.printed))
+    text = _INDEX.format(*ends, paper=f"{cases.PRINTED_ENERGIES[1]:g} J", assumed=cases.SLED_ASSUMED)
+    (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+_INDEX = """# The paper, computed anew
+
+Source: *Analysis of oblique collision between parallel-plane moving constrained body and obstacle*. Corrections to it
+are derived in docs/physics.md, section 2. Written by `sledenv reproduce`; all numbers were computed by that run.
+
+| part of the paper | figure | data |
+|---|---|---|
+| Fig. 2, equation (1), a wheel | [fig_2.png](fig_2.png) | [fig_2_4.csv](fig_2_4.csv) |
+| Fig. 4, sliding stops | [fig_4.png](fig_4.png) | [fig_2_4.csv](fig_2_4.csv) |
+| Fig. 7-10, the worked example | [fig_7_10.png](fig_7_10.png) | [fig_7_10.csv](fig_7_10.csv) |
+| Fig. 11, the sled on an incline | [fig_11.png](fig_11.png) | |
+| Fig. 12-14, its velocities | [fig_12_14.png](fig_12_14.png) | [fig_12_14.csv](fig_12_14.csv) |
+| Table 1, the collision scenarios of a wheel | [table_1.png](table_1.png) | [table_1.csv](table_1.csv) |
+| the same question for the eccentric body | [mode_map.png](mode_map.png) | [mode_map.csv](mode_map.csv) |
+| the rigid limit of the contact model | [convergence.png](convergence.png) | [convergence.csv](convergence.csv) |
+| jamming over orientation and spin | [jam_map.png](jam_map.png) | [jam_map.csv](jam_map.csv) |
+| every number | [table.md](table.md) | [table.csv](table.csv) |
+
+## Equation (1), Fig. 2 and Fig. 4
+
+![Normal force of a straight impact with its two phases](fig_2.png)
+
+![Normal and tangential force of oblique impacts in which sliding stops](fig_4.png)
+
+The paper draws Fig. 2 and 4 without numbers. Ours: the contact of the worked example, a uniform disc, 1 m/s towards the
+plane. Sliding stops in the first or in the second phase, depending on the velocity along the plane. Then the wheel
+rolls, and rolling resistance asks for a small force within the bounds of friction.
+
+## Fig. 7-10
+
+![Forces, moment and kinetic energy of the worked example](fig_7_10.png)
+
+m = 1 kg, r = 0.1 m, h = 0.05 m, J = 7.5e-3 kg m², f = 0.1, δ = 1 mm, c = 9.81 kN/m, Δ = 0.5, y = 0.07 m, φ = 45°, no
+gravity, and V_y = -10 m/s, which T(0) = 50 J needs. Euler's method ends with T(0.04 s) = {} for the dissipative
+sign of friction and {} for the printed one; the paper prints {paper}.
+
+## Fig. 11-14
+
+![The sled at equal intervals of time](fig_11.png)
+
+![Velocities of the sled](fig_12_14.png)
+
+{assumed}
+
+## Table 1
+
+![Scenarios of a wheel over speed ratio and friction](table_1.png)
+
+On the left the corrected rules; on the right those of the printed rules that hold, hatched where there are several.
+How often that is so, and how often exactly one corrected rule holds: [table.md](table.md).
+
+## Eccentric body
+
+![Modes of an eccentric impact over orientation and direction of approach](mode_map.png)
+
+How one rigid impact of the worked example's body ends, without spin at touch.
+
+## Jamming over orientation and spin
+
+![Jam index over orientation and spin at the launch](jam_map.png)
+
+The paper wants to predict jamming, and announces experiments with a sled. This is what its model says: the jam index
+(docs/environments.md; 0 where all energy is kept to the end, 1 where the sled does not move) of the sled of Fig. 11,
+let go in any orientation with any spin. Mass, restitution and the friction of ice are the paper's; the friction of the
+rough slope is assumed, and all else as for Fig. 11.
+"""
