@@ -102,6 +102,17 @@ def test_reach_is_the_distance_of_the_farthest_point(body: Body) -> None:
     assert outline.reach(body) == pytest.approx(distances.max(), rel=1e-5)
 
 
+@pytest.mark.parametrize("half_angle", [0.3, 0.61, 1.2, math.pi / 2, 1.9, math.pi])
+def test_a_spoke_lies_within_its_body(half_angle: float) -> None:
+    """Oracle: a segment is convex: its spoke begins inside the outline, or on it, and ends at the mass centre."""
+    body = circular_segment(1.0, 0.4, half_angle)
+    begin, end = outline.spoke(body, 3.0, 2.0, 0.7)
+    assert end.tolist() == [3.0, 2.0]
+    points = outline.body_outline(body, 3.0, 2.0, 0.7, 2001)
+    edges, out = np.diff(points, axis=0), begin - points[:-1]
+    assert (edges[:, 0] * out[:, 1] - edges[:, 1] * out[:, 0]).min() > -1e-9
+
+
 def test_the_heavy_side_holds_the_mass_centre() -> None:
     _, centroid = shoelace(outline.heavy_side(DISC, 2.0, 1.0, 0.8))
     centre = np.array(outline.arc_centre(DISC, 2.0, 1.0, 0.8))
@@ -292,6 +303,8 @@ def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
 def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> None:
     """Titles, axis labels, tick labels and legends keep apart at the width of a README."""
     figures = [plot.plot_strobe([jams, slides, jams]), plot.plot_impact(impact), plot.plot_descent(jams)]
+    figures += [plot.plot_slip(jams), plot.plot_penetration(slides), plot.plot_impulses(jams)]
+    figures += [plot.plot_phase_portraits(slides), plot.plot_impulse_plane(DISC, ICE, State(0, 0, 0.4, 1, -2, 3))]
     for figure in figures:
         FigureCanvasAgg(figure).draw()
         boxes = [legend.get_window_extent() for legend in figure.legends]
@@ -303,6 +316,121 @@ def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> N
         assert figure.dpi * figure.get_figwidth() == pytest.approx(900.0)
         for one, other in itertools.combinations(boxes, 2):
             assert not one.padded(-0.5).overlaps(other), (one, other)
+
+
+def in_the_plane(figure: Figure) -> np.ndarray:
+    """Corners of the path in the impulse plane: normal and tangential impulse, shape (n, 2)."""
+    pieces = [line.get_xydata() for line in figure.axes[0].lines if line.get_linewidth() == 2.4]
+    return np.concatenate([[piece[0] for piece in pieces], pieces[-1][-1:]])
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, ROD])
+def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_cone(body: Body) -> None:
+    """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(60):
+        law = ContactLaw(1e6, 0.5, rng.uniform(0.0, 1.5), *rng.uniform(0.0, 0.05, 2))
+        state = State(0.0, 0.0, rng.uniform(-3.0, 3.0), rng.uniform(-2.0, 2.0), -5.0, rng.uniform(-4.0, 4.0))
+        impact = sledenv.rigid_impact(body, law, state)
+        if not impact.phases:
+            continue
+        path = in_the_plane(plot.plot_impulse_plane(body, law, state))
+        assert path[0].tolist() == [0.0, 0.0]
+        assert path[-1] == pytest.approx([impact.normal_impulse, impact.tangential_impulse], abs=1e-9 * body.mass)
+        assert (np.abs(path[:, 1]) <= law.friction * path[:, 0] * (1.0 + 1e-12)).all()
+        seen |= {phase.slip for phase in impact.phases}
+    assert seen == {-1, 0, 1}
+
+
+def test_an_impulse_plane_names_what_happens() -> None:
+    """Oracle: the impact of docs/physics.md, section 4.4, in which the slip of a rod stops and it sticks."""
+    rod, law = Body(1.0, 0.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
+    state = State(0.0, 0.0, math.pi / 4, -0.5, -1.0, 0.0)
+    figure = plot.plot_impulse_plane(rod, law, state)
+    assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, 0.8 / 7.0])
+    events = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert events == ["sliding stops", "compression ends", "separation"]
+    with pytest.raises(ValueError, match="does not approach"):
+        plot.plot_impulse_plane(rod, law, state._replace(v=1.0))
+
+
+def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
+    """Oracle: the trajectory: the sign of slip is 0 where the body sticks, and F = -f N sgn(v_t) elsewhere."""
+    figure = plot.plot_slip(jams)
+    rows = jams.trajectory
+    spans = list(figure.axes[0].patches)
+    sticks = [patch for patch in spans if patch.get_facecolor()[:3] == pytest.approx((0.0, 0.62, 0.45), abs=0.01)]
+    shaded = sum(patch.get_width() for patch in sticks)
+    stuck = (rows["feature"][1:] > 0) & (rows["slip"][1:] == 0) & (rows["slip"][:-1] == 0) & (rows["feature"][:-1] > 0)
+    assert shaded == pytest.approx(np.diff(rows["t"])[stuck].sum())
+    assert 0.0 < shaded < sum(patch.get_width() for patch in spans)
+    used = figure.axes[1].lines[1].get_ydata()
+    slipping = (rows["slip"] != 0) & (rows["normal"] > 0.0)
+    assert used[slipping] == pytest.approx(-rows["slip"][slipping])
+    assert np.nanmax(np.abs(used)) <= 1.0 + 1e-9
+    with pytest.raises(ValueError, match="flies all the time"):
+        plot.plot_slip(jams, 0.0, 0.9 * float(jams.rebounds["t"][0] - jams.rebounds["duration"][0]))
+
+
+def test_the_loop_of_a_contact_has_the_area_of_its_loss(slides: Descent) -> None:
+    """Oracles: the loss that the rebound recorded; N = k x with the two stiffnesses of the law."""
+    figure = plot.plot_penetration(slides, 1)
+    left, right = figure.axes
+    depth, force = right.lines[0].get_xydata().T
+    assert right.get_ylabel() == "normal force N [kN]"
+    area = np.trapezoid(1e3 * force, 1e-3 * depth)
+    assert area == pytest.approx(slides.rebounds["loss_hysteresis"][1], rel=1e-6)
+    closing, opening = (line.get_xydata()[1:-1] for line in right.lines[1:])
+    stiffness, asymmetry = slides.law.stiffness, slides.law.asymmetry
+    assert 1e6 * closing[:, 1] == pytest.approx(stiffness * (1.0 + asymmetry) * closing[:, 0], rel=1e-6)
+    assert 1e6 * opening[:, 1] == pytest.approx(stiffness * (1.0 - asymmetry) * opening[:, 0], rel=1e-6)
+    assert left.lines[0].get_xdata()[-1] == pytest.approx(1e3 * slides.rebounds["duration"][1])
+    with pytest.raises(ValueError, match=r"number = 99: must be in \[0, "):
+        plot.plot_penetration(slides, 99)
+
+
+def test_rigid_impulses_are_stems_at_their_times() -> None:
+    """Oracle: the log of the descent."""
+    descent = run(SLED, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
+    figure = plot.plot_impulses(descent)
+    log = descent.rebounds
+    for ax, values in zip(figure.axes, (log["normal_impulse"], descent.rebound_jam.grip), strict=True):
+        (stems,) = ax.collections
+        tops = np.array([segment[1] for segment in stems.get_segments()])
+        assert tops[:, 0].tolist() == log["t"].tolist()
+        assert np.abs(tops[:, 1]) == pytest.approx(values)
+    lasting = figure.axes[0].lines[-1]
+    assert len(lasting.get_xdata()) == np.count_nonzero(log["duration"] > 0.0) > 0
+
+
+def test_flights_of_a_phase_portrait_end_where_the_body_touches(slides: Descent) -> None:
+    """Oracle: the trajectory at each touchdown, and the launch."""
+    figure = plot.plot_phase_portraits(slides)
+    angles, speeds = figure.axes[:2]
+    flights = [line for line in angles.lines if line.get_linewidth() == 0.5]
+    assert len(flights) == len(slides.rebounds)
+    touch = slides.rebounds["t"] - slides.rebounds["duration"]
+    states = outline.states_at(slides.trajectory, touch)
+    ends = [line.get_xydata()[-1] for line in flights]
+    assert np.array(ends) == pytest.approx(np.stack([np.degrees(states[:, 2]), states[:, 5]], axis=-1), abs=1e-6)
+    first = next(line for line in speeds.lines if line.get_linewidth() == 0.5)
+    assert first.get_xydata()[0].tolist() == [slides.launch.u, slides.launch.v]
+
+
+def test_figures_of_contacts_need_contacts() -> None:
+    flight = run(DISC, ICE, HILL, (0.0, 5.0, 0.2, 3.0, 0.0, 0.5), max_time=0.1)
+    for draw in (plot.plot_impulses, plot.plot_phase_portraits):
+        with pytest.raises(ValueError, match="no rebounds"):
+            draw(flight)
+    with pytest.raises(ValueError, match="number = 0"):
+        plot.plot_penetration(flight)
+
+
+def test_velocities_are_numbered_as_the_paper_only_when_asked(slides: Descent) -> None:
+    titles = [[ax.get_title("left") for ax in plot.plot_velocities(slides, paper=p).axes] for p in (False, True)]
+    assert titles[0][0] == "vertical velocity, upwards"
+    assert titles[1] == [f"Fig. {12 + i}: {title}" for i, title in enumerate(titles[0])]
 
 
 UGLY = {
@@ -327,7 +455,10 @@ UGLY = {
 def test_ugly_descents_are_drawn(name: str) -> None:
     body, law, slope, launch, options = UGLY[name]
     descent = run(body, law, slope, launch, **options)
-    for figure in (plot.plot_strobe(descent), plot.plot_descent(descent)):
+    figures = [plot.plot_strobe(descent), plot.plot_descent(descent)]
+    if len(descent.rebounds) > 0:
+        figures += [plot.plot_impulses(descent), plot.plot_phase_portraits(descent), plot.plot_slip(descent)]
+    for figure in figures:
         figure.savefig(io.BytesIO(), dpi=40)
 
 

@@ -75,6 +75,22 @@ def arc_centre(body: Body, x: float, y: float, phi: float) -> tuple[float, float
     return x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)
 
 
+def spoke(body: Body, x: float, y: float, phi: float) -> np.ndarray:
+    """Return the line that shows how far the mass centre lies out of the middle of the body, slope frame.
+
+    It ends at the mass centre, ``x``, ``y`` [m], and begins at the centre of the arc; at the middle of the chord where
+    the segment is shallower than a half disc, because the centre of its arc lies outside of it.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+        Columns x, y [m].
+    """
+    below = max(body.radius * math.cos(body.half_angle), 0.0)
+    x0, y0 = arc_centre(body, x, y, phi)
+    return np.array([(x0 + below * math.sin(phi), y0 - below * math.cos(phi)), (x, y)])
+
+
 def reach(body: Body) -> float:
     """Return the largest distance [m] of a point of the body from its mass centre."""
     return float(np.hypot(*body_outline(body, 0.0, 0.0, 0.0, 65).T).max())

@@ -14,7 +14,6 @@ from sledenv.descent import Descent
 from sledenv.kernel.records import Status
 from sledenv.outline import (
     Push,
-    arc_centre,
     body_outline,
     contact_spans,
     drawable_rows,
@@ -22,6 +21,7 @@ from sledenv.outline import (
     heavy_side,
     push_at,
     reach,
+    spoke,
     states_at,
     strobe_states,
     to_world,
@@ -422,7 +422,7 @@ class _Canvas:
             if body.radius > 0.0:
                 pygame.draw.polygon(self.surface, _mix(colour, strength), self.points(outline(body, x, y, phi)))
         self.line(body_outline(body, x, y, phi), ink, 1.5)
-        self.line(np.array([arc_centre(body, x, y, phi), (x, y)]), ink, 1.5)
+        self.line(spoke(body, x, y, phi), ink, 1.5)
         self.dot(x, y, ink, 3.0)
 
     def picture(self, numbers: dict[str, str]) -> np.ndarray:

@@ -1,7 +1,8 @@
 """The figures: descents as strobe pictures, impacts and descents in time, energies, and maps of how an impact ends."""
 
-from sledenv.plot.contact import plot_impact
+from sledenv.plot.contact import plot_impact, plot_penetration, plot_slip
 from sledenv.plot.energy import energy_layers, plot_descent
+from sledenv.plot.impacts import plot_impulse_plane, plot_impulses, plot_phase_portraits
 from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
 from sledenv.plot.motion import plot_strobe
 from sledenv.plot.paper import (
@@ -18,9 +19,14 @@ __all__ = [
     "plot_descent",
     "plot_impact",
     "plot_impact_phases",
+    "plot_impulse_plane",
+    "plot_impulses",
     "plot_jam_map",
     "plot_mode_map",
+    "plot_penetration",
+    "plot_phase_portraits",
     "plot_sliding_end",
+    "plot_slip",
     "plot_strobe",
     "plot_table_1",
     "plot_velocities",

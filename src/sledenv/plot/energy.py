@@ -8,6 +8,7 @@ import numpy as np
 
 from sledenv.descent import Descent
 from sledenv.outline import drawable_rows, to_world
+from sledenv.plot.rows import kinetic, penetration, touching_arms
 from sledenv.plot.style import (
     BLUE,
     GREEN,
@@ -22,7 +23,6 @@ from sledenv.plot.style import (
     outcome,
     shade_contacts,
     styled,
-    touching_arms,
 )
 
 if TYPE_CHECKING:
@@ -82,8 +82,7 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     translation, rotation = kinetic(descent, rows)
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
-    _, b = touching_arms(descent, rows)
-    squeezed = np.where(rows["feature"] > 0, np.minimum(rows["y"] - b, 0.0), 0.0)
+    squeezed = penetration(descent, rows)
     stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * np.square(squeezed)
     hysteresis, sliding, rolling = _losses(descent, rows)
     return {
@@ -95,12 +94,6 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
         "lost by sliding": sliding,
         "lost by rolling": rolling,
     }
-
-
-def kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Energy [J] of translation and of rotation in each row."""
-    speed_squared = np.square(rows["u"]) + np.square(rows["v"])
-    return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
 
 
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:

@@ -10,12 +10,12 @@ import numpy as np
 
 from sledenv.descent import Descent
 from sledenv.outline import (
-    arc_centre,
     body_outline,
     contact_spans,
     drawable_rows,
     heavy_side,
     reach,
+    spoke,
     strobe_states,
     to_world,
 )
@@ -162,7 +162,7 @@ def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, s
     places = states[:, :3].tolist()
     outlines = [to_world(body_outline(body, *place), angle) for place in places]
     heavy = [to_world(heavy_side(body, *place), angle) for place in places]
-    spokes = [to_world([arc_centre(body, *place), place[:2]], angle) for place in places]
+    spokes = [to_world(spoke(body, *place), angle) for place in places]
     ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.15, zorder=4))
     ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
     ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=1.3, zorder=6))

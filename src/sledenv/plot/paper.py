@@ -9,6 +9,7 @@ import numpy as np
 
 from sledenv.descent import Descent
 from sledenv.outline import drawable_rows, to_world
+from sledenv.plot.rows import contact_rows, gap_rate
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -21,8 +22,6 @@ from sledenv.plot.style import (
     SKY,
     WIDTH,
     contact_key,
-    contact_rows,
-    gap_rate,
     shade_contacts,
     styled,
 )

@@ -5,11 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from sledenv.descent import Descent
-from sledenv.geometry import arms
-from sledenv.outline import drawable_rows
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -30,7 +26,6 @@ STYLE: dict[str, Any] = {
 }
 DASHES = (0, (4, 3))
 WIDTH = 9.0  # [in]
-_LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
 
 
 def styled(more: dict[str, Any] | None = None) -> AbstractContextManager[None]:
@@ -70,37 +65,3 @@ def contact_key() -> Artist:
     from matplotlib.patches import Patch
 
     return Patch(facecolor=SHADE, label="in contact")
-
-
-def touching_arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Arms [m] of the touching feature in each row, zero in flight."""
-    a, b = np.zeros(len(rows)), np.zeros(len(rows))
-    for i in np.flatnonzero(rows["feature"]):
-        a[i], b[i] = arms(descent.body, rows["feature"][i], rows["phi"][i])
-    return a, b
-
-
-def gap_rate(descent: Descent, rows: np.ndarray) -> np.ndarray:
-    """Rate of the gap [m/s] in each row in contact, the velocity of the mass centre in flight."""
-    a, _ = touching_arms(descent, rows)
-    rate: np.ndarray = rows["v"] - a * rows["omega"]
-    return rate
-
-
-def contact_rows(descent: Descent, number: int = 0) -> np.ndarray:
-    """Return the rows of one contact, from touchdown to separation.
-
-    Raises
-    ------
-    ValueError
-        If the trajectory is missing, or there is no such contact or it takes no time.
-    """
-    every = drawable_rows(descent)
-    if not 0 <= number < len(descent.rebounds):
-        raise ValueError(f"number = {number!r}: must be in [0, {len(descent.rebounds)}), the contacts of the descent")
-    rebound = descent.rebounds[number]
-    begin = rebound["t"] - rebound["duration"]
-    rows: np.ndarray = every[(every["feature"] > 0) & (every["t"] >= begin - _LATE) & (every["t"] <= rebound["t"])]
-    if len(rows) < 2 or rows["t"][-1] <= rows["t"][0]:
-        raise ValueError(f"number = {number!r}: this contact takes no time, as between rigid surfaces")
-    return rows
