@@ -27,7 +27,7 @@ def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, c
     """Its figures and its table are written."""
     monkeypatch.chdir(tmp_path)
     names = run(blocks("docs/simulation.md"))
-    names = ["strobe", "descent", "impact", "slip", "penetration", "portraits", "velocities", "impulses", "plane"]
+    figures = ["strobe", "descent", "impact", "slip", "penetration", "portraits", "velocities", "impulses", "plane"]
     assert {file.name for file in tmp_path.iterdir()} == {"rebounds.csv", *(f"{name}.png" for name in figures)}
     assert names["descent"].status == "finish"
     assert len((tmp_path / "rebounds.csv").read_text().splitlines()) == 1 + len(names["descent"].rebounds)
