@@ -134,8 +134,12 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
     assert "argument --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
     assert "--seed: must be an integer >= 0: '1.5'" in refused(capsys, "simulate", "ice_drop", "--seed", "1.5")
-    assert "--spin: must be a finite number: 'inf'" in refused(capsys, "simulate", "ice_drop", "--spin", "inf")
-    assert "must be a finite number: 'up'" in refused(capsys, "simulate", "ice_drop", "--orientation-deg", "up")
+    assert "--spin: must be a finite number in [-1e+06, 1e+06] rad/s: 'inf'" in refused(
+        capsys, "simulate", "ice_drop", "--spin", "inf"
+    )
+    bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
+    for value in ("up", "1e300", "-360.1", "nan"):
+        assert f"{bad}{value!r}" in refused(capsys, "simulate", "ice_drop", f"--orientation-deg={value}")
     assert "invalid choice: 'magic'" in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
     assert "required: SCENARIO" in refused(capsys, "simulate")
     assert "required: COMMAND" in refused(capsys)

@@ -175,9 +175,14 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say which descent is meant."""
     _add_scenario(parser)
     parser.add_argument(
-        "--orientation-deg", type=_number, metavar="DEG", help="launch orientation instead of the drawn one"
+        "--orientation-deg",
+        type=_within(360.0, "deg"),
+        metavar="DEG",
+        help="launch orientation instead of the drawn one",
     )
-    parser.add_argument("--spin", type=_number, metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one")
+    parser.add_argument(
+        "--spin", type=_within(1e6, "rad/s"), metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one"
+    )
     parser.add_argument(
         "--solver",
         choices=get_args(Solver),
@@ -186,14 +191,19 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"must be a finite number: {text!r}")
-    return value
+def _within(most: float, unit: str) -> Callable[[str], float]:
+    """Return what reads a number in [-most, most]."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= most:
+            raise argparse.ArgumentTypeError(f"must be a finite number in [-{most:g}, {most:g}] {unit}: {text!r}")
+        return value
+
+    return number
 
 
 def _seed(text: str) -> int:
