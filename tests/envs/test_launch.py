@@ -241,7 +241,7 @@ def test_ansi_tells_the_launch_and_then_the_rebounds(name):
     env.reset(seed=3)
     launch = env.render()
     assert launch.startswith("body: ")
-    assert len(launch.splitlines()) == 2
+    assert len(launch.splitlines()) == 4
     info = env.step(np.zeros(env.action_space.shape, np.float32))[4]
     told = env.render()
     lines = told.splitlines()
