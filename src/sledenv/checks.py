@@ -183,8 +183,9 @@ def _admit(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> 
     ValueError
         If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
-    launches[:, 2] = within_a_turn(launches[:, 2])
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
+    if (np.abs(phi) > np.pi).any():
+        phi[:] = within_a_turn(phi)
     lowest = support_heights(body, phi)
     below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)
     if below.any():
