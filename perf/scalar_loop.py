@@ -82,7 +82,7 @@ def _one_by_one(body: Body, inward: float, launches: np.ndarray, times: np.ndarr
 def _in_packs(body: Body, inward: float, launches: np.ndarray, times: np.ndarray, spaces: np.ndarray) -> None:
     pack, at = spaces[0]["pack"], spaces[0]["hop"]
     tell_body(body, at)
-    tell_bodies(body, pack)
+    tell_bodies(at, pack)
     for first in range(0, launches.shape[0], LANES):
         count = min(LANES, launches.shape[0] - first)
         for k in range(count):

@@ -1,16 +1,9 @@
 """Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
 
-from sledenv.descent import (
-    Descent,
-    DescentBatch,
-    Energy,
-    simulate,
-    simulate_batch,
-    simulate_blocks,
-)
+from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
-from sledenv.kernel.records import Feature, Mode, Status
+from sledenv.kernel.records import Energy, Feature, Mode, Status
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names

@@ -30,7 +30,7 @@ from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
-from sledenv.kernel.records import LEDGER_FIELDS, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Energy, Status
 from sledenv.kernel.state import CONTACT, new
 from sledenv.params import TOLERANCE, AnyLaw, Body, ContactLaw, Limits, Slope, State
 
@@ -44,32 +44,6 @@ FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
 _BLOCK = 8192  # lanes of a batch between two chances to interrupt it
 
 _descend, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
-
-
-class Energy(NamedTuple):
-    """Energy ledger of a descent [J]: docs/physics.md, section 9."""
-
-    initial: float  # kinetic + potential at launch
-    kinetic: float  # of the body at the end
-    potential: float  # at the end; zero at x = 0, y = 0
-    stored: float  # in the compressed contact at the end
-    hysteresis: float  # lost between loading and unloading stiffness
-    sliding: float  # lost to Coulomb friction
-    rolling: float  # lost to rolling resistance
-    rotor: float  # kinetic energy of the rider's rotor at the end
-    work: float  # done by the rider's trim
-    absorbed: float  # taken up by the rider's trim, and lost
-    supplied: float  # launch kinetic energy + drop height + slope descended + work
-
-    @property
-    def lost(self) -> float:
-        """All losses [J]."""
-        return self.hysteresis + self.sliding + self.rolling + self.absorbed
-
-    @property
-    def residual(self) -> float:
-        """Energy [J] that the ledger cannot account for: the integration error."""
-        return self.kinetic + self.potential + self.stored + self.rotor + self.lost - self.initial - self.work
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +247,7 @@ def descent_of(
         state=state_of(found),
         rebounds=rebounds[: found["rebounds"]].copy(),
         trajectory=trajectory[: found["samples"]],
-        energy=Energy._make(found[name] for name in LEDGER_FIELDS),
+        energy=Energy._make(found[name] for name in Energy._fields),
         outcome=outcome,
     )
 

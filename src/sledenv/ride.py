@@ -26,8 +26,8 @@ from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
 from sledenv.kernel.batch import Trims, hop_batch
 from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
-from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.kernel.state import new
+from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.state import MOTION, new
 from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked
 
 _embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
@@ -151,7 +151,7 @@ class Ride:
         trajectory = self._trajectory[: outcome["samples"]]
         if self.status == Status.RUNNING and len(self._trajectory) > 0:
             here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
-            for name in ("t", *State._fields):
+            for name in (*MOTION, *FLIGHT_LOSSES):
                 here[name] = outcome[name]
             trajectory = np.append(trajectory, here)
             outcome["samples"] += 1

@@ -439,10 +439,10 @@ class Scenario(Section):
         return Slope(*self.slopes(np.array([context]))[0].tolist())
 
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the slopes of contexts of shape (N, 8): fields of Slope, shape (N, 3)."""
-        slope = self.slope_section
-        angle = contexts[:, 0]
-        return _rows(Slope, len(contexts), angle=angle, length=slope.length_m, gravity=slope.gravity_m_s2)
+        """Return the slopes of contexts of shape (N, 8): columns are the fields of Slope."""
+        section = self.slope_section
+        slope = Slope(0.0, section.length_m, section.gravity_m_s2)
+        return _rows(Slope, len(contexts), **slope._asdict() | {"angle": contexts[:, 0]})
 
     def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.

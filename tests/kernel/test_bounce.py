@@ -114,7 +114,7 @@ def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
 
 def bounce_once(body: Body, count: int, packs: np.ndarray, hops: np.ndarray) -> None:
     tell_body(body, hops[0])
-    tell_bodies(body, packs[0])
+    tell_bodies(hops[0], packs[0])
     bounce(body, count, packs[0], hops[0])
 
 

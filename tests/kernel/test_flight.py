@@ -18,7 +18,7 @@ from sledenv.kernel.trace import LANES
 from sledenv.params import Body, circular_segment
 from tests.oracles import scanned_touchdown, support
 
-finish_time = entry(flight.finish_time)
+finish_time_of = entry(flight.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 ROD = Body(1.0, 0.0, 0.4, 0.02)
@@ -50,7 +50,7 @@ def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarra
     """Find their touchdowns in one pack."""
     pack = packs[0]
     flight.tell_body(body, hops[0])
-    flight.tell_bodies(body, pack)
+    flight.tell_bodies(hops[0], pack)
     for k in range(len(flights)):
         row = flights[k]
         pack["inward"][k], pack["y"][k], pack["phi"][k] = row[0], row[1], row[2]
@@ -61,6 +61,13 @@ def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarra
 
 
 land_each_compiled, land_all_compiled = entry(land_each), entry(land_all)
+
+
+def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
+    """Time at which a flight reaches the end of the slope."""
+    hop = new(HOP)[0]
+    hop["x"], hop["u"], hop["downhill"], hop["length"] = x, u, acceleration, length
+    return finish_time_of(hop)
 
 
 def alone(body: Body, flights: np.ndarray) -> np.ndarray:

@@ -24,12 +24,12 @@ from sledenv.entries import FINGERPRINT
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
 from sledenv.files import replacing
 from sledenv.jam import DescentJam
+from sledenv.kernel.records import LOSSES
 from sledenv.scenario import CONTROLS
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
-_LOSSES = ("hysteresis", "sliding", "rolling")
 
 Call = tuple[Callable[..., str], tuple[Any, ...]]
 
@@ -174,7 +174,7 @@ def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
     context, trial = np.indices(trials.shape[:2]).reshape(2, -1)
     columns = {"context": context, "trial": trial, "reward": jam.reward, "status": batch.status}
     columns |= jam._asdict()
-    columns |= {f"loss_{name}": outcomes[name] for name in _LOSSES}
+    columns |= {f"loss_{name}": outcomes[name] for name in LOSSES}
     columns |= {"supplied": outcomes["supplied"], "rebounds": outcomes["rebounds"], "time": outcomes["t"]}
     for i in range(len(CONTROLS)):
         columns[f"action_{i}"] = actions[:, i] if i < actions.shape[1] else np.full(len(actions), np.nan)

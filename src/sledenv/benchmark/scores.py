@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sledenv.jam import SHOWN, DescentJam
+from sledenv.kernel.records import LOSSES
 
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
 AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3")  # in the order of tables
 LEARNED: Final = ("ppo", "sac", "td3")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
-LOSSES: Final = ("hysteresis", "sliding", "rolling")
 STATUSES: Final = ("finish", "jammed", "tumbled")
 SMALL_REGRET: Final = 0.01  # of the interquartile mean
 SMALL_TAIL: Final = 0.04  # of the 90th percentile

@@ -1,6 +1,7 @@
-"""Programs of ballistic flight: steps of the search for the touchdown, and where a flight ends.
+"""Programs of flight: its start, steps of the search for the touchdown, and where it ends.
 
-Each serves a single flight and packs of them; ``corners`` tells whether the body has any.
+Each serves a single flight and packs of them; ``corners`` tells whether the body has any. How the body moves is in
+:mod:`sledenv.kernel.motion`.
 """
 
 from __future__ import annotations
@@ -8,9 +9,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from sledenv.kernel import motion
 from sledenv.kernel.geometry import TURN, arms_of, without_turns
+from sledenv.kernel.params import Incline
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.kernel.state import change
+from sledenv.kernel.state import MOTION, change, copy
 from sledenv.kernel.values import absolute, equal, fma, larger, less, nearest, not_more, root, smaller, where
 
 # Phases of a search. POISED: on the surface without a gap rate, to be looked at by itself.
@@ -18,7 +21,7 @@ FALLING, SEARCHING, LANDED, POISED = -1.0, 0.0, 1.0, 2.0
 
 ROUNDING = 4e-16
 LITTLE_TURN = 0.3  # [rad] of a step whose gap is much like a polynomial
-# Share of gravity up to which centrifugal accelerations leave the gap concave, and up to which it is like a parabola.
+# Share of the pull up to which centrifugal accelerations leave the gap concave, and up to which it is like a parabola.
 CONCAVE = 0.9
 PARABOLIC = 0.5
 
@@ -49,15 +52,24 @@ def _safe_step(gap: Any, rate: Any, bound: Any) -> tuple[Any, Any]:
     return where(closing, twice, rate + square), where(closing, square - rate, bound)
 
 
+def begin_flight(hop: Any, slope: Any, limits: Any, flight: Any) -> None:
+    """Program of where a flight starts, and of what it is subject to."""
+    copy(slope, hop, Incline._fields)
+    copy(flight, hop, MOTION)
+    hop.max_time, hop.horizon = limits.max_time, limits.max_time - flight.t
+
+
 def take_off(hop: Any, corners: bool) -> None:
     """Program of what does not change in a search, and of its first step."""
-    y, v, omega, inward, top = hop.y, hop.v, hop.omega, hop.inward, hop.size
+    y, v, omega, pull, top = hop.y, hop.v, hop.omega, motion.pull(hop, hop.v), hop.size
     square = omega * omega
-    bound = inward + hop.furthest * square
+    most = motion.most_pull(hop)
+    bound = most + hop.furthest * square
     noise = ROUNDING * (top + absolute(y))
-    thrown = (v + root(v * v + 2.0 * inward * (y - top))) / inward
+    # It stays out of reach for as long as on a parabola.
+    thrown = (v + root(v * v + 2.0 * most * (y - top))) / most
     drifting = where(less(v, 0.0), (top - y) / v, math.inf)
-    in_reach = where(less(0.0, inward), thrown, drifting)
+    in_reach = where(less(0.0, most), thrown, drifting)
     a, b, curved = _support(hop, without_turns(hop.phi), corners)
     gap, rate = y - b, v - a * omega
     dividend, divisor = _safe_step(gap, rate, bound)
@@ -65,8 +77,8 @@ def take_off(hop: Any, corners: bool) -> None:
     if corners:
         clear = where(_before_kink(hop.phi, omega * clear), clear, 0.0)
     # A slow body lands about where its parabola does, and one that flies high about where it comes in reach.
-    slow = less(bound, (1.0 + PARABOLIC) * inward)
-    bend = where(slow, inward + (curved - b) * square, inward)
+    slow = less(bound, (1.0 + PARABOLIC) * pull)
+    bend = where(slow, pull + (curved - b) * square, pull)
     far = (rate + root(rate * rate + 2.0 * gap * bend)) / bend
     first = where(~slow & less(0.0, in_reach), in_reach, far)
     still = ROUNDING * (absolute(v) + top * absolute(omega))
@@ -83,13 +95,14 @@ def fall(hop: Any, corners: bool) -> None:
 
     It goes to the root of the parabola that osculates the gap, and corrects that by the next two derivatives.
     """
-    time, v, omega, inward, furthest = hop.touchdown, hop.v, hop.omega, hop.inward, hop.furthest
-    local = without_turns(hop.phi + omega * time)
+    time, omega, furthest = hop.touchdown, hop.omega, hop.furthest
+    local = without_turns(motion.turned(hop, time))
     a, b, curved = _support(hop, local, corners)
-    gap, rate = hop.y + time * (v - 0.5 * inward * time) - b, v - inward * time - a * omega
+    height, speed = motion.away(hop, time)
+    gap, rate, pull = height - b, speed - a * omega, motion.pull(hop, speed)
     square, lever = omega * omega, curved - b
     # Where the parabola has no root, its lowest point.
-    steep = root(larger(rate * rate + 2.0 * gap * (inward + lever * square), 0.0))
+    steep = root(larger(rate * rate + 2.0 * gap * (pull + lever * square), 0.0))
     step = 2.0 * gap / (steep - rate)
     turn = omega * step
     more = step * step * square * fma(turn, a * (1.0 / 6.0), lever * turn * turn * (1.0 / 24.0))
@@ -98,6 +111,7 @@ def fall(hop: Any, corners: bool) -> None:
     # The error of the gap is that of the slopes over the correction, and of the derivatives beyond.
     slope = absolute(later) * hop.bound + furthest * absolute(omega) * turn * turn
     error = fma(absolute(later), slope, furthest * (1.0 / 120.0) * turn * turn * turn * turn * turn)
+    error = sum(motion.departures(hop, step, later), error)
     found = not_more(error, hop.noise)
     if corners:
         # Beyond the end of the feature the derivatives are others.
@@ -109,12 +123,12 @@ def fall(hop: Any, corners: bool) -> None:
     going = less(rate, 0.0) & less(absolute(step), hop.last_step) & less(0.0, reached)
     # No root comes before the one of a concave gap, while the body is out of reach, or for some time before a root.
     last = reached - 2.0 * steep / hop.bound
-    upward = 2.0 * v / inward - hop.in_reach
+    upward = 2.0 * hop.v / motion.most_pull(hop) - hop.in_reach
     alone = not_more(last, hop.clear) | (not_more(upward, hop.clear) & not_more(last, hop.in_reach))
     if corners:
         plain = _before_kink(hop.phi, omega * reached)
         alone, last = alone & plain, where(plain, last, math.inf)
-    alone = alone | less(hop.bound, (1.0 + CONCAVE) * inward)
+    alone = alone | less(hop.bound, (1.0 + CONCAVE) * motion.least_pull(hop, reached))
     landed = going & found & alone
     lost = ~going | (found & ~alone)
     late = landed & ~not_more(reached, hop.horizon)
@@ -132,13 +146,10 @@ def fall(hop: Any, corners: bool) -> None:
 
 def march(hop: Any, corners: bool) -> None:
     """Program of a step that passes no root."""
-    time, v, omega, inward, top, noise = hop.touchdown, hop.v, hop.omega, hop.inward, hop.size, hop.noise
-    height = hop.y + time * (v - 0.5 * inward * time)
-    above = less(top, height)  # out of reach until it has fallen back to ``top``
-    t = where(above, larger(hop.in_reach, time), time)
-    height = where(above, top, height)
-    speed = v - inward * t
-    local = without_turns(hop.phi + omega * t)
+    omega, top, noise = hop.omega, hop.size, hop.noise
+    t, height = motion.once_in_reach(hop, hop.touchdown)
+    _, speed = motion.away(hop, t)
+    local = without_turns(motion.turned(hop, t))
     a, b, _ = _support(hop, local, corners)
     gap, rate = height - b, speed - a * omega
     touching = not_more(gap, noise)
@@ -180,32 +191,24 @@ def march(hop: Any, corners: bool) -> None:
     )
 
 
-def finish_of(x: Any, u: Any, acceleration: Any, length: Any) -> Any:
-    """Program of :func:`finish_time`."""
-    ahead = length - x
-    discriminant = u * u + 2.0 * acceleration * ahead
-    speed = root(discriminant)
-    time = where(not_more(0.0, u), 2.0 * ahead / (u + speed), (speed - u) / acceleration)
-    never = less(discriminant, 0.0) | (less(acceleration, 0.0) & not_more(u, 0.0))
-    steady = where(less(0.0, u), ahead / u, math.inf)
-    time = where(equal(acceleration, 0.0), steady, where(never, math.inf, time))
-    return where(less(ahead, math.inf), time, math.inf)
+def move(hop: Any, duration: Any) -> None:
+    """Program of where a flight has come to after some time [s], and of what has been lost in it."""
+    hop.x_landing, hop.u_landing = motion.along(hop, duration)
+    hop.y_landing, hop.v_landing = motion.away(hop, duration)
+    hop.t_landing, hop.phi_landing = hop.t + duration, motion.turned(hop, duration)
+    hop.omega_landing = hop.omega
+    for name, lost in motion.losses(hop, hop, duration).items():
+        setattr(hop, name, lost / hop.per_mass)
 
 
 def arrival(hop: Any, duration: Any, corners: bool) -> None:
     """Program of a flight of some duration [s], and of how what is lowest then would touch."""
-    omega, downhill, inward = hop.omega, hop.downhill, hop.inward
-    phi = hop.phi + omega * duration
-    local = without_turns(phi)
+    move(hop, duration)
+    local = without_turns(hop.phi_landing)
     a, b, _ = _support(hop, local, corners)
     feature: Any = float(ARC)
     if corners:
         corner = where(less(0.0, local), float(TAIL), float(NOSE))
         feature = where(not_more(absolute(local), hop.half_angle), float(ARC), corner)
-    u, v = hop.u + downhill * duration, hop.v - inward * duration
-    hop.t_landing = hop.t + duration
-    hop.x_landing = hop.x + duration * (hop.u + 0.5 * downhill * duration)
-    hop.y_landing = hop.y + duration * (hop.v - 0.5 * inward * duration)
-    hop.phi_landing, hop.u_landing, hop.v_landing, hop.omega_landing = phi, u, v, omega
     hop.feature, hop.a, hop.b = feature, a, b
-    hop.v_n_landing, hop.v_t_landing = v - a * omega, u + b * omega
+    hop.v_n_landing, hop.v_t_landing = hop.v_landing - a * hop.omega, hop.u_landing + b * hop.omega

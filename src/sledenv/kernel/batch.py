@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
+from sledenv.kernel.ballistics import begin_flight
 from sledenv.kernel.bounce import bounce
-from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, trim, write_rebound
+from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meeting, trim, write_rebound
 from sledenv.kernel.flight import FEW, tell_bodies, tell_body, tell_flight, touchdowns
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.laws import Law, by_law, law_of_row
 from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw, Slope, State
-from sledenv.kernel.records import LOG_FULL, REBOUND, RUNNING, TRAJECTORY
-from sledenv.kernel.trace import LANES
+from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.state import MOTION, SUMS, copy
+from sledenv.kernel.trace import LANES, scalar, straight
 
 
 class Lanes(NamedTuple):
     """What the lanes of a batch have of their own; a table of one row serves all lanes."""
 
     laws: np.ndarray  # fields of the law, shape (N or 1, 5)
-    inclines: np.ndarray  # fields of Incline, shape (N or 1, 4)
+    inclines: np.ndarray  # fields of Incline, shape (N or 1, fields)
     flights: np.ndarray  # of OUTCOME, shape (N,)
     logs: np.ndarray  # of REBOUND, shape (N or 1, any); that of one row is never read
 
@@ -40,26 +43,35 @@ def _row(table: np.ndarray, lane: int) -> int:
     return lane if table.shape[0] > 1 else 0
 
 
+def _reader(kind: type[Any]) -> Callable[[np.ndarray], Any]:
+    """Return a kernel that makes a named tuple of the numbers in a row of a table."""
+    numbers = scalar(lambda row: tuple(row[i] for i in range(len(kind._fields))))
+
+    @kernel
+    def read(row: np.ndarray) -> Any:
+        return kind(*numbers(row))
+
+    return read
+
+
+_slope_in, _incline_in, _launch_in = _reader(Slope), _reader(Incline), _reader(State)
+_INCLINE = len(Incline._fields)
+
+
 @kernel
 def _inclines_of(slopes: np.ndarray) -> np.ndarray:
     """Return the fields of Incline in the rows of many slopes."""
-    inclines = np.empty((slopes.shape[0], 4))
+    inclines = np.empty((slopes.shape[0], _INCLINE))
     for i in range(slopes.shape[0]):
-        q = incline_of(Slope(slopes[i, 0], slopes[i, 1], slopes[i, 2]))
-        inclines[i, 0], inclines[i, 1], inclines[i, 2], inclines[i, 3] = q.downhill, q.inward, q.length, q.gravity
+        incline = incline_of(_slope_in(slopes[i]))
+        for j in range(_INCLINE):
+            inclines[i, j] = incline[j]
     return inclines
 
 
 @kernel
 def _incline_at(inclines: np.ndarray, lane: int) -> Incline:
-    q = inclines[_row(inclines, lane)]
-    return Incline(q[0], q[1], q[2], q[3])
-
-
-@kernel
-def _launch_at(launches: np.ndarray, lane: int) -> State:
-    z = launches[lane]
-    return State(z[0], z[1], z[2], z[3], z[4], z[5])
+    return _incline_in(inclines[_row(inclines, lane)])  # type: ignore[no-any-return]
 
 
 @kernel
@@ -100,45 +112,48 @@ def _tell_law(pack: np.void, law: RigidLaw, k: int) -> None:
 _tell_law_of = by_law(_keep_law, _tell_law)
 
 
+def _boarding(pack: Any, k: Any, slope: Any, limits: Any, flight: Any) -> None:
+    """Program of a flight that begins at place ``k`` of a pack, with what has been lost before."""
+    begin_flight(pack.at(k), slope, limits, flight)
+    copy(flight, pack.at(k), LOSSES, to="lost_{}")
+
+
+def _alighting(pack: Any, k: Any, flight: Any) -> None:
+    """Program of a flight that goes on where place ``k`` of a pack is."""
+    copy(pack.at(k), flight, MOTION)
+    copy(pack.at(k), flight, LOSSES, of="lost_{}")
+
+
+def _impact(pack: Any, k: Any, contact: Any) -> None:
+    """Program of a contact that was the impact at place ``k`` of a pack."""
+    meeting(pack.at(k), contact)
+    copy(pack.at(k), contact, ("v_t", "v_n", "omega", *SUMS))
+
+
+_put_aboard, _bring_up, _tell_impact = straight(_boarding), straight(_alighting), straight(_impact)
+
+
 @kernel
 def _board(like: Law, lanes: Lanes, limits: Limits, lane: int, k: int, pack: np.void) -> None:
     """Put a lane at place ``k`` of a pack."""
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     _tell_law_of(pack, law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), k)
     pack["lane"][k] = lane
-    pack["downhill"][k], pack["inward"][k], pack["length"][k] = slope.downhill, slope.inward, slope.length
-    pack["t"][k], pack["x"][k], pack["y"][k], pack["phi"][k] = flight["t"], flight["x"], flight["y"], flight["phi"]
-    pack["u"][k], pack["v"][k], pack["omega"][k] = flight["u"], flight["v"], flight["omega"]
-    pack["max_time"][k], pack["horizon"][k] = limits.max_time, limits.max_time - flight["t"]
-    pack["lost_hysteresis"][k] = flight["hysteresis"]
-    pack["lost_sliding"][k], pack["lost_rolling"][k] = flight["sliding"], flight["rolling"]
+    _put_aboard(pack, k, slope, limits, flight)
     pack["rebounds"][k] = flight["rebounds"]
 
 
 @kernel
 def _alight(k: int, pack: np.void, flight: np.void) -> None:
     """Bring a flight up to where place ``k`` of a pack is."""
-    flight["t"], flight["x"], flight["y"], flight["phi"] = pack["t"][k], pack["x"][k], pack["y"][k], pack["phi"][k]
-    flight["u"], flight["v"], flight["omega"] = pack["u"][k], pack["v"][k], pack["omega"][k]
-    flight["hysteresis"] = pack["lost_hysteresis"][k]
-    flight["sliding"], flight["rolling"] = pack["lost_sliding"][k], pack["lost_rolling"][k]
+    _bring_up(pack, k, flight)
     flight["rebounds"] = int(pack["rebounds"][k])
 
 
 @kernel
 def _log_bounce(body: Body, k: int, pack: np.void, contact: np.void, log: np.ndarray) -> None:
     """Record the rebound at place ``k`` of a pack, as an ordinary impact has left it."""
-    contact["time"] = contact["time_before"] = pack["t_landing"][k]
-    contact["x"], contact["phi"] = pack["x_landing"][k], pack["phi_landing"][k]
-    contact["v_t"], contact["v_n"], contact["omega"] = pack["v_t"][k], pack["v_n"][k], pack["omega"][k]
-    contact["u_before"], contact["v_before"] = pack["u_landing"][k], pack["v_landing"][k]
-    contact["v_t_before"], contact["omega_before"] = pack["v_t_landing"][k], pack["omega_landing"][k]
-    contact["feature_before"], contact["on_chord"] = pack["feature"][k], 0.0
-    contact["normal_impulse"] = pack["normal_impulse"][k]
-    contact["tangential_impulse"] = pack["tangential_impulse"][k]
-    contact["rolling_impulse"] = pack["rolling_impulse"][k]
-    contact["hysteresis"] = pack["hysteresis"][k]
-    contact["sliding"], contact["rolling"] = pack["sliding"][k], pack["rolling"][k]
+    _tell_impact(pack, k, contact)
     rebound = log[min(int(pack["rebounds"][k]), log.shape[0]) - 1]
     write_rebound(body, rebound, contact, pack["a"][k], pack["b"][k])
 
@@ -220,7 +235,7 @@ def follow_lanes(
     pack = space["pack"]
     kept = lanes.logs.shape[0] > 1  # or one row serves all lanes, and nobody reads it
     tell_body(body, space["hop"])
-    tell_bodies(body, pack)
+    tell_bodies(space["hop"], pack)
     count, waiting = 0, first
     while True:
         while count < LANES and waiting < last:
@@ -268,8 +283,8 @@ def descend_batch(
         Shared by all lanes.
     like : ContactLaw or RigidLaw
         Of which kind the rows of ``laws`` are.
-    laws, slopes : ndarray, shapes (N or 1, 5) and (N or 1, 3)
-        Fields of the law and of Slope; one row serves all lanes.
+    laws, slopes : ndarray, one row for all lanes or one a lane
+        Fields of the law and of Slope.
     launches : ndarray, shape (N, 6)
         Fields of State.
     rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``) or (0, 0)
@@ -287,10 +302,10 @@ def descend_batch(
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
         lanes, trajectory = Lanes(laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
         for i in range(first, last):
-            begin(_launch_at(launches, i), outcomes[i])
+            begin(_launch_in(launches[i]), outcomes[i])
         follow_lanes(body, like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
-            close_books(body, _incline_at(inclines, i), _launch_at(launches, i), outcomes[i])
+            close_books(body, _incline_at(inclines, i), _launch_in(launches[i]), outcomes[i])
 
 
 @kernel
@@ -335,4 +350,4 @@ def hop_batch(
         follow_lanes(body, like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             if moved[i - first]:
-                close_books(body, _incline_at(inclines, i), _launch_at(launches, i), flights[i])
+                close_books(body, _incline_at(inclines, i), _launch_in(launches[i]), flights[i])

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel import impact
-from sledenv.kernel.ballistics import arrival, finish_of
+from sledenv.kernel.ballistics import arrival
 from sledenv.kernel.flight import for_bodies, touchdowns
 from sledenv.kernel.friction import Mobility
 from sledenv.kernel.geometry import without_turns
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.motion import finish_of
 from sledenv.kernel.params import Body
-from sledenv.kernel.records import ARC
+from sledenv.kernel.records import ARC, LOSSES
 from sledenv.kernel.state import change
 from sledenv.kernel.trace import LANES, packed
 from sledenv.kernel.values import equal, less, not_more, where
@@ -25,7 +26,7 @@ from sledenv.kernel.values import equal, less, not_more, where
 
 def touch(hop: Any, corners: bool) -> None:
     """Program of a flight up to its touchdown, if that comes first and one point touches, and of how it is hit."""
-    finished = finish_of(hop.x, hop.u, hop.downhill, hop.length)
+    finished = finish_of(hop)
     lands = ~not_more(finished, hop.touchdown) & not_more(hop.touchdown, hop.horizon) & less(hop.touchdown, math.inf)
     arrival(hop, hop.touchdown, corners)
     curved, arm = hop.radius, hop.arc_arm
@@ -54,10 +55,8 @@ def leave(hop: Any) -> None:
         u=hop.v_t - hop.b * hop.omega,
         v=hop.v_n + hop.a * hop.omega,
         horizon=hop.max_time - hop.t_landing,
-        lost_hysteresis=hop.lost_hysteresis + hop.hysteresis,
-        lost_sliding=hop.lost_sliding + hop.sliding,
-        lost_rolling=hop.lost_rolling + hop.rolling,
         rebounds=hop.rebounds + 1.0,
+        **{f"lost_{name}": getattr(hop, f"lost_{name}") + getattr(hop, name) for name in LOSSES},
     )
     hop.omega = where(fine, hop.omega, hop.omega_landing)
     hop.fine = where(fine, 1.0, 0.0)

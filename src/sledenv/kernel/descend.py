@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.flight import arrive, finish_time, tell_body, tell_flight, touchdown
+from sledenv.kernel import records
+from sledenv.kernel.flight import arrive, finish_time, go_on, tell_body, tell_flight, touchdown
 from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.params import Body, Incline, Limits, Slope, State
-from sledenv.kernel.records import CHORD as CHORD_CODE
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
-from sledenv.kernel.state import CHORD, CONTACT, HOP, PACK, STEP, record
-from sledenv.kernel.trace import copy_into_callers
+from sledenv.kernel.state import CHORD, CONTACT, HOP, IMPULSES, MOTION, PACK, STEP, SUMS, add, clear, copy, record
+from sledenv.kernel.trace import copy_into_callers, straight
 from sledenv.kernel.trajectory import next_row, write_forces, write_motion
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
@@ -22,6 +23,47 @@ NEARLY_STUCK = 0.05  # of the entry speed
 
 # What a descent works in; it may get the same again and again.
 SPACE = record(("pack", PACK), ("step", STEP), ("chord", CHORD), ("contact", CONTACT), ("hop", HOP))
+
+
+def _come_to(at: Any, there: Any) -> None:
+    """Program of a flight, or a row of it, that has the losses before, where a hop has come to."""
+    copy(at, there, MOTION, of="{}_landing")
+    add(at, there, records.FLIGHT_LOSSES)
+
+
+def _start(launch: Any, flight: Any) -> None:
+    """Program of the numbers of a flight at its launch."""
+    clear(flight, ("t", "trim", "rotor", "work", "absorbed", "stored", *records.LOSSES))
+    copy(launch, flight, State._fields)
+
+
+def meeting(at: Any, contact: Any) -> None:
+    """Program of a contact that begins where a hop has come to, in its own coordinates.
+
+    The energy of the rounding error in the height is far below that of the ledger.
+    """
+    contact.time = contact.time_before = at.t_landing
+    contact.x, contact.gap = at.x_landing, 0.0
+    contact.phi = contact.phi_before = at.phi_landing
+    contact.u_before, contact.v_before, contact.v_n = at.u_landing, at.v_landing, at.v_n_landing
+    contact.v_t = contact.v_t_before = at.v_t_landing
+    contact.omega = contact.omega_before = at.omega_landing
+    contact.feature = contact.feature_before = at.feature
+    contact.a_before, contact.b_before = at.a, at.b
+    clear(contact, ("stored", "on_chord", *SUMS))
+
+
+def _account(contact: Any, rebound: Any) -> None:
+    """Program of what a rebound has from its contact as it is."""
+    copy(contact, rebound, ("x", "phi", *IMPULSES, "u_before", "v_before", "omega_before"))
+    copy(contact, rebound, records.CONTACT_LOSSES, to="loss_{}")
+    rebound.t, rebound.duration = contact.time, contact.time - contact.time_before
+    rebound.omega_after = contact.omega
+
+
+_set_off, _come, _touch_down, _record = straight(_start), straight(_come_to), straight(meeting), straight(_account)
+clear_sums = straight(lambda contact: clear(contact, SUMS))
+book_losses = straight(lambda contact, flight: add(contact, flight, records.CONTACT_LOSSES))
 
 
 @kernel
@@ -59,11 +101,7 @@ def begin(launch: State, flight: np.void) -> None:
     """Put a flight at its launch: nothing touched, nothing lost."""
     flight["status"] = RUNNING
     flight["rebounds"] = flight["samples"] = flight["steps"] = 0
-    flight["t"] = 0.0
-    flight["x"], flight["y"], flight["phi"] = launch.x, launch.y, launch.phi
-    flight["u"], flight["v"], flight["omega"] = launch.u, launch.v, launch.omega
-    flight["trim"] = flight["rotor"] = flight["work"] = flight["absorbed"] = 0.0
-    flight["stored"] = flight["hysteresis"] = flight["sliding"] = flight["rolling"] = 0.0
+    _set_off(launch, flight)
 
 
 @kernel
@@ -115,46 +153,22 @@ def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: f
     copy_into_callers()
     u, v = contact["u_before"], contact["v_before"]
     u_after = contact["v_t"] - b * contact["omega"]
-    rebound["t"] = contact["time"]
-    rebound["x"] = contact["x"]
-    rebound["phi"] = contact["phi"]
-    rebound["duration"] = contact["time"] - contact["time_before"]
-    rebound["feature"] = CHORD_CODE if contact["on_chord"] != 0.0 else int(contact["feature_before"])
+    _record(contact, rebound)
+    rebound["feature"] = records.CHORD if contact["on_chord"] != 0.0 else int(contact["feature_before"])
     rebound["mode"] = contact_mode(contact["v_t_before"], contact["omega_before"], contact["v_t"], contact["omega"])
-    rebound["normal_impulse"] = contact["normal_impulse"]
-    rebound["tangential_impulse"] = contact["tangential_impulse"]
-    rebound["rolling_impulse"] = contact["rolling_impulse"]
-    rebound["u_before"] = u
-    rebound["v_before"] = v
-    rebound["omega_before"] = contact["omega_before"]
     rebound["u_after"] = u_after
     rebound["v_after"] = contact["v_n"] + a * contact["omega"]
-    rebound["omega_after"] = contact["omega"]
-    rebound["loss_hysteresis"] = contact["hysteresis"]
-    rebound["loss_sliding"] = contact["sliding"]
-    rebound["loss_rolling"] = contact["rolling"]
     rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, contact["omega"])
 
 
 @kernel
-def _sample_flight(slope: Incline, limits: Limits, flight: np.void, duration: float, trajectory: np.ndarray) -> None:
-    """Add the rows of a flight that is at its start, this included."""
-    x, y, phi = flight["x"], flight["y"], flight["phi"]
-    u, v, omega = flight["u"], flight["v"], flight["omega"]
+def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void, trajectory: np.ndarray) -> None:
+    """Add the rows of a flight that is at its start, this included; ``at`` is as for :func:`_fly`."""
     rows = max(1, math.ceil(duration / limits.sample_interval))
     for i in range(rows):
-        t = duration * i / rows
+        go_on(duration * i / rows, at)
         row = next_row(trajectory, flight)
-        write_motion(
-            row,
-            flight["t"] + t,
-            x + t * (u + 0.5 * slope.downhill * t),
-            y + t * (v - 0.5 * slope.inward * t),
-            phi + omega * t,
-            u + slope.downhill * t,
-            v - slope.inward * t,
-            omega,
-        )
+        _come(at, row)
         write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
@@ -168,7 +182,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.voi
     status = RUNNING
     left = limits.max_time - flight["t"]
     duration = at["touchdown"]
-    finish = finish_time(flight["x"], flight["u"], slope.downhill, slope.length)
+    finish = finish_time(at)
     if finish <= min(duration, left):
         duration = finish
         status = FINISH
@@ -178,33 +192,12 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.voi
     if not math.isfinite(duration):
         return NON_FINITE
     if trajectory.shape[0] > 0:
-        _sample_flight(slope, limits, flight, duration, trajectory)
+        _sample_flight(limits, flight, duration, at, trajectory)
     arrive(body, duration, at)
-    flight["t"], flight["y"], flight["phi"] = at["t_landing"], at["y_landing"], at["phi_landing"]
-    flight["x"] = slope.length if status == FINISH else at["x_landing"]
-    flight["u"], flight["v"] = at["u_landing"], at["v_landing"]
+    _come(at, flight)
+    if status == FINISH:
+        flight["x"] = slope.length
     return status
-
-
-@kernel
-def _touch_down(at: np.void, contact: np.void) -> None:
-    """Begin a contact where a flight has ended, in its own coordinates.
-
-    The energy of the rounding error in the height is far below that of the ledger.
-    """
-    copy_into_callers()
-    contact["time"] = contact["time_before"] = at["t_landing"]
-    contact["x"], contact["gap"] = at["x_landing"], 0.0
-    contact["phi"] = contact["phi_before"] = at["phi_landing"]
-    contact["u_before"], contact["v_before"] = at["u_landing"], at["v_landing"]
-    contact["v_n"] = at["v_n_landing"]
-    contact["v_t"] = contact["v_t_before"] = at["v_t_landing"]
-    contact["omega"] = contact["omega_before"] = at["omega_landing"]
-    contact["feature"] = contact["feature_before"] = at["feature"]
-    contact["a_before"], contact["b_before"] = at["a"], at["b"]
-    contact["normal_impulse"] = contact["tangential_impulse"] = contact["rolling_impulse"] = 0.0
-    contact["hysteresis"] = contact["sliding"] = contact["rolling"] = contact["stored"] = 0.0
-    contact["on_chord"] = 0.0
 
 
 @kernel
@@ -220,9 +213,7 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
     flight["u"], flight["v"], flight["omega"] = rebound["u_after"], rebound["v_after"], contact["omega"]
     flight["rebounds"] += 1
     flight["stored"] = contact["stored"]
-    flight["hysteresis"] += contact["hysteresis"]
-    flight["sliding"] += contact["sliding"]
-    flight["rolling"] += contact["rolling"]
+    book_losses(contact, flight)
 
 
 @kernel

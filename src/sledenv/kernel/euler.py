@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.descend import begin, close_books, write_rebound
+from sledenv.kernel import motion
+from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, write_rebound
 from sledenv.kernel.geometry import arms, feature_at, has_corners, incline_of, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, Slope, State
 from sledenv.kernel.records import ARC, FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, TUMBLED
+from sledenv.kernel.trace import straight
 from sledenv.kernel.trajectory import next_row, write_forces, write_motion
+
+
+def _step(body: Any, slope: Any, flight: Any, normal: Any, force: Any, dt: Any) -> None:
+    """Program of one step of the mass centre."""
+    for name, lost in motion.losses(slope, flight, dt).items():
+        setattr(flight, name, getattr(flight, name) + body.mass * lost)
+    along, away = motion.accelerations(slope, flight.u, flight.v)
+    flight.x, flight.y = flight.x + dt * flight.u, flight.y + dt * flight.v
+    flight.u = flight.u + dt * (force / body.mass + along)
+    flight.v = flight.v + dt * (normal / body.mass + away)
+
+
+_step_on = straight(_step)
 
 
 @kernel
@@ -53,8 +69,7 @@ def _touch_down(flight: np.void, contact: np.void) -> None:
     contact["u_before"], contact["v_before"] = flight["u"], flight["v"]
     contact["v_t_before"], contact["omega_before"] = contact["v_t"], contact["omega"]
     contact["feature_before"] = contact["feature"]
-    contact["normal_impulse"] = contact["tangential_impulse"] = contact["rolling_impulse"] = 0.0
-    contact["hysteresis"] = contact["sliding"] = contact["rolling"] = 0.0
+    clear_sums(contact)
     contact["on_chord"] = 0.0
 
 
@@ -63,9 +78,7 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void, a
     """Record a contact that has ended."""
     write_rebound(body, rebound, contact, a, b)
     flight["rebounds"] += 1
-    flight["hysteresis"] += contact["hysteresis"]
-    flight["sliding"] += contact["sliding"]
-    flight["rolling"] += contact["rolling"]
+    book_losses(contact, flight)
 
 
 @kernel
@@ -148,11 +161,8 @@ def descend_euler(
             break
         if inside:
             _add_up(law, contact, normal, force, moment, dt)
-        flight["x"] += dt * flight["u"]
-        flight["y"] += dt * flight["v"]
+        _step_on(body, incline, flight, normal, force, dt)
         flight["phi"] += dt * flight["omega"]
-        flight["u"] += dt * (force / body.mass + incline.downhill)
-        flight["v"] += dt * (normal / body.mass - incline.inward)
         flight["omega"] += dt * (-a * normal + moment_sign * b * force + moment) / body.inertia
         flight["steps"] += 1
         flight["t"] = flight["steps"] * dt

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel import ballistics
+from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
 from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
+from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
 from sledenv.kernel.trace import LANES, copy_into_callers, packed, scalar, straight
 
 EDGE = 1e-9  # [rad]
@@ -41,46 +42,36 @@ _take_off, _take_off_all = for_bodies(ballistics.take_off, straight), for_bodies
 _fall, _fall_all = for_bodies(ballistics.fall, straight), for_bodies(ballistics.fall, packed)
 _march, _march_all = for_bodies(ballistics.march, straight), for_bodies(ballistics.march, packed)
 _arrive = for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, corners), straight)
-_finish = scalar(lambda x, u, acceleration, length: (ballistics.finish_of(x, u, acceleration, length),))
-
-
-@kernel
-def _extent(body: Body) -> tuple[float, float, float]:
-    """Lengths of a corner, and distance [m] from the mass centre of what is furthest of all that may touch."""
-    along, across = corner_lengths(body)
-    h = body.eccentricity
-    return along, across, max(h, math.hypot(along, across)) if has_corners(body) else h
+_begin, _move = straight(ballistics.begin_flight), straight(lambda hop: ballistics.move(hop, hop.duration))
+_finish = scalar(lambda hop: (motion.finish_of(hop),))
+_drawn = scalar(lambda hop: (motion.pull(hop, hop.v), *motion.jerks(hop)))
+_own = straight(lambda hop, pack, k: copy(hop, pack.at(k), BODY))
+_take_out = straight(lambda pack, k, hop: copy(pack.at(k), hop, (*Incline._fields, *MOTION, *SEARCH)))
 
 
 @kernel
 def tell_body(body: Body, hop: np.void) -> None:
     """Write whose hop it is."""
-    hop["radius"], hop["eccentricity"], hop["half_angle"] = body.radius, body.eccentricity, body.half_angle
-    hop["along"], hop["across"], hop["furthest"] = _extent(body)
+    h, (along, across) = body.eccentricity, corner_lengths(body)
+    hop["radius"], hop["eccentricity"], hop["half_angle"] = body.radius, h, body.half_angle
+    hop["along"], hop["across"] = along, across
+    hop["furthest"] = max(h, math.hypot(along, across)) if has_corners(body) else h
     hop["size"] = body.radius + body.eccentricity
     hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
 
 
 @kernel
-def tell_bodies(body: Body, pack: np.void) -> None:
-    """Write whose hops those of a pack are."""
-    along, across, furthest = _extent(body)
+def tell_bodies(hop: np.void, pack: np.void) -> None:
+    """Write whose hops those of a pack are: that of a hop, which has been told the body."""
     for k in range(LANES):
-        pack["radius"][k], pack["eccentricity"][k] = body.radius, body.eccentricity
-        pack["half_angle"][k] = body.half_angle
-        pack["along"][k], pack["across"][k], pack["furthest"][k] = along, across, furthest
-        pack["size"][k] = body.radius + body.eccentricity
-        pack["per_mass"][k], pack["per_inertia"][k] = 1.0 / body.mass, 1.0 / body.inertia
+        _own(hop, pack, k)
 
 
 @kernel
 def tell_flight(slope: Incline, limits: Limits, flight: np.void, hop: np.void) -> None:
     """Write where a flight starts, from a record of OUTCOME, and what it is subject to."""
     copy_into_callers()
-    hop["downhill"], hop["inward"], hop["length"] = slope.downhill, slope.inward, slope.length
-    hop["t"], hop["x"], hop["y"], hop["phi"] = flight["t"], flight["x"], flight["y"], flight["phi"]
-    hop["u"], hop["v"], hop["omega"] = flight["u"], flight["v"], flight["omega"]
-    hop["max_time"], hop["horizon"] = limits.max_time, limits.max_time - flight["t"]
+    _begin(hop, slope, limits, flight)
 
 
 @kernel
@@ -97,23 +88,26 @@ def _angle_left(body: Body, phi: float, omega: float) -> float:
 
 
 @kernel
-def _lift(body: Body, furthest: float, inward: float, noise: float, phi: float, v: float, omega: float) -> float:
+def _lift(body: Body, hop: np.void) -> float:
     """Time [s] from which to search for the touchdown of a body without a gap rate; -1 if it stays down."""
-    local = phi - whole_turns(phi)
+    furthest, omega = hop["furthest"], hop["omega"]
+    pull, change, most_change = _drawn(hop)
+    local = hop["phi"] - whole_turns(hop["phi"])
     # The next derivatives of the gap tell; on the edge of a feature those of the one that the body turns to.
     ahead = local + math.copysign(EDGE, omega)
     h, _, shift = feature_geometry(body, feature_at(body, ahead - whole_turns(ahead)))
     square = omega * omega
-    bound = inward + furthest * square
-    lift = -inward - h * math.cos(local + shift) * square
-    jerk = h * math.sin(local + shift) * square * omega
+    bound = abs(pull) + furthest * square
+    lift = -pull - h * math.cos(local + shift) * square
+    jerk = h * math.sin(local + shift) * square * omega + change
     if lift > 1e-9 * bound:
-        # gap''' >= -h |omega|^3 keeps the gap open this long, if the feature does not end before.
-        return min(1.5 * lift / (furthest * abs(omega) ** 3), _angle_left(body, local, omega) / abs(omega))
+        # gap''' >= -h |omega|^3 and that of the height keep the gap open this long, if the feature does not end before.
+        open_for = 1.5 * lift / (furthest * abs(omega) ** 3 + most_change)
+        return float(min(open_for, _angle_left(body, local, omega) / abs(omega)))
     if lift > -1e-9 * bound and jerk > 0.0:
-        return float((600.0 * noise / jerk) ** (1.0 / 3.0))  # lifted off where the normal force vanished
+        return float((600.0 * hop["noise"] / jerk) ** (1.0 / 3.0))  # lifted off where the normal force vanished
     a, _ = arms(body, feature_at(body, local), local)
-    return 0.0 if v - a * omega > 0.0 else -1.0
+    return 0.0 if hop["v"] - a * omega > 0.0 else -1.0
 
 
 @kernel
@@ -121,7 +115,7 @@ def _search(body: Body, hop: np.void) -> None:
     """Go on with a search in steps that pass no root."""
     while hop["phase"] != ballistics.LANDED:
         if hop["phase"] == ballistics.POISED:
-            start = _lift(body, hop["furthest"], hop["inward"], hop["noise"], hop["phi"], hop["v"], hop["omega"])
+            start = _lift(body, hop)
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
             hop["phase"] = ballistics.LANDED if start < 0.0 else ballistics.SEARCHING
         else:
@@ -132,7 +126,7 @@ def _search(body: Body, hop: np.void) -> None:
 def touchdown(body: Body, hop: np.void) -> float:
     """First time [s] at which the body meets the slope in free flight: docs/physics.md (7.1).
 
-    The gap obeys ``gap'' >= -(inward + h omega^2)``. That often proves of a root that it is the first. Where it does
+    The gap obeys ``gap'' >= -(pull + h omega^2)``. That often proves of a root that it is the first. Where it does
     not, each step goes to the first root of the parabola with that curvature, so it cannot pass a root, a grazing one
     included, and converges quadratically to a plain one.
 
@@ -167,11 +161,7 @@ def _number(phase: float, pack: np.void) -> int:
 @kernel
 def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
     """Go on with the search at place ``k`` of a pack by itself, in ``hop``."""
-    hop["y"], hop["phi"], hop["v"], hop["omega"] = pack["y"][k], pack["phi"][k], pack["v"][k], pack["omega"][k]
-    hop["inward"], hop["horizon"] = pack["inward"][k], pack["horizon"][k]
-    hop["bound"], hop["noise"], hop["margin"] = pack["bound"][k], pack["noise"][k], pack["margin"][k]
-    hop["in_reach"], hop["root"], hop["alone_from"] = pack["in_reach"][k], pack["root"][k], pack["alone_from"][k]
-    hop["touchdown"], hop["phase"] = pack["touchdown"][k], pack["phase"][k]
+    _take_out(pack, k, hop)
     _search(body, hop)
     pack["touchdown"][k], pack["phase"][k] = hop["touchdown"], ballistics.LANDED
 
@@ -195,10 +185,17 @@ def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
 
 
 @kernel
-def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
-    """First time [s] > 0 at which ``x + u t + acceleration t^2 / 2`` reaches ``length``, inf if never."""
+def finish_time(hop: np.void) -> float:
+    """First time [s] > 0 at which a flight reaches the end of the slope, inf if never."""
     copy_into_callers()
-    return _finish(x, u, acceleration, length)[0] if length < math.inf else math.inf
+    return _finish(hop)[0] if hop["length"] < math.inf else math.inf
+
+
+@kernel
+def go_on(duration: float, hop: np.void) -> None:
+    """Follow a flight for some time [s]: fill in where it then is."""
+    hop["duration"] = duration
+    _move(hop)
 
 
 @kernel

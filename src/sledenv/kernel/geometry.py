@@ -26,7 +26,7 @@ straight_sine_cosine = scalar(lambda angle: sine_cosine(angle))
 def incline_of(slope: Slope) -> Incline:
     """Return what kernels need of a slope."""
     sine, cosine = straight_sine_cosine(slope.angle)
-    return Incline(slope.gravity * sine, slope.gravity * cosine, slope.length, slope.gravity)
+    return Incline(slope.gravity * sine, slope.gravity * cosine, *slope[1:])
 
 
 @kernel

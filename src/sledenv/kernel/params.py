@@ -54,6 +54,7 @@ class Incline(NamedTuple):
 
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
+    # As in Slope, from its second field on.
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
 

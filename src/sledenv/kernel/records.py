@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum, StrEnum
-from typing import Final
+from typing import Annotated, Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -57,6 +57,51 @@ class Mode(IntEnum):
     DOUBLE_REVERSAL = 7  # both have
 
 
+LostInContact = Annotated[float, "lost in contact"]
+LostInFlight = Annotated[float, "lost in flight"]
+
+
+class Energy(NamedTuple):
+    """Energy ledger of a descent [J]: docs/physics.md, section 9.
+
+    Records, books and figures have each loss that is marked as one here.
+    """
+
+    initial: float  # kinetic + potential at launch
+    kinetic: float  # of the body at the end
+    potential: float  # at the end; zero at x = 0, y = 0
+    stored: float  # in the compressed contact at the end
+    hysteresis: LostInContact  # between loading and unloading stiffness
+    sliding: LostInContact  # to Coulomb friction
+    rolling: LostInContact  # to rolling resistance
+    rotor: float  # kinetic energy of the rider's rotor at the end
+    work: float  # done by the rider's trim
+    absorbed: float  # taken up by the rider's trim, and lost
+    supplied: float  # launch kinetic energy + drop height + slope descended + work
+
+    @property
+    def lost(self) -> float:
+        """All losses [J]."""
+        total = 0.0
+        for name in LOSSES:
+            total += getattr(self, name)
+        return total + self.absorbed
+
+    @property
+    def residual(self) -> float:
+        """Energy [J] that the ledger cannot account for: the integration error."""
+        return self.kinetic + self.potential + self.stored + self.rotor + self.lost - self.initial - self.work
+
+
+def _marked(mark: Any) -> tuple[str, ...]:
+    return tuple(name for name, kind in get_type_hints(Energy, include_extras=True).items() if kind == mark)
+
+
+LEDGER_FIELDS: Final = Energy._fields
+CONTACT_LOSSES: Final = _marked(LostInContact)
+FLIGHT_LOSSES: Final = _marked(LostInFlight)  # none under gravity alone; motion.py says how much
+LOSSES: Final = CONTACT_LOSSES + FLIGHT_LOSSES
+
 REBOUND = np.dtype(
     [
         ("t", "f8"),  # [s] at separation (or at the end of a descent that ends in contact)
@@ -74,9 +119,7 @@ REBOUND = np.dtype(
         ("u_after", "f8"),  # [m/s] at separation
         ("v_after", "f8"),
         ("omega_after", "f8"),  # [rad/s]
-        ("loss_hysteresis", "f8"),  # [J]
-        ("loss_sliding", "f8"),  # [J]
-        ("loss_rolling", "f8"),  # [J]
+        *((f"loss_{name}", "f8") for name in CONTACT_LOSSES),  # [J]
         ("stuck", "i4"),  # 0 no; 1 below 5 % of the entry speed; 2 exactly (u = 0 and omega = 0)
     ],
     align=True,
@@ -109,22 +152,9 @@ TRAJECTORY = np.dtype(
         ("feature", "i4"),  # Feature in contact, 0 in flight
         ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
         ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
+        *((name, "f8") for name in FLIGHT_LOSSES),  # [J] since the launch
     ],
     align=True,
-)
-
-LEDGER_FIELDS: Final = (
-    "initial",  # [J] kinetic + potential energy at launch
-    "kinetic",  # [J] of the body at the end
-    "potential",  # [J] at the end; zero at x = 0, y = 0
-    "stored",  # [J] in the compressed contact at the end
-    "hysteresis",  # [J] lost between loading and unloading stiffness
-    "sliding",  # [J] lost to Coulomb friction
-    "rolling",  # [J] lost to rolling resistance
-    "rotor",  # [J] kinetic energy of the rider's rotor at the end
-    "work",  # [J] done by the rider's trim
-    "absorbed",  # [J] taken up by the rider's trim, and lost
-    "supplied",  # [J] launch kinetic energy + drop height + slope descended + work
 )
 
 OUTCOME = np.dtype(

@@ -5,11 +5,14 @@ In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sle
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from sledenv.kernel import normal
+from sledenv.kernel.params import Incline, State
+from sledenv.kernel.records import CONTACT_LOSSES, LOSSES
 from sledenv.kernel.rows import WIDTH
 from sledenv.kernel.trace import pack_of
 from sledenv.kernel.values import where
@@ -32,6 +35,38 @@ def new(record: np.dtype, count: int = 1) -> np.ndarray:
     return np.ndarray(count, record, room, first)  # a view would examine every field of the type
 
 
+BODY: Final = (
+    "radius",  # [m]
+    "eccentricity",  # [m]
+    "half_angle",  # [rad]
+    "along",  # [m] where its corners are, see geometry.corner_lengths
+    "across",  # [m]
+    "size",  # [m] nothing of it reaches further from the mass centre
+    "furthest",  # [m] largest h of its features
+    "per_mass",  # [1/kg]
+    "per_inertia",  # [1/(kg m^2)]
+)
+MOTION: Final = ("t", *State._fields)  # where a body is, and how it moves
+IMPULSES: Final = (
+    "normal_impulse",  # [N s]
+    "tangential_impulse",  # [N s]
+    "rolling_impulse",  # [N m s]
+)
+SUMS: Final = (*IMPULSES, *CONTACT_LOSSES)  # impulses, and losses [J]
+SEARCH: Final = (  # for the touchdown; times are counted from the start of the flight
+    "horizon",  # [s] a later touchdown is of no interest
+    "phase",  # FALLING, SEARCHING, LANDED or POISED, see ballistics.py
+    "touchdown",  # [s] reached so far; in the end that of the touchdown, inf if there is none
+    "bound",  # [m/s^2] the gap never accelerates more than this towards the slope
+    "noise",  # [m] rounding error of the gap
+    "margin",  # of the speeds: gap rates below it do not tell whether the body lifts off
+    "in_reach",  # [s] from when on the body is in reach of the slope
+    "clear",  # [s] up to which the gap is known to be open
+    "last_step",  # [s] length of the step before
+    "root",  # [s] a root of the gap,
+    "alone_from",  # [s] and from when on there is no other before it
+)
+
 # A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
 # not suffer from cancellation.
 CONTACT: Final = record(
@@ -42,13 +77,7 @@ CONTACT: Final = record(
     ("v_n", "f8"),  # [m/s] gap rate
     ("v_t", "f8"),  # [m/s] slip velocity
     ("omega", "f8"),  # [rad/s] spin
-    # What the contact adds up.
-    ("normal_impulse", "f8"),  # [N s]
-    ("tangential_impulse", "f8"),  # [N s]
-    ("rolling_impulse", "f8"),  # [N m s]
-    ("hysteresis", "f8"),  # [J] losses
-    ("sliding", "f8"),
-    ("rolling", "f8"),
+    *((name, "f8") for name in SUMS),  # what the contact adds up
     ("stored", "f8"),  # [J] elastic energy at the end
     ("on_chord", "f8"),  # 1 if both corners have touched
     # The touchdown.
@@ -217,56 +246,20 @@ CHORD: Final = record(
 # One hop: a flight, its touchdown, and the impact of a rigid body there. A pack of hops has LANES of each number.
 HOP: Final = record(
     ("lane", "f8"),  # whose hop it is, in a batch
-    # The body.
-    ("radius", "f8"),  # [m]
-    ("eccentricity", "f8"),  # [m]
-    ("half_angle", "f8"),  # [rad]
-    ("along", "f8"),  # [m] where its corners are, see geometry.corner_lengths
-    ("across", "f8"),  # [m]
-    ("size", "f8"),  # [m] nothing of it reaches further from the mass centre
-    ("furthest", "f8"),  # [m] largest h of its features
-    ("per_mass", "f8"),  # [1/kg]
-    ("per_inertia", "f8"),  # [1/(kg m^2)]
-    # The slope.
-    ("downhill", "f8"),  # [m/s^2] gravity along it,
-    ("inward", "f8"),  # [m/s^2] and along its inward normal
-    ("length", "f8"),  # [m]
+    *((name, "f8") for name in BODY),
+    *((name, "f8") for name in Incline._fields),  # what it is subject to
     # The law of a rigid contact.
     ("friction", "f8"),  # [-]
     ("arc_arm", "f8"),  # [m] rolling arm of the arc
     ("corner_arm", "f8"),  # [m] and of a corner
     ("law_restitution", "f8"),  # [-]
     ("settle_speed", "f8"),  # [m/s]
-    # The start of the flight.
-    ("t", "f8"),  # [s] since the launch
-    ("x", "f8"),  # [m]
-    ("y", "f8"),  # [m]
-    ("phi", "f8"),  # [rad]
-    ("u", "f8"),  # [m/s]
-    ("v", "f8"),  # [m/s]
-    ("omega", "f8"),  # [rad/s] spin, which the impact changes
-    ("max_time", "f8"),  # [s] when the descent ends,
-    ("horizon", "f8"),  # [s] from now: a later touchdown is of no interest
-    # The search for the touchdown; times are counted from the start of the flight.
-    ("phase", "f8"),  # FALLING, SEARCHING, LANDED or POISED, see ballistics.py
-    ("touchdown", "f8"),  # [s] reached so far; in the end that of the touchdown, inf if there is none
-    ("bound", "f8"),  # [m/s^2] the gap never accelerates more than this towards the slope
-    ("noise", "f8"),  # [m] rounding error of the gap
-    ("margin", "f8"),  # of the speeds: gap rates below it do not tell whether the body lifts off
-    ("in_reach", "f8"),  # [s] from when on the body is in reach of the slope
-    ("clear", "f8"),  # [s] up to which the gap is known to be open
-    ("last_step", "f8"),  # [s] length of the step before
-    ("root", "f8"),  # [s] a root of the gap,
-    ("alone_from", "f8"),  # [s] and from when on there is no other before it
+    *((name, "f8") for name in MOTION),  # at the start of the flight; the impact changes omega
+    ("max_time", "f8"),  # [s] when the descent ends
+    *((name, "f8") for name in SEARCH),
     # The touchdown, or whatever else ends the flight.
     ("duration", "f8"),  # [s] of the flight
-    ("t_landing", "f8"),  # [s] since the launch
-    ("x_landing", "f8"),  # [m]
-    ("y_landing", "f8"),  # [m]
-    ("phi_landing", "f8"),  # [rad]
-    ("u_landing", "f8"),  # [m/s]
-    ("v_landing", "f8"),  # [m/s]
-    ("omega_landing", "f8"),  # [rad/s]
+    *((f"{name}_landing", "f8") for name in MOTION),
     ("v_t_landing", "f8"),  # [m/s] slip velocity of what is lowest,
     ("v_n_landing", "f8"),  # [m/s] gap rate,
     ("feature", "f8"),  # Feature,
@@ -284,23 +277,17 @@ HOP: Final = record(
     ("rho", "f8"),  # [m] rolling moment over normal force
     ("opening", "f8"),  # 1 while the gap opens, 0 while it closes
     ("span", "f8"),  # [N s] normal impulse of the phase that has just passed
-    ("normal_impulse", "f8"),  # [N s] so far
-    ("tangential_impulse", "f8"),  # [N s]
-    ("rolling_impulse", "f8"),  # [N m s]
+    *((name, "f8") for name in IMPULSES),  # so far
     ("closed", "f8"),  # [J] work of compression
     ("opened", "f8"),  # [J] work of restitution, of impacts that are not energetic
     ("stored", "f8"),  # [J] what may be given back
     ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
     ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
-    ("hysteresis", "f8"),  # [J] losses of the impact
-    ("sliding", "f8"),
-    ("rolling", "f8"),
+    *((name, "f8") for name in LOSSES),  # [J] of the impact, and of the flight before it
     # What the descent has come to, in a pack of rigid bodies.
     ("fine", "f8"),  # 1 if this hop was an ordinary one, see bounce.py
     ("rebounds", "f8"),
-    ("lost_hysteresis", "f8"),  # [J] losses of all impacts
-    ("lost_sliding", "f8"),
-    ("lost_rolling", "f8"),
+    *((f"lost_{name}", "f8") for name in LOSSES),  # [J] of all hops
 )
 
 PACK: Final = pack_of(HOP)
@@ -310,3 +297,21 @@ def change(record: Any, mask: Any, **fields: Any) -> None:
     """In a program: set fields of a record where a mask is true."""
     for name, value in fields.items():
         setattr(record, name, where(mask, value, getattr(record, name)))
+
+
+def copy(source: Any, target: Any, names: Sequence[str], of: str = "{}", to: str = "{}") -> None:
+    """In a program: copy fields from one record to another, in which patterns make other names of theirs."""
+    for name in names:
+        setattr(target, to.format(name), getattr(source, of.format(name)))
+
+
+def add(source: Any, target: Any, names: Sequence[str]) -> None:
+    """In a program: add fields of one record to those of another."""
+    for name in names:
+        setattr(target, name, getattr(target, name) + getattr(source, name))
+
+
+def clear(record: Any, names: Sequence[str]) -> None:
+    """In a program: set fields of a record to zero."""
+    for name in names:
+        setattr(record, name, 0.0)

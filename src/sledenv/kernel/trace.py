@@ -9,7 +9,8 @@ A program is given records and knows their fields by name: ``step.length`` loads
 one. :func:`straight` makes a function of records that hold one number in a field, or a series of them. :func:`packed`
 makes one of records whose every field holds LANES numbers, one of each lane: the same text then works on all lanes at
 once, with vector instructions. Each lane goes through the same correctly rounded operations as a single number does, so
-the results agree bit for bit. :func:`scalar` makes a function of numbers.
+the results agree bit for bit. ``pack.at(k)`` is one lane of a pack that a program of :func:`straight` is given, as a
+record of one. :func:`scalar` makes a function of numbers. A named tuple of floats is read like a record.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
@@ -94,10 +95,15 @@ class _Fields:
     there are lanes. In a record of one lane it may also be a series, which is set to a list of vectors.
     """
 
-    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any, lanes: int) -> None:
-        kind = ir.VectorType(DOUBLE, lanes) if lanes > 1 else DOUBLE
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any, lanes: int, kind: Any = None) -> None:
+        kind = kind or (ir.VectorType(DOUBLE, lanes) if lanes > 1 else DOUBLE)
         # Past __setattr__, which stores.
         self.__dict__.update(_builder=builder, _data=data, _record=record, _lanes=lanes, _kind=kind, _known={})
+
+    def at(self, lane: Value) -> _Fields:
+        numbers = self._builder.bitcast(self._data, ir.PointerType(DOUBLE))
+        first = self._builder.gep(numbers, [lane.value], source_etype=DOUBLE)
+        return _Fields(self._builder, first, self._record, LANES, DOUBLE)
 
     def _place(self, name: str) -> ir.Value:
         byte = ir.IntType(8)
@@ -128,16 +134,47 @@ class _Fields:
 class _Interpreted:
     """A record for a program that runs as it stands."""
 
-    def __init__(self, record: Any) -> None:
-        self.__dict__["_record"] = record
+    def __init__(self, record: Any, lane: Any = ()) -> None:
+        self.__dict__.update(_record=record, _lane=lane)
+
+    def at(self, lane: int) -> _Interpreted:
+        return _Interpreted(self._record, lane)
 
     def __getattr__(self, name: str) -> Any:
-        field = self._record[name]
+        field = self._record[name][self._lane]
         # A copy, or the old number would change with the new one; but a series can be written.
         return field.copy() if isinstance(field, np.ndarray) and len(field) == LANES else field
 
     def __setattr__(self, name: str, value: Any) -> None:
-        self._record[name] = np.concatenate(value) if isinstance(value, list) else value
+        if self._lane != ():
+            self._record[name][self._lane] = value
+        else:
+            self._record[name] = np.concatenate(value) if isinstance(value, list) else value
+
+
+def _as_it_stands(given: Any) -> Any:
+    """What a program that runs as it stands gets for an argument."""
+    if hasattr(given, "_make"):
+        return given._make(map(np.float64, given))
+    return _Interpreted(given) if isinstance(given, np.void) else given
+
+
+def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int) -> Any:
+    """What a program that is being compiled gets for an argument."""
+    if isinstance(kind, types.Record):
+        return _Fields(builder, argument, kind, lanes)
+    if hasattr(kind, "instance_class"):
+        return kind.instance_class._make(Value(builder, builder.extract_value(argument, i)) for i in range(len(kind)))
+    if isinstance(kind, types.Array):
+        return Series(builder, context.make_array(kind)(context, builder, argument).data)
+    return Value(builder, argument)
+
+
+class _Unknown(float):
+    """A number, or a record of them, of a program that only tells how many answers it has."""
+
+    def __getattr__(self, name: str) -> float:
+        return math.nan
 
 
 # How programs are compiled.
@@ -175,28 +212,28 @@ def pack_of(record: np.dtype) -> np.dtype:
 def _of_records(program: Program, lanes: int) -> Callable[..., None]:
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-        def interpreted(*records: Any) -> None:
+        def interpreted(*given: Any) -> None:
             with np.errstate(all="ignore"):
-                program(*(_Interpreted(record) for record in records))
+                program(*map(_as_it_stands, given))
 
         return interpreted
 
-    def typed(typing_context: Any, *records: Any) -> Any:
+    def typed(typing_context: Any, *kinds: Any) -> Any:
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             # Or vectors that are kept on the stack would lie across two lines.
             builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
             builder.function.attributes.alignstack = _LINE
             given = zip(signature.args, arguments, strict=True)
-            program(*(_Fields(builder, data, record, lanes) for record, data in given))
+            program(*(_as_values(context, builder, kind, argument, lanes) for kind, argument in given))
             return context.get_dummy_value()
 
-        return types.void(*records), write
+        return types.void(*kinds), write
 
     return cast(Callable[..., None], _intrinsic_like(program, typed))
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
-    """Return a function of numbers, and of series of them, that runs a program, for use in kernels, which compile it.
+    """Return a function of numbers, series and records that runs a program, for use in kernels, which compile it.
 
     Series are contiguous arrays of doubles that are read, and may be written as a whole: see :func:`write_series`.
     """
@@ -204,23 +241,20 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
 
         def interpreted(*numbers: Any) -> tuple[float, ...]:
             with np.errstate(all="ignore"):
-                return function(*(n if isinstance(n, np.ndarray) else np.float64(n) for n in numbers))
+                return function(*(np.float64(n) if isinstance(n, int | float) else _as_it_stands(n) for n in numbers))
 
         return interpreted
 
     def typed(typing_context: Any, *numbers: Any) -> Any:
-        kinds = tuple(number if isinstance(number, types.Array) else types.float64 for number in numbers)
-        results = len(function(*(np.full(_ROOM, math.nan) if isinstance(n, types.Array) else math.nan for n in kinds)))
+        kinds = tuple(types.float64 if isinstance(number, types.Number) else number for number in numbers)
+        unknown = _Unknown(math.nan)
+        results = len(function(*(np.full(_ROOM, unknown) if isinstance(n, types.Array) else unknown for n in kinds)))
 
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            values: list[Any] = [
-                Series(builder, context.make_array(of)(context, builder, argument).data)
-                if isinstance(of, types.Array)
-                else Value(builder, argument)
-                for of, argument in zip(signature.args, arguments, strict=True)
-            ]
+            given = zip(signature.args, arguments, strict=True)
             zero = Value(builder, ir.Constant(DOUBLE, None))
-            found = [zero.lift(value) for value in function(*values)]
+            values = function(*(_as_values(context, builder, kind, argument, 1) for kind, argument in given))
+            found = [zero.lift(value) for value in values]
             return context.make_tuple(builder, signature.return_type, found)
 
         returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]

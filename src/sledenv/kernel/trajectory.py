@@ -7,8 +7,13 @@ from typing import Final
 import numpy as np
 
 from sledenv.kernel.jit import kernel
+from sledenv.kernel.records import FLIGHT_LOSSES
+from sledenv.kernel.state import copy
+from sledenv.kernel.trace import straight
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
+
+_tell_losses = straight(lambda flight, row: copy(flight, row, FLIGHT_LOSSES))
 
 
 @kernel
@@ -19,6 +24,7 @@ def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     """
     row: np.void = trajectory[min(flight["samples"], trajectory.shape[0] - 1)]
     flight["samples"] += 1
+    _tell_losses(flight, row)
     return row
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sledenv.descent import Descent
+from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES
 from sledenv.outline import drawable_rows, to_world
 from sledenv.plot.rows import kinetic, penetration, touching_arms
 from sledenv.plot.style import (
@@ -65,7 +66,7 @@ def plot_descent(descent: Descent) -> Figure:
             ax.axhline(0.0, color=INK, lw=0.6)
             ax.plot(t, rows[field], color=BLUE)
             ax.set_ylabel(label)
-        colours = (BLUE, SKY, POTENTIAL, GREEN, RED, ORANGE, PURPLE)
+        colours = (BLUE, SKY, POTENTIAL, GREEN, RED, ORANGE, PURPLE, INK)
         axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
         axes[3].set_ylabel("energy [J]")
         axes[3].set_xlabel("time [s]")
@@ -84,20 +85,18 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
     squeezed = penetration(descent, rows)
     stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * np.square(squeezed)
-    hysteresis, sliding, rolling = _losses(descent, rows)
+    lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
     return {
         "translation": translation,
         "rotation": rotation,
         "potential": potential,
         "stored in the contact": stored,
-        "lost by hysteresis": hysteresis,
-        "lost by sliding": sliding,
-        "lost by rolling": rolling,
+        **{f"lost by {name}": energy for name, energy in lost.items()},
     }
 
 
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
-    """Cumulative losses [J] by hysteresis, sliding and rolling, shape (3, m).
+    """Cumulative losses [J] in contacts, of CONTACT_LOSSES, shape (3, m).
 
     The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost
     in an impact of rigid surfaces, where the kinetic energy falls.
@@ -116,7 +115,7 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     for rebound in descent.rebounds:
         first = np.searchsorted(rows["t"], rebound["t"] - rebound["duration"])
         last = np.searchsorted(rows["t"], rebound["t"], side="right") - 1
-        losses = np.array([rebound["loss_hysteresis"], rebound["loss_sliding"], rebound["loss_rolling"]])
+        losses = np.array([rebound[f"loss_{name}"] for name in CONTACT_LOSSES])
         done = np.cumsum(work[:, first:last], axis=1)
         if done.size == 0:  # an impact whose rows were left out
             total[:, last + 1 :] += losses[:, None]
