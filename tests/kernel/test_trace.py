@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -62,6 +62,24 @@ _program, _one, _many = straight(_samples), straight(_mixture), packed(_mixture)
 _sum = scalar(lambda x, y: (x + y, x - y))
 
 
+class Pair(NamedTuple):
+    """A tuple that programs read like a record."""
+
+    x: float
+    y: float
+
+
+def _moves(pack: Any, k: Any, pair: Any, other: Any) -> None:
+    lane = pack.at(k)
+    other.answer_0 = lane.x
+    lane.y = pair.x + other.y
+    lane.x = lane.y * pair.y
+    other.answer_1 = lane.x
+
+
+_move, _weigh = straight(_moves), scalar(lambda pair, given, s: (pair.x * given.x + s, root(pair.y)))
+
+
 @entry
 def _run(given: np.ndarray) -> None:
     _program(given[0])
@@ -80,6 +98,16 @@ def _side_by_side(given: np.ndarray) -> None:
 @entry
 def _sums(x: float, y: float) -> tuple[float, float]:
     return _sum(x, y)
+
+
+@entry
+def _move_lane(pack: np.ndarray, k: int, pair: Pair, other: np.ndarray) -> None:
+    _move(pack[0], k, pair, other[0])
+
+
+@entry
+def _weighed(pair: Pair, given: np.ndarray, s: float) -> tuple[float, float]:
+    return _weigh(pair, given[0], s)
 
 
 def answers(x: float, y: float) -> np.ndarray:
@@ -112,6 +140,28 @@ def test_lanes_side_by_side_compute_what_each_does_alone() -> None:
 def test_a_function_of_numbers_gives_all_its_answers() -> None:
     """Oracle: by hand."""
     assert _sums(1.5, 0.25) == (1.75, 1.25)
+
+
+def test_one_lane_of_a_pack_is_read_and_written_like_a_record() -> None:
+    """Oracle: by hand; all other lanes and fields stay as they are."""
+    for k in (0, 7, LANES - 1):
+        pack, other = new(MANY), new(GIVEN)
+        for i, name in enumerate(MANY.names or ()):
+            if name != "filling":
+                pack[name][0] = np.arange(LANES) + 100.0 * i
+        other["y"] = 0.5
+        expected = pack.copy()
+        expected["y"][0, k], expected["x"][0, k] = 2.5, 7.5
+        _move_lane(pack, k, Pair(2.0, 3.0), other)
+        assert pack.tobytes() == expected.tobytes()
+        assert (other[0]["answer_0"], other[0]["answer_1"]) == (k, 7.5)
+
+
+def test_a_function_of_numbers_reads_tuples_and_records() -> None:
+    """Oracle: by hand."""
+    given = new(GIVEN)
+    given["x"] = 3.0
+    assert _weighed(Pair(2.0, 16.0), given, 0.5) == (6.5, 4.0)
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.3, 2.0), (-1.7, 0.25), (0.0, -3.0), (0.5, 0.5)])

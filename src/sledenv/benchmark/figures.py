@@ -27,6 +27,7 @@ from sledenv.benchmark.scores import (
     regrets,
     robustness,
 )
+from sledenv.kernel.records import LOSSES
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
 from sledenv.scenario import CONTROLS
 
@@ -44,9 +45,7 @@ _SMALLEST: Final = 1e-5  # regret that is still told from none
 _MAPS: Final = 3  # contexts a scenario of which the jam map is drawn
 _ENERGY: Final = {
     "kept": ("motion along the slope at the finish", BLUE),
-    "hysteresis": ("lost by hysteresis", GREEN),
-    "sliding": ("lost by sliding", RED),
-    "rolling": ("lost by rolling", ORANGE),
+    **{name: (f"lost by {name}", colour) for name, colour in zip(LOSSES, (GREEN, RED, ORANGE, PURPLE), strict=False)},
     "other": ("spin, motion across, not finished", POTENTIAL),
 }
 _ENDINGS: Final = dict(zip((*STATUSES, "another way"), (BLUE, RED, ORANGE, POTENTIAL), strict=True))

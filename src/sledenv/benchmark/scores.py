@@ -26,8 +26,8 @@ RESAMPLES: Final = 1000
 _SEED: Final = 0
 _COLUMNS: Final = {
     "results": (
-        "environment scenario scenario_hash agent seed stage context trial noise status supplied loss_hysteresis "
-        f"loss_sliding loss_rolling rebounds time action_0 on_bound {' '.join(DescentJam._fields)}"
+        "environment scenario scenario_hash agent seed stage context trial noise status supplied "
+        f"{' '.join(f'loss_{name}' for name in LOSSES)} rebounds time action_0 on_bound {' '.join(DescentJam._fields)}"
     ),
     "curves": "environment scenario agent seed descents mean_reward",
     "runs": "environment scenario agent seed descents train_seconds commit versions suite",
@@ -321,7 +321,7 @@ def decomposition(results: Results) -> pd.DataFrame:
     -------
     DataFrame
         A row for each environment, scenario, agent and stage, without extra noise: means over descents of the shares
-        ``hysteresis``, ``sliding``, ``rolling`` that are lost, ``kept`` as motion along the slope at the finish, and
+        of LOSSES (``hysteresis``, ``sliding``, ``rolling``), ``kept`` as motion along the slope at the finish, and
         ``other`` (spin, motion across the slope, height, and motion that never reached the finish), which add up to 1;
         shares of the descents that ``finish``, are ``jammed``, ``tumbled``, or ended in ``another way``.
     """

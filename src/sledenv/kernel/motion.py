@@ -28,7 +28,7 @@ def away(hop: Any, t: Any) -> tuple[Any, Any]:
 
 
 def turned(hop: Any, t: Any) -> Any:
-    """Program of the orientation [rad]."""
+    """Program of the orientation [rad], not wrapped."""
     return hop.phi + hop.omega * t
 
 
