@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from sledenv.entries import entry
 from sledenv.geometry import arms, feature_at, support_height, whole_turns
 from sledenv.kernel import flight
+from sledenv.kernel.params import Incline
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.kernel.trace import LANES
@@ -81,7 +82,7 @@ def side_by_side(body: Body, flights: np.ndarray) -> np.ndarray:
     """Touchdowns of flights searched for in one pack; its other places hold what is no number."""
     found, packs = np.empty(len(flights)), new(PACK)
     for name in PACK.names or ():
-        packs[name] = math.nan
+        packs[name] = 0.0 if name in Incline._fields else math.nan
     land_all_compiled(body, flights, packs, new(HOP), found)
     return found
 
