@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numba.extending import overload
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from sledenv.kernel import normal
 from sledenv.kernel.chord import chord_contact
@@ -17,6 +16,7 @@ from sledenv.kernel.jit import by_type, kernel
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw
 from sledenv.kernel.records import BOTH_CORNERS, ONE_CORNER, TUMBLED
 from sledenv.kernel.rigid import strike
+from sledenv.kernel.trace import scalar
 
 Law = CompliantLaw | RigidLaw
 _Law = TypeVar("_Law", bound=Law)
@@ -76,9 +76,10 @@ def law_of_row(like: _Law, row: np.ndarray) -> _Law:
 @overload(law_of_row)
 def _law_of_row(like: Any, row: Any) -> Callable[..., Any]:
     kind = like.instance_class
-    count = len(kind._fields)
+    places = range(len(kind._fields))
+    fields = scalar(lambda row: tuple(row[i] for i in places))
 
     def build(like: Any, row: Any) -> Any:
-        return kind(*to_fixed_tuple(row, count))  # type: ignore[call-arg]
+        return kind(*fields(row))
 
     return build
