@@ -914,7 +914,6 @@ def random_cases(seed: int = 5) -> list[tuple[str, OracleBody, OracleState, int]
         case("full friction rod", 4, tilt=(2.4, 3.9), radius=0.0, eccentricity=0.3, friction=1.0, rolling_arm=0.03),
         case("no hysteresis, spinning", 4, asymmetry=0.0, omega=25.0),
         case("soft, strongly asymmetric", 4, stiffness=2.0e4, asymmetry=0.8, drop=(0.01, 0.05)),
-        case("arc centre outside the arc's disc", 4, radius=0.1, eccentricity=0.15),
     ]
 
 

@@ -172,7 +172,7 @@ def test_deep_penetration_creates_no_energy() -> None:
         descent = simulate(*deep_launch(seed), max_time=1.0, max_rebounds=500)
         assert abs(descent.energy.residual) <= 1e-12 * turnover(descent), seed
         ends.add(str(descent.status))
-    assert ends == {"timeout", "tumbled", "buried"}
+    assert ends == {"timeout", "jammed", "buried"}
 
 
 def test_a_body_pressed_in_up_to_both_corners_is_buried() -> None:
@@ -190,7 +190,8 @@ def test_a_body_that_rattles_on_its_corners_comes_to_lie_on_its_chord() -> None:
     law = ContactLaw(22795107.54973123, 0.6, 0.23044715536809035, 0.0007247675008034283)
     launch = State(0.0, 2.1699810758350377, -46.55851450011698, 0.0, -3.733398344579241, -4.6700209829801445)
     end = simulate(body, law, Slope(0.0), launch, max_time=2.0)
-    assert end.status == Status.TUMBLED
+    assert end.status == Status.JAMMED
+    assert end.rebounds["feature"][-1] == Feature.CHORD
     assert end.outcome["steps"] < 10_000
 
 
@@ -262,17 +263,17 @@ def test_the_mirror_image_descends_as_the_mirror_image(
     mirrored = State(0.0, state.y, -state.phi, -state.u, state.v, -state.omega)
     options: dict[str, Any] = {"max_time": 2.0, "max_rebounds": 50}
     one, other = (simulate(body, law, slope, s, **options) for s in (state, mirrored))
-    assume(Feature.CHORD not in one.rebounds["feature"])  # see test_a_landing_on_the_chord_has_a_mirror_image
     assert one.status == other.status
     assert one.time == other.time
     assert one.energy == other.energy
     assert other.state == (-one.state.x, one.state.y, -one.state.phi, -one.state.u, one.state.v, -one.state.omega)
     swapped = {Feature.ARC: Feature.ARC, Feature.NOSE: Feature.TAIL, Feature.TAIL: Feature.NOSE}
+    swapped[Feature.CHORD] = Feature.CHORD
     assert [swapped[f] for f in one.rebounds["feature"]] == other.rebounds["feature"].tolist()
     for name in one.rebounds.dtype.names:
         if name == "feature":
             continue
-        odd = name in ("x", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
+        odd = name in ("x", "x_contact", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
         assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name
 
 
@@ -287,10 +288,9 @@ def test_a_landing_on_the_chord_has_a_mirror_image(phi: float, friction: float) 
     )
     assert Feature.CHORD in one.rebounds["feature"]
     assert one.status == other.status
-    assert other.time == pytest.approx(one.time, rel=1e-12)
+    assert other.time == one.time
     assert len(one.rebounds) == len(other.rebounds)
-    assert other.state.x == pytest.approx(-one.state.x, abs=1e-11)
-    assert math.sin(other.state.phi) == pytest.approx(-math.sin(one.state.phi), abs=1e-11)
+    assert (other.state.x, other.state.phi) == (-one.state.x, -one.state.phi)
 
 
 @pytest.mark.parametrize("half_angle", [0.4, 1.4, 1.5, 2.5])
@@ -301,8 +301,9 @@ def test_a_body_that_falls_flat_comes_to_lie_on_its_chord(half_angle: float, phi
     law = ContactLaw(1e6, 0.85, 0.3, 0.0)
     for clearance in (0.0, 0.1, 0.3):
         end = simulate(body, law, Slope(0.0), launched(body, (clearance, phi, 0.0, 0.0, 0.0)), max_time=3.0)
-        assert end.status == Status.TUMBLED
-        assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-9)
+        assert end.status == Status.JAMMED
+        assert end.state.phi == phi
+        assert end.outcome["t_on_chord"] <= end.time
 
 
 def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
@@ -363,7 +364,7 @@ def test_on_an_endless_slope_the_place_does_not_matter(body: Body, law: ContactL
     assert one.state[1:] == other.state[1:]
     assert other.state.x - one.state.x == pytest.approx(shift, abs=1e-11)
     for name in one.rebounds.dtype.names:
-        if name != "x":
+        if name not in ("x", "x_contact"):
             assert np.array_equal(one.rebounds[name], other.rebounds[name]), name
 
 
@@ -486,11 +487,12 @@ def test_a_jammed_body_is_at_rest_in_a_contact_that_holds_it() -> None:
     assert abs(lever) <= 0.03 * math.cos(0.05)
 
 
-def test_a_segment_that_falls_on_its_back_tumbles() -> None:
+def test_a_segment_that_falls_on_its_back_comes_to_rest_there() -> None:
     """Oracle: both corners on the surface: phi = +-pi up to the compression."""
     dull = ContactLaw(1e7, 0.95, 0.6, 0.0)
     end = simulate(SEGMENT, dull, Slope(0.05), launched(SEGMENT, (0.1, 3.0, 0.0, 0.0, 0.0)))
-    assert end.status == Status.TUMBLED
+    assert end.status == Status.JAMMED
+    assert end.rebounds["feature"][-1] == Feature.CHORD
     assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-3)
     assert end.rebounds[0]["feature"] == Feature.TAIL
 
@@ -537,6 +539,7 @@ def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
         states,
         max_time=scenario.limits.max_time_s,
         max_rebounds=scenario.limits.max_rebounds,
+        end_on_chord=scenario.ends.on_chord,
         keep_rebounds=True,
     )
 
@@ -678,7 +681,9 @@ def test_logs_that_do_not_fit_are_refused(nothing_runs: None) -> None:
     """Oracle: the message; a million launches with a log of a thousand million rebounds exceed every address space."""
     states = np.broadcast_to(LAUNCH, (1_000_000, 6))
     for run in (simulate_batch, partial(simulate_blocks, block=10**6)):
-        with pytest.raises(MemoryError, match=r"1000000 launches, max_rebounds = 1000000000, take 1.44e\+08 GB; lower"):
+        with pytest.raises(
+            MemoryError, match=r"1000000000, take 1.76e\+08 GB, and there are .* GB; lower max_rebounds"
+        ):
             run(DISC, LAW, INCLINE, states, max_rebounds=10**9, keep_rebounds=True)
 
 

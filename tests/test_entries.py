@@ -20,13 +20,13 @@ from numba.extending import overload
 
 from sledenv import entries
 from sledenv.entries import Entry, entry, parallel_entry
-from sledenv.kernel import jit
-from sledenv.kernel.jit import kernel
+from sledenv.programs import jit
+from sledenv.programs.jit import kernel
 
 pytestmark = pytest.mark.jit_only
 
 CALLEE = """
-from sledenv.kernel.jit import kernel
+from sledenv.programs.jit import kernel
 
 
 @kernel
@@ -44,7 +44,7 @@ from numba.extending import overload
 
 from sledenv.entries import entry
 from sledenv.kernel.callee import doubled
-from sledenv.kernel.jit import kernel
+from sledenv.programs.jit import kernel
 
 
 def compiling():
@@ -71,7 +71,15 @@ from sledenv import entries
 from sledenv.kernel.caller import f
 print(f(3.0), f.compiled, f.loaded, entries.cache_folder())
 """
-# Instead of waiting, a process loses its patience at once when it starts to compile.
+# A process never loses its patience, however slow the machine is,
+PATIENT = """
+import threading
+class Timer(threading.Timer):
+    def start(self):
+        pass
+threading.Timer = Timer
+"""
+# or at once when it starts to compile.
 IMPATIENT = """
 import threading
 class Timer(threading.Timer):
@@ -88,7 +96,10 @@ def package(tmp_path: Path) -> Path:
     """Folder of the kernel of a small copy of the package, with the real entries."""
     folder = tmp_path / "site" / "sledenv" / "kernel"
     folder.mkdir(parents=True)
-    shutil.copy(str(jit.__file__), folder)
+    programs = folder.with_name("programs")
+    programs.mkdir()
+    (programs / "__init__.py").touch()
+    shutil.copy(str(jit.__file__), programs)
     shutil.copy(str(entries.__file__), folder.parent)
     (folder / "__init__.py").touch()
     (folder.parent / "__init__.py").touch()
@@ -105,7 +116,7 @@ def start(package: Path, tmp_path: Path) -> Callable[..., subprocess.Popen[str]]
         inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
         given = {"PYTHONPATH": str(package.parents[1]), "XDG_CACHE_HOME": str(tmp_path / "home")} | environment
         pipe = subprocess.PIPE
-        command = [sys.executable, "-c", program]
+        command = [sys.executable, "-c", program if IMPATIENT in program else PATIENT + program]
         return subprocess.Popen(command, env=inherited | given, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True)
 
     return start

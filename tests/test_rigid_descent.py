@@ -189,7 +189,7 @@ def test_rocking_onto_the_other_corner_keeps_the_plastic_share_of_the_spin(half_
     nose = np.flatnonzero(rows["feature"] == Feature.NOSE)
     expected = (body.inertia + body.mass * (height**2 - half**2)) / (body.inertia + body.mass * (height**2 + half**2))
     if expected <= 0.0:
-        assert descent.status == "tumbled"
+        assert (descent.status, descent.rebounds["feature"][-1]) == ("jammed", Feature.CHORD)
     else:
         before = rows[np.flatnonzero(rows["feature"] == Feature.TAIL)[-1]]["omega"]
         assert rows[nose[0]]["omega"] / before == pytest.approx(expected, rel=2e-3)
@@ -268,9 +268,7 @@ def check_books(solver, count, seed, max_time):
     for body, laws, slopes, launches in random_launches(count, seed):
         batch = simulate_batch(body, laws, slopes, launches, solver=solver, max_time=max_time, max_rebounds=2000)
         outcome = batch.outcomes
-        assert np.isin(batch.status, ["finish", "jammed", "tumbled", "timeout", "log_full"]).all(), np.unique(
-            batch.status
-        )
+        assert np.isin(batch.status, ["finish", "jammed", "timeout", "log_full"]).all(), np.unique(batch.status)
         residual = (
             outcome["kinetic"] + outcome["potential"] + outcome["stored"] + outcome["hysteresis"]
             + outcome["sliding"] + outcome["rolling"] - outcome["initial"]
@@ -327,7 +325,7 @@ def test_the_compliant_impact_converges_to_the_rigid_one_as_the_root_of_the_comp
 @pytest.mark.parametrize("body", [DISC, circular_segment(2.0, 0.5, math.radians(110.0))])
 @pytest.mark.parametrize("count", [1, 2, 3, 15, 17, 40, 150])
 def test_lanes_side_by_side_are_the_descents_of_their_states_bit_for_bit(body, count):
-    """Oracle: simulate, one after the other; lanes bounce, spin, settle, roll, tumble and finish at different times."""
+    """Oracle: simulate, one after the other; lanes bounce, spin, settle, roll, jam and finish at different times."""
     rng = np.random.default_rng(count)
     laws = [ContactLaw(1e6, *rng.uniform([0.05, 0.0, 0.0], [0.9, 0.8, 0.02]), 0.0) for _ in range(count)]
     slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([1.0, 30.0]), rng.choice([1.6, 9.81])) for _ in range(count)]

@@ -51,6 +51,13 @@ def checked_count(name: str, value: int) -> int:
     return int(value)
 
 
+def checked_flag(name: str, value: bool) -> bool:
+    """Return whether something is to be, or raise TypeError."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} = {value!r}: must be True or False")
+    return bool(value)
+
+
 def launched(body: Body, slope: Slope, state: State) -> State:
     """Return one launch as :func:`_admit` does many."""
     launches = np.array([state])

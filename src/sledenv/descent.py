@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from sledenv.checks import (
     Solver,
     checked_choice,
     checked_count,
+    checked_flag,
     checked_lanes,
     checked_law,
     launched,
@@ -30,9 +32,10 @@ from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
-from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Energy, Status
+from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, TRAJECTORY, Energy, Status
 from sledenv.kernel.state import CONTACT, new
-from sledenv.params import TOLERANCE, AnyLaw, Body, ContactLaw, Limits, Slope, State
+from sledenv.params import TOLERANCE, AnyLaw, Body, Limits, Slope, State
+from sledenv.room import new_log, new_logs, new_trajectory
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -41,7 +44,10 @@ Record = Literal["rebounds", "trajectory"]
 FrictionSign = Literal["dissipative", "printed"]
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
-_BLOCK = 8192  # lanes of a batch between two chances to interrupt it
+_BLOCK = 8192  # lanes of a batch that are simulated together
+# Of one call of the kernel, a fraction of a second: an interrupt takes effect between two of them.
+WORK = 1e5  # steps in contact, hops and rows
+_EULER_STEPS = 2e6
 
 _descend, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
 
@@ -53,7 +59,7 @@ class Descent:
     Attributes
     ----------
     status : Status
-        Why it ended; a string such as "finish", "jammed", "tumbled" or "timeout".
+        Why it ended; a string such as "finish", "jammed" or "timeout".
     time : float
         Duration [s].
     state : State
@@ -80,6 +86,15 @@ class Descent:
     trajectory: np.ndarray
     energy: Energy
     outcome: np.void
+
+    @property
+    def on_chord(self) -> tuple[float, float] | None:
+        """When [s] and where [m] the body first lay on its chord, both ends settled, so that it slid or rested there.
+
+        None if it never did, or only bounced or rocked on both ends. ``solver="euler"`` does not tell: nothing settles.
+        """
+        time, x = float(self.outcome["t_on_chord"]), float(self.outcome["x_on_chord"])
+        return (time, x) if math.isfinite(time) else None
 
     @cached_property
     def jam(self) -> DescentJam:
@@ -126,6 +141,11 @@ class DescentBatch:
         return np.asarray(self.outcomes["t"])
 
     @property
+    def on_chord(self) -> np.ndarray:
+        """When [s] and where [m] each body first lay on its chord, see :class:`Descent`, shape (N, 2); inf if never."""
+        return np.stack([self.outcomes["t_on_chord"], self.outcomes["x_on_chord"]], axis=-1)
+
+    @property
     def states(self) -> np.ndarray:
         """Final states, shape (N, 6), columns as in :class:`State`."""
         return np.stack([self.outcomes[name] for name in State._fields], axis=-1)
@@ -146,8 +166,11 @@ def simulate(
     step: float = 2.5e-7,
     friction_sign: FrictionSign = "dissipative",
     settle_speed: float | None = None,
+    end_on_chord: bool = False,
 ) -> Descent:
-    """Simulate one descent until it finishes, jams, tumbles or meets a limit.
+    """Simulate one descent until it finishes, jams or meets a limit.
+
+    An interrupt (Ctrl-C) takes effect within a fraction of a second, however long the descent is.
 
     Parameters
     ----------
@@ -178,6 +201,9 @@ def simulate(
     settle_speed : float, optional
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
         1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
+    end_on_chord : bool
+        End the descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
+        It goes on otherwise. Needs another solver than "euler", in which nothing settles.
 
     Returns
     -------
@@ -187,12 +213,17 @@ def simulate(
     ------
     TypeError, ValueError
         Naming the argument, its value and the allowed range; nothing is simulated then.
+    MemoryError
+        If ``max_rebounds`` records take more memory than there is, before anything is simulated; or if the rows of the
+        trajectory do, once they have been counted and before any is kept.
     """
     checked_choice("solver", solver, get_args(Solver))
     checked_choice("record", record, get_args(Record))
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     if friction_sign == "printed" and solver != "euler":
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
+    if checked_flag("end_on_chord", end_on_chord) and solver == "euler":
+        raise ValueError("end_on_chord = True: solver='euler' cannot tell when a body has settled on its chord")
     body, law, slope = Body(*body), checked_law(law), Slope(*slope)
     launch = launched(body, slope, State(*launch))
     euler = solver == "euler"
@@ -204,24 +235,26 @@ def simulate(
         step=step,
         printed_sign=1.0 if friction_sign == "printed" else 0.0,
         max_rebounds=checked_count("max_rebounds", max_rebounds),
+        end_on_chord=end_on_chord,
+        most_work=_EULER_STEPS if euler else WORK,
     )
     touching = touching_law(body, law, slope, solver, settle_speed)
-    rebounds = np.zeros(max_rebounds, REBOUND)
+    rebounds = new_log(max_rebounds)
     outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
     outcome = outcomes[0]
 
     def run() -> None:
-        if euler:
-            _descend_euler(
-                body, ContactLaw._make(law), slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes
-            )
-        else:
-            _descend(body, touching, slope, launch, limits, rebounds, new(SPACE), trajectory, outcomes)
+        space = new(CONTACT if euler else SPACE)
+        follow: Any = _descend_euler if euler else _descend
+        while True:
+            follow(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes)
+            if outcome["status"] != RUNNING:
+                return
 
     run()
-    if record == "trajectory" and outcome["samples"] > len(trajectory):
-        trajectory = np.zeros(outcome["samples"], TRAJECTORY)
+    if outcome["samples"] > len(trajectory):
+        trajectory = new_trajectory(int(outcome["samples"]), limits.sample_interval)
         run()
     return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
 
@@ -279,23 +312,19 @@ class _Lanes(NamedTuple):
 
     def log(self, lanes: int, keep: bool) -> np.ndarray:
         """Return empty rebound logs, of no lane unless they are kept."""
-        max_rebounds = int(self.limits.max_rebounds)
-        shape = (lanes, max_rebounds) if keep else (0, 0)
-        try:
-            return np.zeros(shape, REBOUND)
-        except (MemoryError, ValueError) as error:  # ValueError: not even an address
-            size = lanes * max_rebounds * REBOUND.itemsize
-            raise MemoryError(
-                f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {max_rebounds}, take "
-                f"{size / 1e9:.3g} GB; lower max_rebounds or take them block by block, see simulate_blocks"
-            ) from error
+        return new_logs(lanes, int(self.limits.max_rebounds)) if keep else np.zeros((0, 0), REBOUND)
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics."""
         laws = self.laws[part] if len(self.laws) > 1 else self.laws
         slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
         launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
-        _descend_batch(self.body, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces)
+        launching = True
+        while launching or (outcomes["status"] == RUNNING).any():
+            _descend_batch(
+                self.body, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces, launching
+            )
+            launching = False
         return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
 
 
@@ -309,12 +338,16 @@ def _lanes(
     max_rebounds: int,
     tolerance: float,
     settle_speed: float | None,
+    end_on_chord: bool,
 ) -> _Lanes:
     """Check a batch."""
     body = Body(*body)
     given = checked_lanes(body, law, slope, launches, solver, settle_speed)
     max_rebounds = checked_count("max_rebounds", max_rebounds)
-    limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
+    end_on_chord = checked_flag("end_on_chord", end_on_chord)
+    limits = Limits(
+        max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord, most_work=WORK
+    )
     return _Lanes(body, given.like(), given.laws, given.slopes, given.launches, limits)
 
 
@@ -330,11 +363,12 @@ def simulate_batch(
     keep_rebounds: bool = False,
     tolerance: float = TOLERANCE,
     settle_speed: float | None = None,
+    end_on_chord: bool = False,
     progress: bool = False,
 ) -> DescentBatch:
     """Simulate many descents of one body on all cores; lane i equals ``simulate`` of launch i bit for bit.
 
-    The lanes are simulated in blocks, between which an interrupt takes effect; the result does not depend on them.
+    An interrupt (Ctrl-C) takes effect once each thread has ended its hop, or some more of them.
 
     Parameters
     ----------
@@ -344,7 +378,7 @@ def simulate_batch(
         One for all lanes or one a lane.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
-    solver, max_time, max_rebounds, tolerance, settle_speed
+    solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`simulate`.
     keep_rebounds : bool
         Return the logs too, N * max_rebounds records of 144 bytes; :func:`simulate_blocks` gives them piece by piece.
@@ -365,7 +399,7 @@ def simulate_batch(
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
-    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed)
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
     count = len(lanes.launches)
     rebounds = lanes.log(count, keep_rebounds)
     outcomes = np.zeros(count, OUTCOME)
@@ -391,12 +425,13 @@ def simulate_blocks(
     keep_rebounds: bool = True,
     tolerance: float = TOLERANCE,
     settle_speed: float | None = None,
+    end_on_chord: bool = False,
 ) -> Iterator[DescentBatch]:
     """Simulate many descents block by block, for logs that memory cannot hold all at once.
 
     Parameters
     ----------
-    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed
+    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`simulate_batch`.
     block : int
         Launches simulated at a time, >= 1.
@@ -415,7 +450,7 @@ def simulate_blocks(
     TypeError, ValueError, MemoryError
         As :func:`simulate_batch`, when it is called.
     """
-    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed)
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
     block = checked_count("block", block)
     lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
 

@@ -29,7 +29,7 @@ import llvmlite
 import numba
 import numpy as np
 
-from sledenv.kernel import jit
+from sledenv.programs import jit
 
 if sys.platform == "win32":
     import msvcrt
@@ -39,7 +39,7 @@ else:
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 _PATIENCE = 2.0  # [s] of compilation that need no explanation
-_SOURCES = Path(jit.__file__).parent
+_KERNEL, _PROGRAMS = Path(__file__).parent / "kernel", Path(jit.__file__).parent  # what is compiled
 _KEPT = 4  # folders of compiled kernels, one for each state of the sources
 _RECORD = "digests.json"
 
@@ -290,10 +290,11 @@ def _fingerprint() -> str:
     """Digest of what compiled kernels depend on and numba's own cache does not look at as a whole."""
     compiler = numba.__version__, llvmlite.__version__, np.__version__, tuple(sys.version_info), _config.BOUNDSCHECK
     digest = hashlib.sha256(repr(compiler).encode())
-    for source in sorted(_SOURCES.iterdir(), key=lambda source: source.name):
-        if source.name.endswith(".py") and source.is_file():
-            digest.update(source.name.encode())
-            digest.update(source.read_bytes())
+    for folder in (_KERNEL, _PROGRAMS):
+        for source in sorted(folder.iterdir(), key=lambda source: source.name):
+            if source.name.endswith(".py") and source.is_file():
+                digest.update(f"{folder.name}/{source.name}".encode())
+                digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -309,7 +310,7 @@ def cache_folder() -> Path | None:
     """
     users = {"win32": "~/AppData/Local/numba/Cache", "darwin": "~/Library/Caches/numba"}.get(sys.platform)
     users = users or os.path.join(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "numba")
-    for place in (_config.CACHE_DIR, _SOURCES / "__pycache__", os.path.expanduser(users)):
+    for place in (_config.CACHE_DIR, _KERNEL / "__pycache__", os.path.expanduser(users)):
         with contextlib.suppress(OSError):
             if place:
                 return _writable(Path(place).absolute()) / f"sledenv-{FINGERPRINT}"

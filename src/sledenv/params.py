@@ -277,6 +277,8 @@ class Limits(params.Limits):
         POSITIVE,
         CLOSED_FRACTION,
         POSITIVE,
+        CLOSED_FRACTION,
+        POSITIVE,
     )
 
     def __new__(
@@ -288,6 +290,8 @@ class Limits(params.Limits):
         step: float = 2.5e-7,
         printed_sign: float = 0.0,
         max_rebounds: float = 1000.0,
+        end_on_chord: float = 0.0,
+        most_work: float = 1e18,
     ) -> Self:
-        values = _checked_fields(cls, max_time, max_steps, tolerance, sample_interval, step, printed_sign, max_rebounds)
-        return super().__new__(cls, *values)
+        limits = (max_time, max_steps, tolerance, sample_interval, step, printed_sign, max_rebounds, end_on_chord)
+        return super().__new__(cls, *_checked_fields(cls, *limits, most_work))

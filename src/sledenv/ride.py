@@ -16,12 +16,13 @@ from sledenv.checks import (
     Slopes,
     checked_choice,
     checked_count,
+    checked_flag,
     checked_lanes,
     checked_law,
     launched,
     touching_law,
 )
-from sledenv.descent import FIRST_TRAJECTORY, Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.descent import FIRST_TRAJECTORY, WORK, Descent, DescentBatch, Record, descent_of, fields_of, state_of
 from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
 from sledenv.kernel.batch import Trims, hop_batch
@@ -29,6 +30,7 @@ from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, new
 from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked
+from sledenv.room import new_log, new_logs, new_trajectory
 
 _embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
 
@@ -41,8 +43,10 @@ class Ride:
 
     Parameters
     ----------
-    body, law, slope, launch, solver, max_time, max_rebounds, record, sample_interval, tolerance, settle_speed
+    body, law, slope, launch, solver, max_time, max_rebounds
         As for :func:`sledenv.simulate`, but for the Euler solver.
+    record, sample_interval, tolerance, settle_speed, end_on_chord
+        As for :func:`sledenv.simulate`.
     rotor_inertia : float, optional
         Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
 
@@ -66,6 +70,7 @@ class Ride:
         sample_interval: float = 0.01,
         tolerance: float = TOLERANCE,
         settle_speed: float | None = None,
+        end_on_chord: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
         checked_choice("solver", solver, get_args(BatchSolver))
@@ -78,9 +83,14 @@ class Ride:
         self._touching = touching_law(self.body, self.law, self.slope, solver, settle_speed)
         max_rebounds = checked_count("max_rebounds", max_rebounds)
         self._limits = Limits(
-            max_time=max_time, tolerance=tolerance, sample_interval=sample_interval, max_rebounds=max_rebounds
+            max_time=max_time,
+            tolerance=tolerance,
+            sample_interval=sample_interval,
+            max_rebounds=max_rebounds,
+            end_on_chord=checked_flag("end_on_chord", end_on_chord),
+            most_work=WORK,
         )
-        self._rebounds = np.zeros(max_rebounds, REBOUND)
+        self._rebounds = new_log(max_rebounds)
         self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
         self._flight = np.zeros(1, OUTCOME)
         _embark(self.body, self.slope, self.launch, self._flight)
@@ -130,13 +140,14 @@ class Ride:
             If the descent has ended.
         """
         self._check_running()
-        start = self._flight.copy()
-        self._hop()
-        if 0 < len(self._trajectory) < self._flight[0]["samples"]:
-            longer = np.zeros(2 * self._flight[0]["samples"], TRAJECTORY)
-            longer[: start[0]["samples"]] = self._trajectory[: start[0]["samples"]]
-            self._trajectory, self._flight = longer, start
-            self._hop()
+        flight = self._followed()
+        if len(self._trajectory) < (rows := int(flight[0]["samples"])):
+            written = int(self._flight[0]["samples"])
+            longer = new_trajectory(2 * rows, self._limits.sample_interval)
+            longer[:written] = self._trajectory[:written]
+            self._trajectory = longer
+            flight = self._followed()
+        self._flight = flight  # only now, for an interrupt may have come before
         return self.status
 
     def run(self) -> Descent:
@@ -161,10 +172,13 @@ class Ride:
         """Return an independent ride that stands where this one stands."""
         return copy.deepcopy(self)
 
-    def _hop(self) -> None:
+    def _followed(self) -> np.ndarray:
+        """Where the descent is after one hop."""
         body, slope, launch, limits = self.body, self.slope, self.launch, self._limits
-        log, trajectory, flight = self._rebounds, self._trajectory, self._flight
-        _hop(body, self._touching, slope, launch, limits, log, new(SPACE), trajectory, flight)
+        log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
+        while not _hop(body, self._touching, slope, launch, limits, log, space, trajectory, flight):
+            pass  # an interrupt takes effect between two calls
+        return flight
 
     def _check_running(self) -> None:
         if self.status != Status.RUNNING:
@@ -178,7 +192,7 @@ class RideBatch:
 
     Parameters
     ----------
-    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed
+    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
         Keep the logs, N * max_rebounds records of 144 bytes.
@@ -204,6 +218,7 @@ class RideBatch:
         keep_rebounds: bool = False,
         tolerance: float = TOLERANCE,
         settle_speed: float | None = None,
+        end_on_chord: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
         self.body = Body(*body)
@@ -213,7 +228,10 @@ class RideBatch:
         self._solver: BatchSolver = solver
         self._settle_speed = settle_speed
         max_rebounds = checked_count("max_rebounds", max_rebounds)
-        self._limits = Limits(max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds)
+        end_on_chord = checked_flag("end_on_chord", end_on_chord)
+        self._limits = Limits(
+            max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord
+        )
         given = checked_lanes(self.body, law, slope, launches, solver, settle_speed)
         lanes = len(given.launches)
         self._like = given.like()
@@ -222,7 +240,7 @@ class RideBatch:
         self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
-        self._rebounds = np.zeros((lanes, max_rebounds) if keep_rebounds else (0, 0), REBOUND)
+        self._rebounds = new_logs(lanes, max_rebounds) if keep_rebounds else np.zeros((0, 0), REBOUND)
         self._begin(np.arange(lanes), given)
 
     def launch(
@@ -301,6 +319,7 @@ class RideBatch:
             raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
         self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        flights["t_on_chord"] = flights["x_on_chord"] = np.inf
         for name, column in zip(State._fields, given.launches.T, strict=True):
             flights[name] = column
         self._flights[lanes] = flights

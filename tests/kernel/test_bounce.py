@@ -15,7 +15,7 @@ from sledenv.kernel.flight import tell_bodies, tell_body
 from sledenv.kernel.impact import ENERGETIC, impact
 from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
-from sledenv.kernel.trace import LANES
+from sledenv.programs.trace import LANES
 
 BODIES = {
     "disc": Body(1.0, 0.1, 0.05, 7.5e-3),
@@ -58,7 +58,7 @@ def ugly(rng: np.random.Generator, body: Body, lanes: int) -> tuple[np.ndarray, 
 @pytest.mark.parametrize("settle_speed", [None, 0.0, 0.5])
 @pytest.mark.parametrize("name", BODIES)
 def test_a_lane_equals_the_descent_alone(name: str, settle_speed: float | None) -> None:
-    """Outcomes and logs, with and without logs; lanes settle, jam, tumble, finish and overflow at different times."""
+    """Outcomes and logs, with and without logs; lanes settle, jam, finish and overflow at different times."""
     body = BODIES[name]
     laws, slopes, states = ugly(np.random.default_rng(len(name)), body, 200)
     options: dict[str, Any] = {

@@ -51,10 +51,15 @@ def replay(record: dict[str, Any], rebounds: list[dict[str, str]], tolerance: fl
 
 
 def errors(descent: Descent, rebounds: list[dict[str, str]]) -> list[float]:
-    """Per rebound, the largest error of a recorded field, relative to 1 or to the value if that is larger."""
+    """Per rebound, the largest error of a recorded field, relative to 1 or to the value if that is larger.
+
+    Orientations are counted from that of the launch less its whole turns.
+    """
+    turns = math.tau * round((float(rebounds[0]["phi"]) - descent.rebounds[0]["phi"]) / math.tau)
     return [
         max(
-            abs(row[ours] - float(exact[theirs])) / max(1.0, abs(float(exact[theirs])))
+            abs(row[ours] + (turns if ours == "phi" else 0.0) - float(exact[theirs]))
+            / max(1.0, abs(float(exact[theirs])))
             for theirs, ours in RECORDED.items()
         )
         for row, exact in zip(descent.rebounds, rebounds, strict=True)

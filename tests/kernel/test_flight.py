@@ -15,8 +15,8 @@ from sledenv.kernel import flight
 from sledenv.kernel.params import Incline
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, PACK, new
-from sledenv.kernel.trace import LANES
 from sledenv.params import Body, circular_segment
+from sledenv.programs.trace import LANES
 from tests.oracles import scanned_touchdown, support
 
 finish_time_of = entry(flight.finish_time)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from sledenv.entries import entry
-from sledenv.kernel.jit import by_type, kernel
 from sledenv.kernel.laws import law_of_row
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import ContactLaw
+from sledenv.programs.jit import by_type, kernel
 
 
 class Two(NamedTuple):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sledenv.entries import entry
 from sledenv.kernel import roots
-from sledenv.kernel.rows import WIDTH
+from sledenv.programs.rows import WIDTH
 
 first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sledenv.entries import entry
-from sledenv.kernel import rows
-from sledenv.kernel.rows import WIDTH, sums
 from sledenv.kernel.state import new, record
-from sledenv.kernel.trace import scalar, straight
-from sledenv.kernel.values import rough_angle, rough_root
+from sledenv.programs import rows
+from sledenv.programs.rows import WIDTH, sums
+from sledenv.programs.trace import scalar, straight
+from sledenv.programs.values import rough_angle, rough_root
 
 ANSWERS = (
     "powers",

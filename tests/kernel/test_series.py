@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from sledenv.entries import entry
-from sledenv.kernel import series
+from sledenv.kernel.descend import SPACE
 from sledenv.kernel.friction import Drive, Mobility, rates_of
-from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.state import CONTACT, STEP, new
+from sledenv.kernel.recurrence import expand, stand_alone
+from sledenv.kernel.state import new
 from sledenv.kernel.step import complete
+from sledenv.programs.rows import WIDTH
 
 BRANCHES = [branch for branch in itertools.product((0, -1, 1), repeat=3) if any(branch)]
 MASS, INERTIA, H, R, FRICTION, ARM, STIFFNESS = 1.3, 0.02, 0.07, 0.15, 0.4, 0.01, 2e5
@@ -21,20 +22,21 @@ INWARD, DOWNHILL = 9.0, 2.5
 
 
 @entry
-def _expand(contacts: np.ndarray, steps: np.ndarray) -> None:
-    series.expand(contacts[0], steps[0])
+def _expand(spaces: np.ndarray) -> None:
+    stand_alone(spaces[0]["second"], spaces[0]["second_step"])
+    expand(spaces[0])
 
 
 @entry
-def _complete(contacts: np.ndarray, steps: np.ndarray) -> None:
-    complete(contacts[0], steps[0])
+def _complete(spaces: np.ndarray) -> None:
+    complete(spaces[0]["contact"], spaces[0]["step"])
 
 
-def expanded(branch: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return a contact in a branch, and a step with its series."""
+def expanded(branch: tuple[int, int, int]) -> np.ndarray:
+    """Return the space of a contact in a branch, with the series of a step."""
     gap_rate, slip, spin = branch
-    contacts, steps = new(CONTACT), new(STEP)
-    contact, step = contacts[0], steps[0]
+    spaces = new(SPACE)
+    contact, step = spaces[0]["contact"], spaces[0]["step"]
     contact["per_mass"], contact["ratio"] = 1.0 / MASS, MASS / INERTIA
     contact["h"], contact["r"] = H, R
     contact["gap_rate"], contact["slip"], contact["spin"] = branch
@@ -47,8 +49,9 @@ def expanded(branch: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
     contact["gap"] = -2e-3
     contact["v_n"], contact["v_t"], contact["omega"] = 1.1 * gap_rate, 0.7 * slip, 6.0 * spin
     contact["other"] = math.inf
-    _expand(contacts, steps)
-    return contacts, steps
+    contact["k_closing"] = contact["k_opening"] = STIFFNESS
+    _expand(spaces)
+    return spaces
 
 
 def value(coefficients: np.ndarray, s: float) -> float:
@@ -65,8 +68,7 @@ def rate(coefficients: np.ndarray, s: float) -> float:
 def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -> None:
     """Oracle: friction.rates_of with the forces of the series; locked velocities stay zero."""
     gap_rate, slip, spin = branch
-    _, steps = expanded(branch)
-    step = steps[0]
+    step = expanded(branch)[0]["step"]
     unit = step["unit"]
     for s in (0.0, 0.3, 0.8):
         theta, omega, normal = (value(step[name], s) for name in ("phi", "omega", "normal"))
@@ -92,10 +94,10 @@ def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -
 @pytest.mark.parametrize("branch", BRANCHES)
 def test_a_completed_step_is_that_of_the_series(branch: tuple[int, int, int]) -> None:
     """Oracle: the polynomials, and their integrals by Gauss-Legendre quadrature; bounds hold on a fine grid."""
-    contacts, steps = expanded(branch)
-    step = steps[0]
+    spaces = expanded(branch)
+    step = spaces[0]["step"]
     length = step["length"] = 0.7
-    _complete(contacts, steps)
+    _complete(spaces)
     unit = step["unit"]
     for name in ("x", "phi", "gap", "v_n", "v_t", "omega"):
         assert step[f"{name}_end"] == pytest.approx(value(step[name], length), rel=1e-13, abs=1e-15)

@@ -11,8 +11,8 @@ import pytest
 
 from sledenv.entries import entry
 from sledenv.kernel.state import new, record
-from sledenv.kernel.trace import LANES, pack_of, packed, scalar, straight
-from sledenv.kernel.values import (
+from sledenv.programs.trace import LANES, pack_of, packed, scalar, straight
+from sledenv.programs.values import (
     absolute,
     equal,
     fma,

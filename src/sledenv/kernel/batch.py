@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -13,12 +14,12 @@ from sledenv.kernel.bounce import bounce
 from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meeting, trim, write_rebound
 from sledenv.kernel.flight import FEW, tell_bodies, tell_body, tell_flight, touchdowns
 from sledenv.kernel.geometry import incline_of
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.laws import Law, by_law, law_of_row
 from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
-from sledenv.kernel.state import MOTION, SUMS, copy
-from sledenv.kernel.trace import LANES, scalar, straight
+from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import LANES, scalar, straight
 
 
 class Lanes(NamedTuple):
@@ -128,6 +129,7 @@ def _impact(pack: Any, k: Any, contact: Any) -> None:
     """Program of a contact that was the impact at place ``k`` of a pack."""
     meeting(pack.at(k), contact)
     copy(pack.at(k), contact, ("v_t", "v_n", "omega", *SUMS))
+    contact.peak_force = math.inf
 
 
 _put_aboard, _bring_up, _tell_impact = straight(_boarding), straight(_alighting), straight(_impact)
@@ -178,6 +180,7 @@ def _hop_from(
     law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
     tell_flight(slope, limits, flight, at)
     at["touchdown"] = pack["touchdown"][k]
+    space["stage"] = FLYING
     hop(body, law, slope, limits, flight, log, space, trajectory)
 
 
@@ -188,7 +191,7 @@ def _follow_singly(
     """Follow one lane by itself: see :func:`follow_lanes`."""
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
-    while flight["status"] == RUNNING:
+    while flight["status"] == RUNNING and space["work"] < limits.most_work:
         find_touchdown(body, slope, limits, flight, space)
         hop(body, law, slope, limits, flight, log, space, trajectory)
         if once:
@@ -230,14 +233,16 @@ def follow_lanes(
 
     Each lane comes out as if it was followed by itself. It keeps its place in a pack from hop to hop, and then leaves
     it to one that waits. Touchdowns are found for the whole pack; ordinary impacts of rigid bodies are followed so,
-    and every other contact by itself.
+    and every other contact by itself. Once ``space["work"]`` is ``limits.most_work`` every lane stays where its hop has
+    ended: later calls go on from there.
     """
     pack = space["pack"]
+    space["most_work"] = math.inf  # no hop is left unfinished
     kept = lanes.logs.shape[0] > 1  # or one row serves all lanes, and nobody reads it
     tell_body(body, space["hop"])
     tell_bodies(space["hop"], pack)
     count, waiting = 0, first
-    while True:
+    while space["work"] < limits.most_work:
         while count < LANES and waiting < last:
             if lanes.flights[waiting]["status"] == RUNNING:
                 _board(like, lanes, limits, waiting, count, pack)
@@ -246,6 +251,7 @@ def follow_lanes(
         if count < FEW:
             break
         _go_together(body, like, count, space)
+        space["work"] += count
         if kept:
             _log_bounces(body, count, lanes, space)
         for k in range(count - 1, -1, -1):
@@ -274,8 +280,11 @@ def descend_batch(
     rebounds: np.ndarray,
     outcomes: np.ndarray,
     spaces: np.ndarray,
+    launching: bool,
 ) -> None:
     """Simulate many descents, one a lane; a lane does not depend on its neighbours or on the number of threads.
+
+    A thread that has done ``limits.most_work`` leaves its lanes RUNNING, for calls that go on with them.
 
     Parameters
     ----------
@@ -293,16 +302,21 @@ def descend_batch(
         Overwritten.
     spaces : ndarray of SPACE
         Work space, one a thread.
+    launching : bool
+        Whether all lanes are to begin, or to go on from where ``outcomes`` says that they are.
     """
     count = launches.shape[0]
     size = block_size(count)
     inclines = _inclines_of(slopes)
+    for i in range(spaces.shape[0]):
+        spaces[i]["work"] = 0.0
     for block in prange((count + size - 1) // size):
         first, last = block * size, min((block + 1) * size, count)
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
         lanes, trajectory = Lanes(laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
-        for i in range(first, last):
-            begin(_launch_in(launches[i]), outcomes[i])
+        if launching:
+            for i in range(first, last):
+                begin(_launch_in(launches[i]), outcomes[i])
         follow_lanes(body, like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             close_books(body, _incline_at(inclines, i), _launch_in(launches[i]), outcomes[i])

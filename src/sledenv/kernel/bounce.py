@@ -15,13 +15,13 @@ from sledenv.kernel.ballistics import arrival
 from sledenv.kernel.flight import for_bodies, touchdowns
 from sledenv.kernel.friction import Mobility
 from sledenv.kernel.geometry import without_turns
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.motion import finish_of
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, LOSSES
 from sledenv.kernel.state import change
-from sledenv.kernel.trace import LANES, packed
-from sledenv.kernel.values import equal, less, not_more, where
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import LANES, packed
+from sledenv.programs.values import equal, less, not_more, where
 
 
 def touch(hop: Any, corners: bool) -> None:

@@ -13,37 +13,30 @@ import math
 import numpy as np
 
 from sledenv.kernel import events, normal, progress, records
+from sledenv.kernel.chord import feel_both, join, look_at_both, step_of_both, unite
 from sledenv.kernel.friction import Branch, Drive, Mobility, resolve
-from sledenv.kernel.geometry import feature_geometry, other_corner, whole_turns
-from sledenv.kernel.jit import kernel
+from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
+from sledenv.kernel.recurrence import expand, stand_alone
 from sledenv.kernel.roots import horner, locate
-from sledenv.kernel.series import expand
-from sledenv.kernel.step import advance, begin_step, complete, expect, orient
-from sledenv.kernel.trace import copy_into_callers
-from sledenv.kernel.trajectory import CONTACT_ROWS, next_row, write_forces, write_motion
+from sledenv.kernel.state import FLYING, TOUCHING
+from sledenv.kernel.step import begin_step, complete, expect, orient
+from sledenv.kernel.trajectory import (
+    CONTACT_ROWS,
+    next_row,
+    rows_to_write,
+    write_corner,
+    write_forces,
+    write_motion,
+    write_slip,
+)
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import copy_into_callers
 
 TRIALS = 27  # last events without any progress in time, in which every branch is tried
-MOST_UNITS = 2.0  # length of a step
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
-UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 # A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
 NO_LOAD = 1e-9
-
-
-@kernel
-def _tell_feature(body: Body, contact: np.void) -> None:
-    """Write what does not change until another feature touches."""
-    feature = int(contact["feature"])
-    h, r, shift = feature_geometry(body, feature)
-    contact["h"], contact["r"], contact["shift"] = h, r, shift
-    contact["arm"] = contact["arc_arm"] if feature == records.ARC else contact["corner_arm"]
-    contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
-    # The spring moves less than the mass where it turns the body.
-    moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    contact["pace_closing"] = UNIT_ANGLE / math.sqrt(normal.stiffness(True, contact) * moved)
-    opening = normal.stiffness(False, contact)
-    contact["pace_opening"] = UNIT_ANGLE / math.sqrt(opening * moved) if opening > 0.0 else math.inf
 
 
 @kernel
@@ -64,8 +57,8 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     contact["inward"], contact["downhill"], contact["length"] = slope.inward, slope.downhill, slope.length
     contact["tolerance"] = limits.tolerance
     progress.forget_branch(contact)
-    contact["at_edge"] = 0.0
-    _tell_feature(body, contact)
+    contact["at_edge"], contact["undecided"] = 0.0, 1.0
+    progress.tell_feature(body, contact)
 
 
 @kernel
@@ -123,10 +116,6 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
     if stalled >= progress.MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
         branch = _trial(progress.MOST_STALLED - stalled, contact)
     progress.take_branch(branch, contact)
-    closing = branch.gap_rate < 0
-    contact["stiffness"] = normal.stiffness(closing, contact)
-    if contact["stiffness"] > 0.0:
-        contact["pace"] = contact["pace_closing"] if closing else contact["pace_opening"]
 
 
 @kernel
@@ -144,20 +133,13 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
 
 
 @kernel
-def _settled_unit(size: float, gravity: float, omega: float) -> float:
-    """Unit of time [s] of a step with a locked gap, in which nothing oscillates."""
-    rate = max(abs(omega), math.sqrt(gravity / size))
-    return 0.5 / rate if rate > 0.0 else 1.0
-
-
-@kernel
 def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
     """Tell a step what its series need, and what a locked normal force is held against."""
     copy_into_callers()
     begin_step(contact, step)
     step["largest"], step["least"] = normal.bounds(0.0, contact)
     if contact["gap_rate"] == 0.0:
-        step["unit"] = _settled_unit(contact["size"], slope.gravity, contact["omega"])
+        step["unit"] = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
 
 
 @kernel
@@ -170,7 +152,7 @@ def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
         step["expected"] = events.NOTHING
     if contact["k_closing"] == math.inf and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
         return records.INCONSISTENT
-    return progress.bound_step(limits, MOST_UNITS, contact, step)
+    return progress.bound_step(limits, progress.MOST_UNITS, contact, step)
 
 
 @kernel
@@ -206,15 +188,47 @@ def _foresee(contact: np.void, step: np.void) -> None:
 
 
 @kernel
-def _sample_step(limits: Limits, flight: np.void, contact: np.void, step: np.void, trajectory: np.ndarray) -> None:
-    """Add rows over one step, both its ends included: forces may jump between it and the next."""
+def _forces(contact: np.void, step: np.void, t: float) -> tuple[float, float, float]:
+    """Normal force, tangential force [N] and moment [N m] of a point during a step."""
+    push = horner(step["normal"], t)
+    force = contact["mu"] * push if contact["slip"] != 0.0 else horner(step["force"], t)
+    moment = contact["rho"] * push if contact["spin"] != 0.0 else horner(step["moment"], t)
+    return push, force, moment
+
+
+@kernel
+def write_contact(space: np.void, t: float, row: np.void) -> None:
+    """Fill the forces of a row at a time of the step."""
+    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
+    feature, slip, spin = int(contact["feature"]), int(contact["slip"]), int(contact["spin"])
+    push, force, moment = _forces(contact, step, t)
+    if contact["paired"] == 0.0:
+        write_forces(row, push, force, moment, feature, slip, spin)
+        write_corner(row, feature, push, force)
+    else:
+        push_2, force_2, moment_2 = _forces(second, second_step, t)
+        if slip == 0 and spin == 0:  # only their sum is determined
+            force, force_2 = force * push / (push + push_2), force * push_2 / (push + push_2)
+        write_forces(row, push + push_2, force + force_2, moment + moment_2, records.CHORD, slip, spin)
+        write_corner(row, feature, push, force)
+        write_corner(row, int(second["feature"]), push_2, force_2)
+    write_slip(row, horner(step["v_t"], t), contact["friction"])
+
+
+@kernel
+def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> None:
+    """Add rows over one step, both its ends included: forces may jump between it and the next.
+
+    Some may be left for the next call.
+    """
+    contact, step = space["contact"], space["step"]
     h, r, shift = contact["h"], contact["r"], contact["shift"]
-    slip, spin = int(contact["slip"]), int(contact["spin"])
     unit, length = step["unit"], step["length"]
-    rows = max(CONTACT_ROWS, math.ceil(length * unit / limits.sample_interval))
-    for i in range(rows + 1):
+    rows = max(float(CONTACT_ROWS), np.ceil(length * unit / limits.sample_interval))
+    first, last = rows_to_write(rows + 1.0, flight, space, trajectory)
+    for i in range(first, last):
         t = length * (i / rows)  # never beyond the step
-        phi, omega, push = horner(step["phi"], t), horner(step["omega"], t), horner(step["normal"], t)
+        phi, omega = horner(step["phi"], t), horner(step["omega"], t)
         a, b = h * math.sin(phi + shift), r - h * math.cos(phi + shift)
         row = next_row(trajectory, flight)
         write_motion(
@@ -227,70 +241,45 @@ def _sample_step(limits: Limits, flight: np.void, contact: np.void, step: np.voi
             horner(step["v_n"], t) + a * omega,
             omega,
         )
-        force = contact["mu"] * push if slip != 0 else horner(step["force"], t)
-        moment = contact["rho"] * push if spin != 0 else horner(step["moment"], t)
-        write_forces(row, push, force, moment, int(contact["feature"]), slip, spin)
+        write_contact(space, t, row)
 
 
 @kernel
-def _move_on(contact: np.void, step: np.void) -> bool:
-    """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now."""
+def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
+    """Choose the branch of a contact of one point, if it may change; return the status: RUNNING if a step follows."""
     copy_into_callers()
-    before = contact["time"]
-    advance(contact, step)
-    contact["at_edge"] = 0.0
-    passed = False
-    if progress.time_passes(before, contact, step):
-        # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
-        if contact["gap_rate"] * contact["v_n"] < 0.0:
-            contact["v_n"], passed = 0.0, True
-        if contact["slip"] * contact["v_t"] < 0.0:
-            contact["v_t"], passed = 0.0, True
-        if contact["spin"] * contact["omega"] < 0.0:
-            contact["omega"], passed = 0.0, True
-    return passed
+    orient(contact, step)
+    if contact["undecided"] != 0.0:
+        _choose(body, contact, step)
+    return _standing(limits, flight, contact, step)
 
 
 @kernel
-def _change_feature(body: Body, contact: np.void) -> None:
-    """Pass from the arc to a corner or back."""
-    if contact["feature"] == records.ARC:
-        contact["feature"] = records.TAIL if contact["phi"] > 0.0 else records.NOSE
-    else:
-        contact["feature"] = records.ARC
-    contact["phi"] = math.copysign(body.half_angle, contact["phi"])
-    contact["at_edge"] = 1.0
-    _tell_feature(body, contact)
-
-
-@kernel
-def _follow_event(body: Body, contact: np.void, step: np.void) -> int:
-    """Let the contact feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
+    """Go up to what ends a step of one point; return what ``bound_step`` does, or INCONSISTENT."""
     copy_into_callers()
-    event = int(step["event"])
-    if event == events.NOTHING:
-        moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]
-        return records.RUNNING if math.isfinite(moved) else records.NON_FINITE
-    if event == events.SEPARATION:
-        return records.SEPARATED
-    if event == events.SLOPE_ENDS:
-        contact["x"] = contact["length"]
-        return records.FINISH
-    if event == events.CHORD_DOWN:
-        return records.BOTH_CORNERS
-    if event == events.RATE_ZERO:
-        contact["v_n"], contact["gap_left"] = 0.0, 0.0
-    elif event == events.RATE_RELEASED:
-        if contact["k_closing"] == math.inf:
-            return records.SEPARATED
-        contact["gap_left"] = step["released"]
-    elif event == events.MIDDLE_PASSED:
-        contact["phi"] = math.copysign(0.0, -contact["other_sine"])
-    elif event == events.FEATURE_ENDS:
-        _change_feature(body, contact)
-    else:
-        progress.stop_or_release(contact, step)
-    return records.RUNNING
+    contact, step = space["contact"], space["step"]
+    _prepare(slope, contact, step)
+    expand(space)
+    bounded = _bound(limits, contact, step)
+    if bounded != records.RUNNING and bounded != records.TIMEOUT:
+        return bounded
+    _foresee(contact, step)
+    foreseen = step["length"]
+    events.first_event(body, contact, step)
+    if step["length"] < foreseen:  # something else happens before
+        complete(contact, step)
+    return bounded
+
+
+@kernel
+def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
+    """Let a contact of one point feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+    copy_into_callers()
+    status = progress.follow_event(body, contact, step)
+    if status == records.BOTH_CORNERS and contact["k_closing"] < math.inf:
+        return records.RUNNING if join(body, contact, second) else records.BURIED
+    return status
 
 
 @kernel
@@ -299,11 +288,13 @@ def follow(
     slope: Incline,
     limits: Limits,
     flight: np.void,
-    contact: np.void,
-    step: np.void,
+    space: np.void,
     trajectory: np.ndarray,
 ) -> int:
-    """Follow one contact from touchdown to separation, rest or the end of the slope: docs/physics.md, section 5.
+    """Follow a contact from touchdown to separation, rest or the end of the slope: docs/physics.md, section 5.
+
+    The body touches with one point, or with two while both ends of its chord are down. A contact that takes more than
+    ``space["most_work"]`` is left PAUSED, and ``space`` at the stage TOUCHING, from which the next call goes on.
 
     Parameters
     ----------
@@ -311,51 +302,70 @@ def follow(
         See :mod:`sledenv.kernel.params`.
     flight : record of OUTCOME
         Whose contact it is; its steps and its rows of the trajectory are counted.
-    contact : record of CONTACT
-        State at touchdown and how the surfaces meet (``k_closing`` to ``most_normal``), overwritten by the state at the
-        end; impulses and losses are added up. Rigid surfaces start at rest, without gap or gap rate.
-    step : record of STEP
-        Work space.
+    space : record of SPACE
+        Its ``contact`` holds the state at touchdown and how the surfaces meet (the fields of
+        :mod:`sledenv.kernel.normal` to ``most_normal``), overwritten by the state at the end; impulses and losses are
+        added up. Rigid surfaces start at rest, without gap or gap rate, ``paired`` if they touch with two points.
     trajectory : ndarray of TRAJECTORY
         Rows are added while there is room; length 0 records nothing.
 
     Returns
     -------
     int
-        SEPARATED, BOTH_CORNERS or INCONSISTENT; or the status with which the descent ends.
+        SEPARATED, PAUSED, INCONSISTENT, or of rigid surfaces BOTH_CORNERS; or the status with which the descent ends.
     """
-    _begin(body, slope, limits, contact)
-    choose = True
+    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
+    if space["stage"] != TOUCHING:
+        _begin(body, slope, limits, contact)
+        stand_alone(second, second_step)
+        if contact["paired"] != 0.0:
+            join(body, contact, second)
+    space["stage"] = FLYING
     while True:
-        orient(contact, step)
-        if choose:
-            _choose(body, contact, step)
-        status = _standing(limits, flight, contact, step)
-        if status != records.RUNNING:
-            break
-        flight["steps"] += 1
-        _prepare(slope, contact, step)
-        expand(contact, step)
-        bounded = _bound(limits, contact, step)
-        if bounded != records.RUNNING and bounded != records.TIMEOUT:
-            status = bounded
-            break
-        _foresee(contact, step)
-        foreseen = step["length"]
-        events.first_event(body, contact, step)
-        if step["length"] < foreseen:  # something else happens before
-            complete(contact, step)
+        if space["row"] == 0.0:  # or the step has been made, and rows of it are left
+            if space["work"] >= space["most_work"]:
+                space["stage"] = TOUCHING
+                return records.PAUSED
+            status = records.RUNNING
+            if contact["paired"] != 0.0:
+                status = look_at_both(body, limits, flight, space)
+            if contact["paired"] == 0.0 and status == records.RUNNING:
+                status = _look(body, limits, flight, contact, step)
+            if status != records.RUNNING:
+                break
+            flight["steps"] += 1
+            space["work"] += 1.0
+            if contact["paired"] != 0.0:
+                status = step_of_both(body, slope, limits, space)
+            else:
+                status = _step(body, slope, limits, space)
+            if status != records.RUNNING and status != records.TIMEOUT:
+                break
+            space["bounded"] = status
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
-            _sample_step(limits, flight, contact, step, trajectory)
-        choose = _move_on(contact, step)
-        status = _follow_event(body, contact, step)
+            _sample_step(limits, flight, space, trajectory)
+            if space["row"] > 0.0:
+                space["stage"] = TOUCHING
+                return records.PAUSED
+        both = contact["paired"] != 0.0
+        contact["undecided"] = 1.0 if progress.move_on(contact, step) else 0.0
+        if both:
+            status = feel_both(body, contact, second, step, second_step)
+        else:
+            status = _feel(body, contact, step, second)
         if status != records.RUNNING:
             break
-        if step["event"] == events.NOTHING and bounded == records.TIMEOUT:
+        if contact["undecided"] == 0.0 and step["event"] == events.NOTHING and space["bounded"] == records.TIMEOUT:
             status = records.TIMEOUT
             break
-        choose = choose or step["event"] not in (events.NOTHING, events.MIDDLE_PASSED)
+        if step["event"] != events.NOTHING and step["event"] != events.MIDDLE_PASSED:
+            contact["undecided"] = 1.0
+    contact["held"] = 1.0
+    if status == records.JAMMED or status == records.TUMBLED:  # no step has been made in this branch
+        step["unit"], step["length"] = 1.0, 0.0
+        expand(space)
     contact["phi"] += contact["turns"]
-    if contact["k_closing"] < math.inf:
-        contact["stored"] = normal.per_square(contact)[0] * contact["gap"] * contact["gap"]
+    contact["stored"] = normal.stored(contact)
+    if contact["paired"] != 0.0:
+        unite(contact, second)
     return status

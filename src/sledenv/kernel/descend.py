@@ -8,21 +8,60 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel import records
-from sledenv.kernel.flight import arrive, finish_time, go_on, tell_body, tell_flight, touchdown
+from sledenv.kernel.ballistics import LANDED
+from sledenv.kernel.contact import write_contact
+from sledenv.kernel.flight import arrive, begin_search, finish_time, go_on, search, tell_body, tell_flight
 from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.params import Body, Incline, Limits, Slope, State
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
-from sledenv.kernel.state import CHORD, CONTACT, HOP, IMPULSES, MOTION, PACK, STEP, SUMS, add, clear, copy, record
-from sledenv.kernel.trace import copy_into_callers, straight
-from sledenv.kernel.trajectory import next_row, write_forces, write_motion
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, PAUSED, RUNNING, SEPARATED, TIMEOUT
+from sledenv.kernel.state import (
+    CONTACT,
+    FLYING,
+    HOP,
+    IMPULSES,
+    LAUNCHING,
+    MOTION,
+    PACK,
+    PEAKS,
+    SEEKING,
+    STEP,
+    SUMS,
+    TAKING_OFF,
+    TOUCHING,
+    add,
+    clear,
+    copy,
+    record,
+)
+from sledenv.kernel.trajectory import next_row, rows_to_write, write_forces, write_motion
+from sledenv.programs.jit import kernel
+from sledenv.programs.rows import WIDTH
+from sledenv.programs.trace import copy_into_callers, straight
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed
 
 # What a descent works in; it may get the same again and again.
-SPACE = record(("pack", PACK), ("step", STEP), ("chord", CHORD), ("contact", CONTACT), ("hop", HOP))
+SPACE = record(
+    ("pack", PACK),
+    ("step", STEP),
+    ("second_step", STEP),
+    # Series of both points that touch, see pair.py: the sum of their normal forces; moments, and what bounds them.
+    ("together", "f8", (WIDTH,)),  # [N]
+    ("moments", "f8", (2, WIDTH)),  # [N m]
+    ("loads", "f8", (2, WIDTH)),  # [N m]
+    ("contact", CONTACT),
+    ("second", CONTACT),  # the second point that touches, while there are two
+    ("hop", HOP),
+    # How far a call has come, and where the next one goes on.
+    ("work", "f8"),  # [-] steps, hops and rows of this call;
+    ("most_work", "f8"),  # [-] with so many it leaves a search, rows or a contact unfinished
+    ("stage", "f8"),  # what comes next, see state.py
+    ("row", "f8"),  # rows that have been written of a flight or a step, 0 unless some are left
+    ("bounded", "f8"),  # status with which the series of that step ended
+    ("strikes", "f8"),  # impacts of rigid bodies since the touchdown
+)
 
 
 def _come_to(at: Any, there: Any) -> None:
@@ -43,21 +82,22 @@ def meeting(at: Any, contact: Any) -> None:
     The energy of the rounding error in the height is far below that of the ledger.
     """
     contact.time = contact.time_before = at.t_landing
-    contact.x, contact.gap = at.x_landing, 0.0
+    contact.x, contact.gap, contact.x_before = at.x_landing, 0.0, at.x_landing
     contact.phi = contact.phi_before = at.phi_landing
     contact.u_before, contact.v_before, contact.v_n = at.u_landing, at.v_landing, at.v_n_landing
     contact.v_t = contact.v_t_before = at.v_t_landing
     contact.omega = contact.omega_before = at.omega_landing
     contact.feature = contact.feature_before = at.feature
     contact.a_before, contact.b_before = at.a, at.b
-    clear(contact, ("stored", "on_chord", *SUMS))
+    clear(contact, ("stored", "held", "on_chord", "paired", *PEAKS, *SUMS))
 
 
 def _account(contact: Any, rebound: Any) -> None:
     """Program of what a rebound has from its contact as it is."""
-    copy(contact, rebound, ("x", "phi", *IMPULSES, "u_before", "v_before", "omega_before"))
+    copy(contact, rebound, ("x", "phi", *IMPULSES, *PEAKS, "u_before", "v_before", "omega_before"))
     copy(contact, rebound, records.CONTACT_LOSSES, to="loss_{}")
     rebound.t, rebound.duration = contact.time, contact.time - contact.time_before
+    rebound.t_touchdown, rebound.x_contact = contact.time_before, contact.x_before - contact.a_before
     rebound.omega_after = contact.omega
 
 
@@ -102,6 +142,7 @@ def begin(launch: State, flight: np.void) -> None:
     flight["status"] = RUNNING
     flight["rebounds"] = flight["samples"] = flight["steps"] = 0
     _set_off(launch, flight)
+    flight["t_on_chord"] = flight["x_on_chord"] = math.inf
 
 
 @kernel
@@ -162,10 +203,12 @@ def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: f
 
 
 @kernel
-def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void, trajectory: np.ndarray) -> None:
-    """Add the rows of a flight that is at its start, this included; ``at`` is as for :func:`_fly`."""
-    rows = max(1, math.ceil(duration / limits.sample_interval))
-    for i in range(rows):
+def _sample_flight(limits: Limits, flight: np.void, duration: float, space: np.void, trajectory: np.ndarray) -> None:
+    """Add rows of a flight that is at its start, this included; some may be left for the next call."""
+    at = space["hop"]
+    rows = max(1.0, np.ceil(duration / limits.sample_interval))
+    first, last = rows_to_write(rows, flight, space, trajectory)
+    for i in range(first, last):
         go_on(duration * i / rows, at)
         row = next_row(trajectory, flight)
         _come(at, row)
@@ -173,12 +216,14 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void
 
 
 @kernel
-def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.void, trajectory: np.ndarray) -> int:
+def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> int:
     """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
 
-    ``at`` is the record of HOP in which the touchdown was found; it then says how the body touches.
+    ``space["hop"]``, in which the touchdown was found, then says how the body touches. While rows are left the flight
+    stays at its start, and the status is PAUSED.
     """
     copy_into_callers()
+    at = space["hop"]
     status = RUNNING
     left = limits.max_time - flight["t"]
     duration = at["touchdown"]
@@ -192,7 +237,9 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, at: np.voi
     if not math.isfinite(duration):
         return NON_FINITE
     if trajectory.shape[0] > 0:
-        _sample_flight(limits, flight, duration, at, trajectory)
+        _sample_flight(limits, flight, duration, space, trajectory)
+        if space["row"] > 0.0:
+            return PAUSED
     arrive(body, duration, at)
     _come(at, flight)
     if status == FINISH:
@@ -220,8 +267,15 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
     """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`."""
     copy_into_callers()
-    tell_flight(slope, limits, flight, space["hop"])
-    touchdown(body, space["hop"])
+    at = space["hop"]
+    if space["stage"] < SEEKING:
+        tell_flight(slope, limits, flight, at)
+        begin_search(body, at)
+        space["stage"] = SEEKING
+    if space["stage"] == SEEKING:
+        space["work"] += search(body, space["most_work"] - space["work"], at)
+        if at["phase"] == LANDED:
+            space["stage"] = FLYING
 
 
 @kernel
@@ -237,6 +291,8 @@ def hop(
 ) -> None:
     """Follow one hop: the flight to its touchdown and the contact up to the rebound, or whatever ends the descent.
 
+    A hop that takes more than ``space["most_work"]`` is left unfinished, and ``space`` tells how to go on.
+
     Parameters
     ----------
     body, law, slope, limits
@@ -249,16 +305,25 @@ def hop(
         the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
     space : record of SPACE
         Work space, told the body by :func:`sledenv.kernel.flight.tell_body`; ``space["hop"]`` holds the flight and its
-        touchdown, see :func:`find_touchdown`.
+        touchdown, see :func:`find_touchdown`; ``stage`` says what comes next, from FLYING on.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
     copy_into_callers()
     contact = space["contact"]
-    status = _fly(body, slope, limits, flight, space["hop"], trajectory)
-    if status == RUNNING:
-        _touch_down(space["hop"], contact)
+    status = RUNNING
+    if space["stage"] != TOUCHING:
+        status = _fly(body, slope, limits, flight, space, trajectory)
+        if status == RUNNING:
+            _touch_down(space["hop"], contact)
+    touched = status == RUNNING
+    if touched:
         status = touch(body, law, slope, limits, flight, space, trajectory)
+    if status == PAUSED:
+        return
+    space["stage"] = TAKING_OFF
+    space["work"] += 1.0
+    if touched:
         _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], contact)
         if status == SEPARATED:
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
@@ -267,7 +332,10 @@ def hop(
         row = next_row(trajectory, flight)
         x, y, phi = flight["x"], flight["y"], flight["phi"]
         write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
-        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
+        if touched and status != LOG_FULL and contact["held"] != 0.0:
+            write_contact(space, space["step"]["length"], row)
+        else:
+            write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @kernel
@@ -282,7 +350,9 @@ def descend(
     trajectory: np.ndarray,
     outcomes: np.ndarray,
 ) -> None:
-    """Simulate one descent: hop after hop.
+    """Simulate one descent, hop after hop; with ``limits.most_work`` done it is still RUNNING, and to be called again.
+
+    It then goes on where it was, for the same arguments, as if it had not returned.
 
     Parameters
     ----------
@@ -290,7 +360,7 @@ def descend(
         See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
     log : ndarray of REBOUND, shape (max_rebounds,)
     spaces : ndarray of SPACE, shape (1,)
-        Work space.
+        Work space; of another descent only if that has ended.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
     outcomes : ndarray of OUTCOME, shape (1,)
@@ -298,12 +368,17 @@ def descend(
     """
     copy_into_callers()
     space, flight = spaces[0], outcomes[0]
-    begin(launch, flight)
+    if space["stage"] == LAUNCHING:
+        begin(launch, flight)
     incline = incline_of(slope)
     tell_body(body, space["hop"])
-    while flight["status"] == RUNNING:
+    space["work"], space["most_work"] = 0.0, limits.most_work
+    while flight["status"] == RUNNING and space["work"] < limits.most_work:
         find_touchdown(body, incline, limits, flight, space)
-        hop(body, law, incline, limits, flight, log, space, trajectory)
+        if space["stage"] > SEEKING:
+            hop(body, law, incline, limits, flight, log, space, trajectory)
+    if flight["status"] != RUNNING:
+        space["stage"] = LAUNCHING
     close_books(body, incline, launch, flight)
 
 
@@ -318,14 +393,20 @@ def hop_once(
     spaces: np.ndarray,
     trajectory: np.ndarray,
     flights: np.ndarray,
-) -> None:
-    """Follow one hop of a descent, and close its books; arguments are those of :func:`descend`."""
+) -> bool:
+    """Follow one hop of a descent, and close its books; arguments are those of :func:`descend`.
+
+    Returns whether the hop has been finished. If not, the next call goes on with it.
+    """
     space, flight = spaces[0], flights[0]
     incline = incline_of(slope)
     tell_body(body, space["hop"])
+    space["work"], space["most_work"] = 0.0, limits.most_work
     find_touchdown(body, incline, limits, flight, space)
-    hop(body, law, incline, limits, flight, log, space, trajectory)
+    if space["stage"] > SEEKING:
+        hop(body, law, incline, limits, flight, log, space, trajectory)
     close_books(body, incline, launch, flight)
+    return bool(space["stage"] == TAKING_OFF)
 
 
 @kernel

@@ -11,11 +11,11 @@ import numpy as np
 
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import has_corners
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.roots import first_root, horner
-from sledenv.kernel.rows import WIDTH
+from sledenv.programs.jit import kernel
+from sledenv.programs.rows import WIDTH
 
 # What ends a step.
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
@@ -59,12 +59,6 @@ def level_root(
         scratch[k] = -sign * series[k]
     scratch[0] += sign * level
     return first_root(scratch, step, vanishing, noise)
-
-
-@kernel
-def slope_end(x: np.ndarray, scratch: np.ndarray, length: float, step: float) -> float:
-    """Time at which the mass centre reaches the end of the slope."""
-    return level_root(x, scratch, 1.0, length, step, 0, 0.0)
 
 
 @kernel
@@ -119,7 +113,7 @@ def happens(at: float, event: int, step: np.void) -> bool:
 
 
 @kernel
-def _gap_events(contact: np.void, step: np.void) -> None:
+def gap_events(contact: np.void, step: np.void) -> None:
     """Look for the end of a locked gap, for the deepest place, and for the separation."""
     scratch = step["scratch"]
     if contact["gap_rate"] == 0.0:
@@ -141,42 +135,53 @@ def _gap_events(contact: np.void, step: np.void) -> None:
 
 
 @kernel
-def friction_events(contact: np.void, step: np.void, load: np.ndarray, arm: float) -> None:
-    """Look for the end of a locked slip or spin, and for where a free one stops.
+def _before_separation(step: np.void) -> float:
+    """Time before which a locked force must reach its bound: by then all bounds vanish, and rounding must not count."""
+    return float(step["length"] * (1.0 - 1e-10)) if step["event"] == SEPARATION else math.inf
 
-    ``arm`` times the series ``load`` is the bound of the rolling moment.
-    """
-    scratch = step["scratch"]
-    # Every slack of a locked force vanishes with the normal force: rounding must not let it beat the separation.
-    before = step["length"] * (1.0 - 1e-12) if step["event"] == SEPARATION else math.inf
+
+@kernel
+def slip_events(contact: np.void, step: np.void, normal: np.ndarray) -> None:
+    """Look for where a locked slip is released, its force being held against a normal force, or a free one stops."""
     if contact["slip"] == 0.0:
+        before = _before_separation(step)
         for sign in _both_signs(step["force"][0]):
             if not (step["safe_force"] if sign > 0 else step["safe_force_back"]) > 0.0:
-                at = _bound_root(step["normal"], step["force"], scratch, sign, contact["friction"], step["length"])
+                at = _bound_root(normal, step["force"], step["scratch"], sign, contact["friction"], step["length"])
                 if at < before and happens(at, SLIP_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:
         zeros = int(contact["slip_zeros"])
-        happens(series_root(step["v_t"], scratch, contact["slip"], step["length"], zeros), SLIP_ZERO, step)
+        happens(series_root(step["v_t"], step["scratch"], contact["slip"], step["length"], zeros), SLIP_ZERO, step)
+
+
+@kernel
+def spin_events(contact: np.void, step: np.void, moment: np.ndarray, load: np.ndarray, arm: float) -> None:
+    """Look for where a locked spin is released, its moment held against ``arm`` times a load, or a free one stops."""
     if contact["spin"] == 0.0:
-        for sign in _both_signs(step["moment"][0]):
+        before = _before_separation(step)
+        for sign in _both_signs(moment[0]):
             if not (step["safe_moment"] if sign > 0 else step["safe_moment_back"]) > 0.0:
-                at = _bound_root(load, step["moment"], scratch, sign, arm, step["length"])
+                at = _bound_root(load, moment, step["scratch"], sign, arm, step["length"])
                 if at < before and happens(at, SPIN_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SPIN_ZERO and not step["safe_omega"] > 0.0:
         zeros = int(contact["spin_zeros"])
-        happens(series_root(step["omega"], scratch, contact["spin"], step["length"], zeros), SPIN_ZERO, step)
+        happens(series_root(step["omega"], step["scratch"], contact["spin"], step["length"], zeros), SPIN_ZERO, step)
 
 
 @kernel
-def _corner_events(body: Body, contact: np.void, step: np.void) -> None:
+def corner_events(body: Body, contact: np.void, step: np.void) -> None:
     """Look for where another feature takes over, and for where a second one comes down."""
     on_arc = contact["feature"] == ARC
     inside = body.half_angle - abs(contact["phi"])
     if contact["at_edge"] != 0.0 or not (inside if on_arc else -inside) > step["turn"]:
         happens(_feature_end(body, contact, step), FEATURE_ENDS, step)
-    if contact["other"] < math.inf and not step["safe_other"] > 0.0:
+    if contact["paired"] != 0.0:
+        if on_arc and not abs(contact["phi"]) > step["turn"]:
+            side = -1.0 if contact["phi"] < 0.0 else 1.0
+            happens(series_root(step["phi"], step["scratch"], side, step["length"], 0), MIDDLE_PASSED, step)
+    elif contact["other"] < math.inf and not step["safe_other"] > 0.0:
         at = _chord_down(contact, step)
         if at < math.inf and on_arc and contact["other_sine"] * horner(step["phi"], at) < 0.0:
             # By then the other end of the arc is further away: that one is heeded from the middle on.
@@ -184,6 +189,14 @@ def _corner_events(body: Body, contact: np.void, step: np.void) -> None:
             happens(series_root(step["phi"], step["scratch"], side, step["length"], 0), MIDDLE_PASSED, step)
         else:
             happens(at, CHORD_DOWN, step)
+
+
+@kernel
+def slope_event(contact: np.void, step: np.void) -> None:
+    """Look for the end of the slope."""
+    if not contact["length"] - contact["x"] > step["travel"]:
+        at = level_root(step["x"], step["scratch"], 1.0, contact["length"], step["length"], 0, 0.0)
+        happens(at, SLOPE_ENDS, step)
 
 
 @kernel
@@ -195,9 +208,9 @@ def first_event(body: Body, contact: np.void, step: np.void) -> None:
     ``released``, the sign with which a released velocity leaves.
     """
     step["released"] = 0.0
-    _gap_events(contact, step)
-    friction_events(contact, step, step["normal"], contact["arm"])
+    gap_events(contact, step)
+    slip_events(contact, step, step["normal"])
+    spin_events(contact, step, step["moment"], step["normal"], contact["arm"])
     if has_corners(body):
-        _corner_events(body, contact, step)
-    if not contact["length"] - contact["x"] > step["travel"]:
-        happens(slope_end(step["x"], step["scratch"], contact["length"], step["length"]), SLOPE_ENDS, step)
+        corner_events(body, contact, step)
+    slope_event(contact, step)

@@ -14,10 +14,10 @@ import numpy as np
 
 from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
-from sledenv.kernel.trace import LANES, copy_into_callers, packed, scalar, straight
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import LANES, copy_into_callers, packed, scalar, straight
 
 EDGE = 1e-9  # [rad]
 FEW = 3  # lanes from which on a pack is faster than each by itself
@@ -111,15 +111,26 @@ def _lift(body: Body, hop: np.void) -> float:
 
 
 @kernel
-def _search(body: Body, hop: np.void) -> None:
-    """Go on with a search in steps that pass no root."""
-    while hop["phase"] != ballistics.LANDED:
+def search(body: Body, most: float, hop: np.void) -> float:
+    """Go on with a search in steps that pass no root, up to ``most`` of them; return their number."""
+    steps = 0.0
+    while hop["phase"] != ballistics.LANDED and steps < most:
+        steps += 1.0
         if hop["phase"] == ballistics.POISED:
             start = _lift(body, hop)
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
             hop["phase"] = ballistics.LANDED if start < 0.0 else ballistics.SEARCHING
         else:
             _march(body, hop)
+    return steps
+
+
+@kernel
+def begin_search(body: Body, hop: np.void) -> None:
+    """Go straight for the touchdown of a flight: see :func:`touchdown`. If that is in doubt, :func:`search` goes on."""
+    _take_off(body, hop)
+    while hop["phase"] == ballistics.FALLING:
+        _fall(body, hop)
 
 
 @kernel
@@ -142,10 +153,8 @@ def touchdown(body: Body, hop: np.void) -> float:
         Time of touchdown, inf if there is none up to ``hop["horizon"]``; also ``hop["touchdown"]``.
     """
     copy_into_callers()
-    _take_off(body, hop)
-    while hop["phase"] == ballistics.FALLING:
-        _fall(body, hop)
-    _search(body, hop)
+    begin_search(body, hop)
+    search(body, math.inf, hop)
     return float(hop["touchdown"])
 
 
@@ -162,7 +171,7 @@ def _number(phase: float, pack: np.void) -> int:
 def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
     """Go on with the search at place ``k`` of a pack by itself, in ``hop``."""
     _take_out(pack, k, hop)
-    _search(body, hop)
+    search(body, math.inf, hop)
     pack["touchdown"][k], pack["phase"][k] = hop["touchdown"], ballistics.LANDED
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.trace import copy_into_callers
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import copy_into_callers
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
 CLEAR = 1e-9  # violations above this are told from none
@@ -106,13 +106,19 @@ def branch_forces(
 
 
 @kernel
-def _excluded(sign: int, branch: int) -> bool:
+def in_turn(number: int) -> int:
+    """0, 1 and -1 for the numbers 0, 1 and 2: locks come first."""
+    return number if number < 2 else -1
+
+
+@kernel
+def excluded(sign: int, branch: int) -> bool:
     """Whether a velocity of this sign cannot follow the branch."""
     return sign != 0 and (branch == 0 or (sign > 0) != (branch > 0))
 
 
 @kernel
-def _beyond(velocity: int, branch: int, excess: float, rate: float, yielding: float) -> float:
+def beyond(velocity: int, branch: int, excess: float, rate: float, yielding: float) -> float:
     """How far a velocity is from what its branch wants of it, as a force.
 
     That of a velocity that is locked is what its force exceeds its bound by, ``excess``; that of one which leaves zero
@@ -138,10 +144,10 @@ def _violation(
     rate_t, rate_w, rate_n = rates(w, drive, force, moment, normal)
     w_tt = w.per_mass + w.b * w.b * w.per_inertia
     w_nn = w.per_mass + w.a * w.a * w.per_inertia
-    found = _beyond(signs.slip, branch.slip, abs(force) - friction * normal, rate_t, w_tt)
-    found += _beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia) / length
+    found = beyond(signs.slip, branch.slip, abs(force) - friction * normal, rate_t, w_tt)
+    found += beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia) / length
     outside = max(normal - bounds.closing, bounds.opening - normal)
-    found += _beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)
+    found += beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)
     return found / max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
 
 
@@ -176,13 +182,13 @@ def resolve(
     best = Branch(0, 0, 0)
     least = 1e300
     for gap_rate in (0, -1, 1):
-        if _excluded(signs.gap_rate, gap_rate) or (gap_rate < 0 and bounds.closing == math.inf):
+        if excluded(signs.gap_rate, gap_rate) or (gap_rate < 0 and bounds.closing == math.inf):
             continue
         for slip in (0, 1, -1):
-            if _excluded(signs.slip, slip):
+            if excluded(signs.slip, slip):
                 continue
             for spin in (0, 1, -1):
-                if _excluded(signs.spin, spin):
+                if excluded(signs.spin, spin):
                     continue
                 branch = Branch(gap_rate, slip, spin)
                 violation = _violation(w, drive, friction, arm, length, bounds, signs, branch)

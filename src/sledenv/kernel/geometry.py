@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.kernel.trace import scalar
-from sledenv.kernel.values import nearest, sine_cosine
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import scalar
+from sledenv.programs.values import nearest, sine_cosine
 
 TURN = 2.0 * math.pi
 

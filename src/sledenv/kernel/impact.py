@@ -16,12 +16,12 @@ import numpy as np
 from sledenv.kernel.flight import tell_body
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates_of, resolve
 from sledenv.kernel.geometry import arms, feature_at, whole_turns
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, ContactLaw, State
 from sledenv.kernel.records import ARC
 from sledenv.kernel.state import change
-from sledenv.kernel.trace import copy_into_callers, straight
-from sledenv.kernel.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import copy_into_callers, straight
+from sledenv.programs.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 MOST_PHASES = 32

@@ -10,21 +10,16 @@ import numpy as np
 from numba.extending import overload
 
 from sledenv.kernel import normal
-from sledenv.kernel.chord import chord_contact
 from sledenv.kernel.contact import follow
-from sledenv.kernel.jit import by_type, kernel
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw
-from sledenv.kernel.records import BOTH_CORNERS, ONE_CORNER, TUMBLED
+from sledenv.kernel.progress import begin_with_lower
 from sledenv.kernel.rigid import strike
-from sledenv.kernel.trace import scalar
+from sledenv.kernel.state import TOUCHING
+from sledenv.programs.jit import by_type, kernel
+from sledenv.programs.trace import scalar
 
 Law = CompliantLaw | RigidLaw
 _Law = TypeVar("_Law", bound=Law)
-
-# Between two corners that hand a body over to each other so often, each time within a share of the time that a contact
-# takes, it lies on its chord: hand-overs accumulate at the moment from which on both touch.
-MOST_IDLE = 30
-BRIEF = 1e-9
 
 
 @kernel
@@ -37,26 +32,15 @@ def _meet(
     space: np.void,
     trajectory: np.ndarray,
 ) -> int:
-    """Follow a touch of compliant surfaces, with one point or with both corners, until the body leaves or rests."""
+    """Follow a touch of compliant surfaces."""
     contact = space["contact"]
-    normal.tell_law(law, contact)
-    contact["friction"] = law.friction
-    contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
-    contact["most_normal"] = math.inf
-    brief = BRIEF * math.sqrt(body.mass / contact["k_closing"])
-    idle = 0
-    while True:
-        start = contact["time"]
-        status = follow(body, slope, limits, flight, contact, space["step"], trajectory)
-        if status != BOTH_CORNERS:
-            return status
-        contact["on_chord"] = 1.0
-        status = chord_contact(body, slope, limits, flight, contact, space["chord"], trajectory)
-        if status != ONE_CORNER:
-            return status
-        idle = 0 if contact["time"] - start > brief else idle + 1
-        if idle > MOST_IDLE:
-            return TUMBLED
+    if space["stage"] != TOUCHING:
+        normal.tell_law(law, contact)
+        contact["friction"] = law.friction
+        contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
+        contact["most_normal"] = math.inf
+        begin_with_lower(body, contact)
+    return follow(body, slope, limits, flight, space, trajectory)
 
 
 def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable[..., Any]:

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.kernel.friction import Bounds
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import ContactLaw
-from sledenv.kernel.values import less, where
+from sledenv.programs.jit import kernel
+from sledenv.programs.values import less, where
 
 # What a contact holds of its law.
 FIELDS: Final = (
@@ -74,6 +74,13 @@ def stiffness(closing: bool, contact: np.void) -> float:
 
 
 @kernel
-def per_square(contact: np.void) -> tuple[float, float]:
-    """Energy over the square of the penetration [N/m]: what is stored, and what is lost as that falls."""
-    return 0.5 * contact["k_closing"], 0.5 * (contact["k_closing"] - contact["k_opening"])
+def force(contact: np.void, step: np.void, k: int) -> float:
+    """Coefficient ``k`` of the force [N], from those of the gap and the gap rate."""
+    return float(-contact["stiffness"] * load_at(contact, step["gap"][k], step["v_n"][k]))
+
+
+@kernel
+def stored(contact: np.void) -> float:
+    """Energy [J] in the compressed surfaces."""
+    stiff = contact["k_closing"]
+    return float(0.5 * stiff * min(contact["gap"], 0.0) ** 2) if stiff < math.inf else 0.0

@@ -1,4 +1,4 @@
-"""How a contact goes on from step to step, whether it touches with one point or with both ends of the chord."""
+"""How a contact goes on from step to step: what every point that touches has in common."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import math
 
 import numpy as np
 
-from sledenv.kernel import events, records
+from sledenv.kernel import events, normal, records
 from sledenv.kernel.friction import Branch
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.geometry import arms, feature_geometry, other_corner, whole_turns
+from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.series import longest_step
+from sledenv.kernel.step import advance
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import copy_into_callers
 
+MOST_UNITS = 2.0  # length of a step
+UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
+ROUNDING = 2e-15  # of the size: gaps that are equal, or zero, but for rounding
 NO_DEPTH = 1e-12  # of the size: a contact that is shallower is resolved in the limit of a vanishing normal force
 
 
@@ -67,13 +73,19 @@ def take_branch(branch: Branch, contact: np.void) -> None:
     jumps = (
         (contact["gap_rate"] != branch.gap_rate) + (contact["slip"] != branch.slip) + (contact["spin"] != branch.spin)
     )
-    leaving = 2.0 if jumps == 1 else 1.0
-    contact["gap_zeros"] = (leaving if contact["gap_left"] != 0.0 else 1.0) if contact["v_n"] == 0.0 else 0.0
-    contact["slip_zeros"] = (leaving if contact["slip_left"] != 0.0 else 1.0) if contact["v_t"] == 0.0 else 0.0
-    contact["spin_zeros"] = (leaving if contact["spin_left"] != 0.0 else 1.0) if contact["omega"] == 0.0 else 0.0
+    # Of two points, what one releases may leave the other without acceleration.
+    both = contact["paired"] != 0.0
+    leaving, starting = 2.0 if jumps == 1 or both else 1.0, 2.0 if both else 1.0
+    contact["gap_zeros"] = (leaving if contact["gap_left"] != 0.0 else starting) if contact["v_n"] == 0.0 else 0.0
+    contact["slip_zeros"] = (leaving if contact["slip_left"] != 0.0 else starting) if contact["v_t"] == 0.0 else 0.0
+    contact["spin_zeros"] = (leaving if contact["spin_left"] != 0.0 else starting) if contact["omega"] == 0.0 else 0.0
     contact["gap_rate"], contact["slip"], contact["spin"] = branch.gap_rate, branch.slip, branch.spin
     contact["mu"] = -branch.slip * contact["friction"]
     contact["rho"] = -branch.spin * contact["arm"]
+    closing = branch.gap_rate < 0
+    contact["stiffness"] = normal.stiffness(closing, contact)
+    if contact["stiffness"] > 0.0:
+        contact["pace"] = contact["pace_closing"] if closing else contact["pace_opening"]
 
 
 @kernel
@@ -96,7 +108,7 @@ def bound_step(limits: Limits, most: float, contact: np.void, step: np.void) -> 
 
 
 @kernel
-def time_passes(before: float, contact: np.void, step: np.void) -> bool:
+def _time_passes(before: float, contact: np.void, step: np.void) -> bool:
     """Count the steps without any progress since the time ``before``; say whether this one had a length."""
     contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
     if not step["length"] * step["unit"] > 0.0:
@@ -106,10 +118,123 @@ def time_passes(before: float, contact: np.void, step: np.void) -> bool:
 
 
 @kernel
-def stop_or_release(contact: np.void, step: np.void) -> None:
+def _stop_or_release(contact: np.void, step: np.void) -> None:
     """Let slip or spin be zero at the end of a step, if that is what happens there, and free if it is released."""
     event = int(step["event"])
     if event in (events.SLIP_ZERO, events.SLIP_RELEASED):
         contact["v_t"], contact["slip_left"] = 0.0, step["released"]
     elif event in (events.SPIN_ZERO, events.SPIN_RELEASED):
         contact["omega"], contact["spin_left"] = 0.0, step["released"]
+
+
+@kernel
+def tell_feature(body: Body, contact: np.void) -> None:
+    """Write what does not change until another feature touches."""
+    feature = int(contact["feature"])
+    h, r, shift = feature_geometry(body, feature)
+    contact["h"], contact["r"], contact["shift"] = h, r, shift
+    contact["arm"] = contact["arc_arm"] if feature == records.ARC else contact["corner_arm"]
+    contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
+    if contact["paired"] != 0.0:  # the other corner is down
+        contact["other"], contact["other_sine"], contact["other_cosine"] = math.inf, 0.0, 0.0
+    # The spring moves less than the mass where it turns the body.
+    moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
+    contact["pace_closing"] = UNIT_ANGLE / math.sqrt(normal.stiffness(True, contact) * moved)
+    opening = normal.stiffness(False, contact)
+    contact["pace_opening"] = UNIT_ANGLE / math.sqrt(opening * moved) if opening > 0.0 else math.inf
+
+
+@kernel
+def settled_unit(size: float, gravity: float, omega: float) -> float:
+    """Unit of time [s] of a step with a locked gap, in which nothing oscillates."""
+    rate = max(abs(omega), math.sqrt(gravity / size))
+    return 0.5 / rate if rate > 0.0 else 1.0
+
+
+@kernel
+def move_on(contact: np.void, step: np.void) -> bool:
+    """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now."""
+    copy_into_callers()
+    before = contact["time"]
+    advance(contact, step)
+    contact["at_edge"] = 0.0
+    passed = False
+    if _time_passes(before, contact, step):
+        # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
+        if contact["gap_rate"] * contact["v_n"] < 0.0:
+            contact["v_n"], passed = 0.0, True
+        if contact["slip"] * contact["v_t"] < 0.0:
+            contact["v_t"], passed = 0.0, True
+        if contact["spin"] * contact["omega"] < 0.0:
+            contact["omega"], passed = 0.0, True
+    return passed
+
+
+@kernel
+def _change_feature(body: Body, contact: np.void) -> None:
+    """Pass from the arc to a corner or back."""
+    if contact["feature"] == records.ARC:
+        contact["feature"] = records.TAIL if contact["phi"] > 0.0 else records.NOSE
+    else:
+        contact["feature"] = records.ARC
+    contact["phi"] = math.copysign(body.half_angle, contact["phi"])
+    contact["at_edge"] = 1.0
+    tell_feature(body, contact)
+
+
+@kernel
+def follow_event(body: Body, contact: np.void, step: np.void) -> int:
+    """Let the contact feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+    copy_into_callers()
+    event = int(step["event"])
+    if event == events.NOTHING:
+        moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]
+        return records.RUNNING if math.isfinite(moved) else records.NON_FINITE
+    if event == events.SEPARATION:
+        return records.SEPARATED
+    if event == events.SLOPE_ENDS:
+        contact["x"] = contact["length"]
+        return records.FINISH
+    if event == events.CHORD_DOWN:
+        return records.BOTH_CORNERS
+    if event == events.RATE_ZERO:
+        contact["v_n"], contact["gap_left"] = 0.0, 0.0
+    elif event == events.RATE_RELEASED:
+        if contact["k_closing"] == math.inf:
+            return records.SEPARATED
+        contact["gap_left"] = step["released"]
+    elif event == events.MIDDLE_PASSED:
+        if contact["paired"] != 0.0:
+            return records.BURIED
+        contact["phi"] = math.copysign(0.0, -contact["other_sine"])
+    elif event == events.FEATURE_ENDS:
+        _change_feature(body, contact)
+    else:
+        _stop_or_release(contact, step)
+    return records.RUNNING
+
+
+@kernel
+def arms_now(body: Body, feature: int, contact: np.void) -> tuple[float, float]:
+    """Arms [m] of a feature at the orientation of a contact."""
+    return arms(body, feature, contact["phi"] - whole_turns(contact["phi"]))
+
+
+@kernel
+def change_corner(body: Body, corner: int, contact: np.void) -> None:
+    """Turn the contact of one corner into that of the other, whose code is given."""
+    a, b = arms_now(body, int(contact["feature"]), contact)
+    u, v = contact["v_t"] - b * contact["omega"], contact["v_n"] + a * contact["omega"]
+    a, b = arms_now(body, corner, contact)
+    contact["v_t"], contact["v_n"] = u + b * contact["omega"], v - a * contact["omega"]
+    contact["feature"] = corner
+
+
+@kernel
+def begin_with_lower(body: Body, contact: np.void) -> None:
+    """Let a chord that comes down flat begin with the corner that approaches, if the one that it would does not."""
+    feature = int(contact["feature"])
+    if contact["v_n"] > 0.0 and feature != records.ARC:
+        change_corner(body, records.NOSE if feature == records.TAIL else records.TAIL, contact)
+        contact["feature_before"], contact["v_t_before"] = contact["feature"], contact["v_t"]
+        contact["a_before"], contact["b_before"] = arms_now(body, int(contact["feature"]), contact)

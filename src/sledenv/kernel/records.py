@@ -11,9 +11,9 @@ import numpy as np
 RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BURIED = range(9)
 # How a contact may end without ending the descent.
 SEPARATED: Final = -1  # the body leaves the slope
-BOTH_CORNERS: Final = -2  # the corner on the other side has come down
-ONE_CORNER: Final = -3  # one of two corners has left, the other still touches
-INCONSISTENT: Final = -4  # no finite normal force keeps rigid surfaces apart: an impact follows
+BOTH_CORNERS: Final = -2  # the corner on the other side of a rigid body has come down
+INCONSISTENT: Final = -3  # no finite normal force keeps rigid surfaces apart: an impact follows
+PAUSED: Final = -4  # a call has done its share: the next one goes on with this flight or contact
 
 ARC, NOSE, TAIL, CHORD = range(1, 5)
 
@@ -24,7 +24,7 @@ class Status(StrEnum):
     RUNNING = "running"  # under way, never returned by a whole descent
     FINISH = "finish"  # the mass centre reached the end of the slope
     JAMMED = "jammed"  # at rest for good: full stick on the incline
-    TUMBLED = "tumbled"  # the body came to lie on its chord
+    TUMBLED = "tumbled"  # the body lay on its chord, where the descent was to end
     TIMEOUT = "timeout"  # max_time elapsed
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
     STEP_BUDGET = "step_budget"  # max_steps integration steps were spent
@@ -107,12 +107,16 @@ REBOUND = np.dtype(
         ("t", "f8"),  # [s] at separation (or at the end of a descent that ends in contact)
         ("x", "f8"),  # [m] mass centre at that time
         ("phi", "f8"),  # [rad] at that time
+        ("t_touchdown", "f8"),  # [s] when the contact began
+        ("x_contact", "f8"),  # [m] where it began: the point that touched
         ("duration", "f8"),  # [s] of the contact
         ("feature", "i4"),  # Feature that touched first
         ("mode", "i4"),  # Mode
         ("normal_impulse", "f8"),  # [N s]
         ("tangential_impulse", "f8"),  # [N s]
         ("rolling_impulse", "f8"),  # [N m s]
+        ("peak_force", "f8"),  # [N] largest normal force of a point that touched; inf where surfaces are rigid
+        ("peak_penetration", "f8"),  # [m] largest of such a point
         ("u_before", "f8"),  # [m/s] at touchdown
         ("v_before", "f8"),
         ("omega_before", "f8"),  # [rad/s]
@@ -149,6 +153,13 @@ TRAJECTORY = np.dtype(
         ("normal", "f8"),  # [N] contact force along the outward normal
         ("tangential", "f8"),  # [N] contact force along the slope
         ("rolling", "f8"),  # [N m] rolling moment
+        # Of what is in contact, 0 in flight: the slip velocity, and the tangential force over its largest value f N.
+        ("slip_velocity", "f8"),  # [m/s]
+        ("friction_ratio", "f8"),  # [-]
+        ("normal_tail", "f8"),  # [N] normal and tangential force of each corner that touches
+        ("tangential_tail", "f8"),
+        ("normal_nose", "f8"),
+        ("tangential_nose", "f8"),
         ("feature", "i4"),  # Feature in contact, 0 in flight
         ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
         ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
@@ -170,6 +181,8 @@ OUTCOME = np.dtype(
         ("u", "f8"),
         ("v", "f8"),
         ("omega", "f8"),
+        ("t_on_chord", "f8"),  # [s] when the body first lay on its chord with both ends settled; inf if never
+        ("x_on_chord", "f8"),  # [m] and where
         ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body
         *((name, "f8") for name in LEDGER_FIELDS),
     ],

@@ -8,17 +8,20 @@ import numpy as np
 
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
-from sledenv.kernel.geometry import arms, corner_lengths, whole_turns
+from sledenv.kernel.geometry import corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
-from sledenv.kernel.jit import kernel
 from sledenv.kernel.params import Body, Incline, Limits, RigidLaw
-from sledenv.kernel.records import ARC, BOTH_CORNERS, INCONSISTENT, NOSE, SEPARATED, STEP_BUDGET, TAIL, TUMBLED
-from sledenv.kernel.trace import copy_into_callers, scalar
-from sledenv.kernel.values import where
+from sledenv.kernel.progress import arms_now, change_corner
+from sledenv.kernel.records import ARC, BOTH_CORNERS, INCONSISTENT, NOSE, SEPARATED, STEP_BUDGET, TAIL
+from sledenv.kernel.state import TOUCHING
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import copy_into_callers, scalar
+from sledenv.programs.values import where
 
 IN_CONTACT = -5  # status beside those of records.py: what has been hit stays in contact, with one point
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
+JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 _softened = scalar(lambda restitution, speed, v_n, pressing: (softened(restitution, speed, v_n, pressing),))
@@ -35,12 +38,6 @@ def tell_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> N
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     contact["most_normal"] = MOST_NORMAL * body.mass * (slope.inward + size * spin * spin + slip * slip / size)
-
-
-@kernel
-def _arms_now(body: Body, feature: int, contact: np.void) -> tuple[float, float]:
-    """Arms [m] of a feature at the orientation of a contact."""
-    return arms(body, feature, contact["phi"] - whole_turns(contact["phi"]))
 
 
 @kernel
@@ -63,24 +60,14 @@ def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void
 
 
 @kernel
-def _change_corner(body: Body, corner: int, contact: np.void) -> None:
-    """Turn the contact of one corner into that of the other, whose code is given."""
-    a, b = _arms_now(body, int(contact["feature"]), contact)
-    u, v = contact["v_t"] - b * contact["omega"], contact["v_n"] + a * contact["omega"]
-    a, b = _arms_now(body, corner, contact)
-    contact["v_t"], contact["v_n"] = u + b * contact["omega"], v - a * contact["omega"]
-    contact["feature"] = corner
-
-
-@kernel
 def _lie_down(body: Body, contact: np.void) -> None:
     """Bring a body to lie on its chord: what both corners have left is lost."""
-    a, b = _arms_now(body, int(contact["feature"]), contact)
+    a, b = arms_now(body, int(contact["feature"]), contact)
     omega = contact["omega"]
     v = contact["v_n"] + a * omega
     contact["hysteresis"] += 0.5 * (body.inertia * omega**2 + body.mass * v * v)
     contact["v_t"] -= b * omega
-    contact["omega"], contact["v_n"] = 0.0, 0.0
+    contact["omega"], contact["v_n"], contact["paired"] = 0.0, 0.0, 1.0
 
 
 @kernel
@@ -94,23 +81,23 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
     Returns
     -------
     int
-        TUMBLED, SEPARATED (both corners leave), IN_CONTACT (one of them stays) or STEP_BUDGET.
+        SEPARATED (both corners leave), IN_CONTACT (one of them stays, or both: ``contact["paired"]``) or STEP_BUDGET.
     """
     for i in range(2 * MOST_CHORD_IMPACTS):
         corner = int(contact["feature"])
         here = contact["v_n"]
-        _change_corner(body, NOSE if corner == TAIL else TAIL, contact)
+        change_corner(body, NOSE if corner == TAIL else TAIL, contact)
         there = contact["v_n"]
         slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
         if (slow and min(here, there) < 0.0) or (pressed and here == 0.0 and there == 0.0):
             _lie_down(body, contact)
-            return TUMBLED
+            return IN_CONTACT
         if here <= there:
-            _change_corner(body, corner, contact)
+            change_corner(body, corner, contact)
             contact["v_n"] = here
         if contact["v_n"] >= 0.0:
             break
-        a, b = _arms_now(body, int(contact["feature"]), contact)
+        a, b = arms_now(body, int(contact["feature"]), contact)
         plastic = pressed and -contact["v_n"] < law.settle_speed
         if _hit(law, a, b, 0.0 if plastic else law.restitution, contact, hop) > MOST_PHASES:
             return STEP_BUDGET
@@ -118,16 +105,20 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
 
 
 @kernel
-def _strike_once(body: Body, law: RigidLaw, slope: Incline, a: float, b: float, contact: np.void, hop: np.void) -> int:
-    """Follow the impact of one point whose arms are given, or of the chord.
+def _strike_once(
+    body: Body, law: RigidLaw, slope: Incline, a: float, b: float, alone: bool, contact: np.void, hop: np.void
+) -> int:
+    """Follow the impact of one point whose arms are given, or of the chord if that is down and not left ``alone``.
 
     An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
     sequence of ever smaller bounces (docs/physics.md, section 6). The result is that of :func:`strike_chord`.
     """
     copy_into_callers()
     feature, omega = int(contact["feature"]), contact["omega"]
+    if alone:  # without an approach, forces that only grow very large would not act at all
+        contact["v_n"] = min(contact["v_n"], -JOLT * contact["scale"])
     local = contact["phi"] - whole_turns(contact["phi"])
-    if feature != ARC and _lies_flat(local, corner_lengths(body)[1], hop["size"])[0] > 0.0:
+    if not alone and feature != ARC and _lies_flat(local, corner_lengths(body)[1], hop["size"])[0] > 0.0:
         contact["on_chord"] = 1.0
         contact["phi"] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
         return strike_chord(body, law, slope.inward - b * omega * omega > 0.0, contact, hop)
@@ -156,14 +147,21 @@ def strike(
     """
     copy_into_callers()
     contact, hop = space["contact"], space["hop"]
-    tell_rigid(body, law, slope, contact)
+    if space["stage"] != TOUCHING:
+        tell_rigid(body, law, slope, contact)
+        contact["peak_force"] = math.inf
+        space["strikes"] = 0.0
     a, b = contact["a_before"], contact["b_before"]
-    for _ in range(MOST_STRIKES):
-        status = _strike_once(body, law, slope, a, b, contact, hop)
-        if status != IN_CONTACT:
-            return status
-        status = follow(body, slope, limits, flight, contact, space["step"], trajectory)
+    status = BOTH_CORNERS
+    while space["strikes"] < MOST_STRIKES or space["stage"] == TOUCHING:
+        if space["stage"] != TOUCHING:
+            space["strikes"] += 1.0
+            contact["paired"] = contact["held"] = 0.0
+            status = _strike_once(body, law, slope, a, b, status == INCONSISTENT, contact, hop)
+            if status != IN_CONTACT:
+                return status
+        status = follow(body, slope, limits, flight, space, trajectory)
         if status != INCONSISTENT and status != BOTH_CORNERS:
             return status
-        a, b = _arms_now(body, int(contact["feature"]), contact)
+        a, b = arms_now(body, int(contact["feature"]), contact)
     return STEP_BUDGET

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel import rows
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.rows import WIDTH, element, sums
-from sledenv.kernel.trace import keep_apart, scalar, write_series
-from sledenv.kernel.values import absolute, fma, smaller, where_less
+from sledenv.programs import rows
+from sledenv.programs.jit import kernel
+from sledenv.programs.rows import WIDTH, element, sums
+from sledenv.programs.trace import keep_apart, scalar, write_series
+from sledenv.programs.values import absolute, fma, smaller, where_less
 
 UNIT = 2.3e-16
 MOST_ITERATIONS = 1000

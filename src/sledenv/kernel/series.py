@@ -1,7 +1,7 @@
-"""Power series of the state over one step of a contact, by recurrence, for each branch: docs/physics.md, section 5.
+"""Power series of one step of a contact that turns, as its gap moves: docs/physics.md, section 5.
 
-A branch says which of gap rate, slip and spin are locked. The programs here fill the series of a step with the motion
-and the forces of a branch; :mod:`sledenv.kernel.step` says how far the step may go and how it ends.
+Nearly all steps are of that kind, with the slip free or locked, so they have programs; recurrence.py has the others.
+:mod:`sledenv.kernel.step` says how far a step may go and how it ends.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel import normal, rows
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
-from sledenv.kernel.trace import Program, block, of_step, scalar
-from sledenv.kernel.values import absolute, fma, larger, not_more, rough_root, smaller, where
+from sledenv.kernel import normal
+from sledenv.programs import rows
+from sledenv.programs.jit import kernel
+from sledenv.programs.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
+from sledenv.programs.trace import Program, block, of_step, scalar
+from sledenv.programs.values import absolute, fma, larger, not_more, rough_root, smaller, where
 
 ORDER = TERMS - 1  # forces are known to one order less than the motion
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
@@ -52,13 +53,12 @@ class _Spinning(NamedTuple):
     turns: list[Any]  # pairs of sine and cosine of theta
     sines: list[Any]
     spins: list[Any]
-    gaps: list[Any]  # where the gap is free
-    loads: list[Any]  # normal forces where it is locked
+    gaps: list[Any]
     forces: list[Any]  # where the slip is locked
 
 
-def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) -> _Spinning:
-    """Coefficients of a motion with spin, one order after the other: docs/physics.md (5.5)-(5.9).
+def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
+    """Coefficients of a motion with spin and a free gap, one order after the other: docs/physics.md (5.5)-(5.9).
 
     All products are summed at once, side by side: those of sine and cosine with the spin, and those of levers with
     forces.
@@ -67,11 +67,10 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
     square = unit * unit
     inward, downhill = square * contact.inward, square * contact.downhill
     stiffness = -(contact.stiffness * contact.per_mass * square)  # normal force over load
-    # Spin rate that a force at the lever gives; the load is the normal force itself where the gap is locked.
-    per_lever = ratio if gap_locked else ratio * stiffness
+    per_lever = ratio * stiffness  # spin rate that a load at the lever gives
     lever_sine, lever_cosine = -(h * per_lever), -(contact.mu * h * per_lever)
     lever_rest = fma(contact.mu, r, contact.rho) * per_lever
-    a_0, b_0 = h * step.sine, fma(-h, step.cosine, r)
+    b_0 = fma(-h, step.cosine, r)
     if slip_locked:
         lever_cosine, lever_rest = 0.0, contact.rho * per_lever
     sine, cosine, spin = [step.sine], [step.cosine], [unit * contact.omega]
@@ -81,7 +80,6 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
     force: list[Any] = []
     per_unit = 1.0 / unit
     lever, arm = [], []
-    divisor: Any = 1.0
     left: list[Any] = []  # sine, cosine, lever, arm
     right: list[Any] = [None]  # spin, spin, load, force; the last two of the term before
     for k in range(ORDER + 1):
@@ -92,14 +90,9 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
         left.append(shuffled(turn[k], side_by_side(lever[k], arm[k]), range(4)))
         known = None  # sine and cosine times the spin, without the newest coefficient of that
         if k == 0:
-            if gap_locked:
-                divisor = divisor - lever[0] * a_0
-            if slip_locked:
-                divisor = divisor + arm[0] * b_0
-            divisor = 1.0 / divisor
+            divisor = 1.0 / (1.0 + arm[0] * b_0) if slip_locked else 1.0
         else:
-            if not gap_locked:
-                load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
+            load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
             inner = _product(left, right, k, 2)
             known = None if inner is None else shuffled(inner, None, (0, 1))
             # The newest coefficient of the spin: the forces before, each with the levers.
@@ -112,21 +105,14 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
                 if slip_locked:
                     rest = fma(arm[i], force[k - 1 - i], rest)
             known = _plus_product(turn[k], twice[0], known)
-            if gap_locked:  # the lift that the other coefficients of the spin give to the contact point
-                lift = (k * h) * element(known, 0)
-                lift = lift + inward if k == 1 else lift
-                rest = _plus_product(lever[0], lift, rest)
-            else:
-                rest = _plus_product(lever[0], load[k - 1], rest)
-            if slip_locked:  # and the sweep
+            rest = _plus_product(lever[0], load[k - 1], rest)
+            if slip_locked:  # the sweep that the other coefficients of the spin give to the contact point
                 sweep = (-k * h) * element(known, 1)
                 sweep = sweep + downhill if k == 1 else sweep
                 rest = fma(-arm[0], sweep, rest)
             rest = rest * ((1.0 / k) * divisor)
             spin.append(rest)
             twice.append(repeated(rest, 2))
-            if gap_locked:
-                load.append(fma(k * a_0, rest, lift))
             force.append(-fma(k * b_0, rest, sweep) if slip_locked else 0.0)
             right.append(shuffled(twice[k], side_by_side(load[k - 1], force[k - 1]), range(4)))
         # Sine and cosine after it.
@@ -134,44 +120,39 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
         turn.append(shuffled(whole, None, (1, 0)))
         sine.append(element(turn[k + 1], 0))
         cosine.append(element(turn[k + 1], 1))
-        if not gap_locked and k > 0:
+        if k > 0:
             free = load[k - 1] * (stiffness * (1.0 / (k * (k + 1))))
             gap.append(fma(h, cosine[k + 1], fma(-0.5, inward, free) if k == 1 else free))
-    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, load, force)
+    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, force)
 
 
-def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
-    """Return the program that fills the series in a branch with spin."""
+def _spinning(slip_locked: bool) -> Program:
+    """Return the program that fills the series of a motion with spin and a free gap, whose slip is locked or not."""
 
     def program(contact: Any, step: Any) -> None:
-        found = _recurrence(contact, step, gap_locked, slip_locked)
+        found = _recurrence(contact, step, slip_locked)
         unit = step.unit
         per_unit = 1.0 / unit
         in_seconds = repeated(per_unit, EIGHT)
         masses = repeated(per_unit * per_unit / contact.per_mass, EIGHT)  # what makes a force of one per mass
-        nothing = [np.zeros(EIGHT)] * 3
         spins, (sines, cosines) = rows.of(found.spins), rows.apart(found.turns)
-        if gap_locked:
-            gaps, rates, loads = rows.of([contact.gap]), nothing, rows.of(found.loads[:ORDER])
-            normals = [p * masses for p in loads]
-        else:
-            gaps = rows.of(found.gaps[:TERMS])
-            rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
-            rates = rows.with_first(rates, contact.v_n)
-            loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
-            stiff = repeated(-contact.stiffness, EIGHT)
-            normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
+        gaps = rows.of(found.gaps[:TERMS])
+        rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
+        rates = rows.with_first(rates, contact.v_n)
+        loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
+        stiff = repeated(-contact.stiffness, EIGHT)
+        normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         # How fast the contact point turns away from under the mass centre: slip velocity = speed + sweep.
         reach, height = repeated(contact.r, EIGHT), repeated(contact.h, EIGHT)
         nexts = rows.times(rows.moved_back(sines, found.sines[1:]), _NEXT)
         sweeps = [fma(reach, p, -(height * q)) for p, q in zip(spins, nexts, strict=True)]
         if slip_locked:
-            speeds, slips = [-p for p in sweeps], nothing
+            speeds, slips = [-p for p in sweeps], [np.zeros(EIGHT)] * 3
             step.force = [p * masses for p in rows.of(found.forces[:ORDER])]
         else:
             square = unit * unit
             stiffness = -(contact.stiffness * contact.per_mass * square)
-            driven = repeated(contact.mu if gap_locked else contact.mu * stiffness, EIGHT)
+            driven = repeated(contact.mu * stiffness, EIGHT)
             speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0), _SHARES, strict=True)]
             start = fma(unit, contact.v_t, -element(sweeps[0], 0))
             speeds[0] = speeds[0] + side_by_side(start, square * contact.downhill, *([0.0] * 6))
@@ -186,86 +167,7 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
     return program
 
 
-def _gliding(gap_locked: bool, slip_locked: bool) -> Program:
-    """Return the program that fills the series in a branch without spin."""
-
-    def program(contact: Any, step: Any) -> None:
-        unit, h, r, mu = step.unit, contact.h, contact.r, contact.mu
-        square = unit * unit
-        inward, downhill = square * contact.inward, square * contact.downhill
-        stiffness = -(contact.stiffness * contact.per_mass * square)
-        a, b = h * step.sine, fma(-h, step.cosine, r)
-        per_unit = 1.0 / unit
-        mass = 1.0 / contact.per_mass * per_unit * per_unit
-        gap: list[Any] = [contact.gap, 0.0 if gap_locked else unit * contact.v_n]
-        load: list[Any] = []
-        for k in range(ORDER):
-            load.append(normal.load(contact, gap[k], (k + 1) * per_unit * gap[k + 1]))
-            free = 0.0 if gap_locked else load[k] * (stiffness * (1.0 / ((k + 1) * (k + 2))))
-            gap.append(fma(-0.5, inward, free) if k == 0 and not gap_locked else free)
-        if gap_locked:
-            normals = [inward * mass]
-        else:
-            normals = [-(contact.stiffness * coefficient) for coefficient in load]
-        force = [-(downhill * mass)] if slip_locked else [mu * coefficient for coefficient in normals]
-        moment = [a * coefficient for coefficient in normals]
-        for k, coefficient in enumerate(force):
-            moment[k] = fma(-b, coefficient, moment[k])
-        speed, pull = [unit * contact.v_t], square * contact.per_mass
-        if not slip_locked:
-            speed += [coefficient * (pull * (1.0 / (k + 1))) for k, coefficient in enumerate(force)]
-            speed[1] = speed[1] + downhill
-        moved = [] if slip_locked else [v * (1.0 / (k + 1)) for k, v in enumerate(speed[:ORDER])]
-        opening = [] if gap_locked else [contact.v_n, *(gap[k + 1] * ((k + 1.0) * per_unit) for k in range(1, TERMS))]
-        step.x = rows.of([contact.x, *moved])
-        step.phi = rows.of([contact.phi])
-        step.gap = rows.of(gap[:TERMS])
-        step.v_n = rows.of(opening)
-        step.v_t = rows.of([] if slip_locked else [contact.v_t, *(v * per_unit for v in speed[1:])])
-        step.omega = rows.of([])
-        step.normal = rows.of(normals)
-        step.moment = rows.of(moment)
-        step.sines = rows.of([step.sine])
-        step.cosines = rows.of([step.cosine])
-        if slip_locked:
-            step.force = rows.of(force)
-
-    return program
-
-
-# Branches by what is locked.
-_free = of_step(_spinning(gap_locked=False, slip_locked=False))
-_sticking = of_step(_spinning(gap_locked=False, slip_locked=True))
-_settled = of_step(_spinning(gap_locked=True, slip_locked=False))
-_rolling = of_step(_spinning(gap_locked=True, slip_locked=True))
-_sliding_unspun = of_step(_gliding(gap_locked=False, slip_locked=False))
-_stuck_unspun = of_step(_gliding(gap_locked=False, slip_locked=True))
-_settled_unspun = of_step(_gliding(gap_locked=True, slip_locked=False))
-
-
-@kernel
-def expand(contact: np.void, step: np.void) -> None:
-    """Fill the series of a step with the motion of a contact in its branch: docs/physics.md (5.5)-(5.9).
-
-    At least one of gap rate, slip and spin is free. ``step["unit"]``, ``["sine"]`` and ``["cosine"]`` are given.
-    """
-    gap_locked, slip_locked = contact["gap_rate"] == 0.0, contact["slip"] == 0.0
-    if contact["spin"] != 0.0:
-        if gap_locked:
-            if slip_locked:
-                _rolling(contact, step)
-            else:
-                _settled(contact, step)
-        elif slip_locked:
-            _sticking(contact, step)
-        else:
-            _free(contact, step)
-    elif gap_locked:
-        _settled_unspun(contact, step)
-    elif slip_locked:
-        _stuck_unspun(contact, step)
-    else:
-        _sliding_unspun(contact, step)
+expand_free, expand_sticking = of_step(_spinning(slip_locked=False)), of_step(_spinning(slip_locked=True))
 
 
 _HEEDED = np.array([ORDER - 3, ORDER - 1, ORDER, ORDER])  # orders of the terms that bound a step, the last one twice

@@ -1,6 +1,6 @@
 """What a descent works on while it runs, as records with named fields: a contact, a step of it, a flight, an impact.
 
-In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sledenv.kernel.trace`) ``step.length``.
+In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sledenv.programs.trace`) ``step.length``.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from sledenv.kernel import normal
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import CONTACT_LOSSES, LOSSES
-from sledenv.kernel.rows import WIDTH
-from sledenv.kernel.trace import pack_of
-from sledenv.kernel.values import where
+from sledenv.programs.rows import WIDTH
+from sledenv.programs.trace import pack_of
+from sledenv.programs.values import where
 
 _LINE = 64  # bytes of cache
 
@@ -53,6 +53,10 @@ IMPULSES: Final = (
     "rolling_impulse",  # [N m s]
 )
 SUMS: Final = (*IMPULSES, *CONTACT_LOSSES)  # impulses, and losses [J]
+PEAKS: Final = (
+    "peak_force",  # [N] largest normal force
+    "peak_penetration",  # [m]
+)
 SEARCH: Final = (  # for the touchdown; times are counted from the start of the flight
     "horizon",  # [s] a later touchdown is of no interest
     "phase",  # FALLING, SEARCHING, LANDED or POISED, see ballistics.py
@@ -67,6 +71,10 @@ SEARCH: Final = (  # for the touchdown; times are counted from the start of the 
     "alone_from",  # [s] and from when on there is no other before it
 )
 
+# What comes next in a descent: at its launch, at the start of a later flight; while its touchdown is sought; from there
+# to the touchdown; in a contact that a call has left unfinished.
+LAUNCHING, TAKING_OFF, SEEKING, FLYING, TOUCHING = range(5)
+
 # A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
 # not suffer from cancellation.
 CONTACT: Final = record(
@@ -79,9 +87,14 @@ CONTACT: Final = record(
     ("omega", "f8"),  # [rad/s] spin
     *((name, "f8") for name in SUMS),  # what the contact adds up
     ("stored", "f8"),  # [J] elastic energy at the end
-    ("on_chord", "f8"),  # 1 if both corners have touched
+    *((name, "f8") for name in PEAKS),
+    ("held", "f8"),  # 1 if the forces at the end of the last step are those at the end of the contact
+    ("on_chord", "f8"),  # 1 if two points have touched at once
+    ("paired", "f8"),  # 1 while they do: the other one is then a contact too
+    ("undecided", "f8"),  # 1 if the branch is to be chosen
     # The touchdown.
     ("time_before", "f8"),  # [s]
+    ("x_before", "f8"),  # [m]
     ("phi_before", "f8"),  # [rad]
     ("u_before", "f8"),  # [m/s] of the mass centre
     ("v_before", "f8"),
@@ -195,52 +208,6 @@ STEP: Final = record(
     ("safe_force_back", "f8"),  # and above the negative of that
     ("safe_moment", "f8"),
     ("safe_moment_back", "f8"),
-)
-
-# A point of a body that lies on its chord, by the numbers that chord.py explains.
-POINT: Final = np.dtype(
-    [
-        ("along", "f8"),  # [m]
-        ("across", "f8"),  # [m]
-        ("radius", "f8"),  # [m]
-    ],
-    align=True,
-)
-
-# One of the two sides of such a body, and its contact.
-SIDE: Final = record(
-    ("sign", "f8"),  # 1 of the tail, -1 of the nose: what holds for one holds for the other, mirrored
-    ("point", POINT),  # that touches
-    ("rolling_arm", "f8"),  # [m] of it
-    ("on_arc", "i8"),  # 1 if it is on the arc, 0 if it is the corner
-    ("at_edge", "i8"),  # 1 if the one has just taken over from the other
-    ("gap", "f8"),  # [m] between it and the slope
-    ("gap_rate", "f8"),  # sign of the gap rate
-    ("zeros", "i8"),  # leading coefficients of the gap rate that are zero by construction
-    ("turning", "i8"),  # 1 while it is to be decided whether the gap rate changes its sign
-    ("stiffness", "f8"),  # [N/m]
-    ("gaps", "f8", (WIDTH,)),  # [m] series of a step
-)
-
-# What the contact of both sides has beside a CONTACT, in which phi then counts from where the chord lies flat and v_t
-# is that of the point in the middle. Make it with :func:`new`: behind the terms of a series are zeros.
-CHORD: Final = record(
-    ("step", STEP),  # in seconds; v_n is that of the mass centre, and normal the sum of both sides
-    # Further series of a step.
-    ("height", "f8", (WIDTH,)),  # [m] of the mass centre
-    ("speed", "f8", (WIDTH,)),  # [m/s] of the mass centre along the slope
-    ("load", "f8", (WIDTH,)),  # [N m] sum of rolling arm times normal force, the bound of the rolling moment
-    ("pull_sine", "f8", (WIDTH,)),  # [N m] the forces turn the body by this times the sine of phi
-    ("pull_cosine", "f8", (WIDTH,)),  # [N m] and this times the cosine
-    ("tail", SIDE),
-    ("nose", SIDE),
-    ("middle", POINT),  # where the body slips: the mean of those of both sides
-    ("y", "f8"),  # [m] of the mass centre
-    ("v", "f8"),  # [m/s]
-    ("tail_first", "i8"),  # 1 if the side of the tail came down first
-    ("longest", "f8"),  # [s] that a step may take
-    ("edge", "f8"),  # [rad] size of phi where the arc takes over from a corner
-    ("event_sign", "f8"),  # sign of the side to which an event happens
 )
 
 # One hop: a flight, its touchdown, and the impact of a rigid body there. A pack of hops has LANES of each number.

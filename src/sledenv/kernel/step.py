@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel import events, normal, rows, values
-from sledenv.kernel.jit import kernel
+from sledenv.kernel import events, normal
 from sledenv.kernel.records import ARC
-from sledenv.kernel.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
-from sledenv.kernel.trace import of_step, straight
-from sledenv.kernel.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
+from sledenv.programs import rows, values
+from sledenv.programs.jit import kernel
+from sledenv.programs.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
+from sledenv.programs.trace import of_step, straight
+from sledenv.programs.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)
@@ -188,6 +189,10 @@ def _progress(contact: Any, step: Any) -> None:
     lost = normal.ease(contact, step, equal(step.event, events.SEPARATION))
     contact.hysteresis = contact.hysteresis + lost
     contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
+    # While the gap closes or opens neither has an extreme but at its ends.
+    pushed = -(contact.stiffness * normal.load(contact, contact.gap, contact.v_n))
+    contact.peak_force = larger(contact.peak_force, pushed)
+    contact.peak_penetration = larger(contact.peak_penetration, -contact.gap)
     impulse = step.normal_impulse
     contact.normal_impulse = contact.normal_impulse + impulse
     contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * impulse, step.force_impulse)

@@ -6,12 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.records import FLIGHT_LOSSES
+from sledenv.kernel.records import FLIGHT_LOSSES, NOSE, TAIL
 from sledenv.kernel.state import copy
-from sledenv.kernel.trace import straight
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import straight
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
+MOST_ROWS: Final = 1e18  # up to which they are counted
 
 _tell_losses = straight(lambda flight, row: copy(flight, row, FLIGHT_LOSSES))
 
@@ -26,6 +27,23 @@ def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     flight["samples"] += 1
     _tell_losses(flight, row)
     return row
+
+
+@kernel
+def rows_to_write(rows: float, flight: np.void, space: np.void, trajectory: np.ndarray) -> tuple[int, int]:
+    """Return which rows of a flight or of a step, of ``rows`` in all, this call writes: the first, and the next one's.
+
+    ``space["row"]`` is where the next call goes on, 0 if none is left. Once there is no room they are only counted.
+    """
+    first, last = space["row"], rows
+    if flight["samples"] >= trajectory.shape[0]:
+        flight["samples"] = int(min(flight["samples"] + (rows - first), MOST_ROWS))
+        first = rows
+    else:
+        last = min(rows, first + max(space["most_work"] - space["work"], 1.0))
+    space["work"] += last - first
+    space["row"] = last if last < rows else 0.0
+    return int(first), int(last)
 
 
 @kernel
@@ -48,6 +66,25 @@ def write_forces(
     row["normal"] = normal
     row["tangential"] = tangential
     row["rolling"] = rolling
+    row["slip_velocity"] = row["friction_ratio"] = 0.0
+    row["normal_tail"] = row["tangential_tail"] = row["normal_nose"] = row["tangential_nose"] = 0.0
     row["feature"] = feature
     row["slip"] = slip
     row["spin"] = spin
+
+
+@kernel
+def write_slip(row: np.void, slip_velocity: float, friction: float) -> None:
+    """Fill how fast a contact slips [m/s], whose forces are in the row, and how much of its friction acts."""
+    bound = friction * row["normal"]
+    row["slip_velocity"] = slip_velocity
+    row["friction_ratio"] = row["tangential"] / bound if bound > 0.0 else 0.0
+
+
+@kernel
+def write_corner(row: np.void, feature: int, normal: float, tangential: float) -> None:
+    """Fill the forces [N] of a corner; of the arc, nothing."""
+    if feature == TAIL:
+        row["normal_tail"], row["tangential_tail"] = normal, tangential
+    elif feature == NOSE:
+        row["normal_nose"], row["tangential_nose"] = normal, tangential

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from llvmlite import ir
 
-from sledenv.kernel.trace import block
-from sledenv.kernel.values import DOUBLE, Value, absolute, constant, fma
+from sledenv.programs.trace import block
+from sledenv.programs.values import DOUBLE, Value, absolute, constant, fma
 
 EIGHT = 8
 WIDTH: Final = 24  # numbers of a series: three vectors of eight

@@ -1,9 +1,9 @@
 """Straight-line programs, written once in Python and compiled without a loop or a call in them.
 
-A program may use arithmetic, the functions of :mod:`sledenv.kernel.values` and of :mod:`sledenv.kernel.rows`, and loops
-whose bounds are known beforehand. It is run once, with values that write LLVM instructions instead of computing. An
-unrolled recurrence of thousands of instructions then costs no type inference, which is what takes numba long, and the
-processor finds many instructions that do not wait for each other.
+A program may use arithmetic, the functions of :mod:`sledenv.programs.values` and of :mod:`sledenv.programs.rows`, and
+loops whose bounds are known beforehand. It is run once, with values that write LLVM instructions instead of computing.
+An unrolled recurrence of thousands of instructions then costs no type inference, which is what takes numba long, and
+the processor finds many instructions that do not wait for each other.
 
 A program is given records and knows their fields by name: ``step.length`` loads a field, ``step.length = 2.0`` stores
 one. :func:`straight` makes a function of records that hold one number in a field, or a series of them. :func:`packed`
@@ -27,8 +27,8 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
 
-from sledenv.kernel.jit import kernel
-from sledenv.kernel.values import DOUBLE, Value, constant
+from sledenv.programs.jit import kernel
+from sledenv.programs.values import DOUBLE, Value, constant
 
 Program = Callable[..., None]
 

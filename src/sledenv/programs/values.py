@@ -1,7 +1,7 @@
 """What straight-line programs compute with: numbers, side by side in lanes or one by one, and functions of them.
 
 A program runs either with numbers or, while it is compiled, with values that write LLVM instructions instead of
-computing: see :mod:`sledenv.kernel.trace`. What is here takes either.
+computing: see :mod:`sledenv.programs.trace`. What is here takes either.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""How kernels are compiled, and the straight-line programs in them; no mechanics."""
