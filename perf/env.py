@@ -64,7 +64,11 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
         (body, sledenv.ContactLaw(*law), sledenv.Slope(*slope), sledenv.State(*state))
         for law, slope, state in zip(laws.tolist(), slopes.tolist(), states.tolist(), strict=True)
     ]
-    options: dict[str, Any] = {"max_time": limits.max_time_s, "max_rebounds": limits.max_rebounds}
+    options: dict[str, Any] = {
+        "max_time": limits.max_time_s,
+        "max_rebounds": limits.max_rebounds,
+        "end_on_chord": scenario.ends.on_chord,
+    }
 
     def simulate_singly() -> None:
         for problem in problems:

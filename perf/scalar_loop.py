@@ -20,8 +20,8 @@ from sledenv.kernel.flight import tell_bodies, tell_body, touchdown, touchdowns
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
-from sledenv.kernel.trace import LANES
 from sledenv.params import Limits
+from sledenv.programs.trace import LANES
 
 
 # The cache notices changes of the kernel, not of this loop.

@@ -7,8 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from perf import harness, methods, reference, report, versus, workloads
+from perf import harness, limit, methods, reference, report, versus, workloads
 from perf.contact_model import START
+from sledenv.kernel.records import REBOUND
 
 
 def test_every_competitor_has_one_turn_a_round_and_the_order_rotates(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,3 +128,24 @@ def test_a_timing_is_that_of_a_unit_of_work(monkeypatch: pytest.MonkeyPatch) -> 
 
     measure, units = workloads._timed(run, 4.0)
     assert (measure(), units) == (0.25, 4.0)
+
+
+def test_descents_part_where_a_rebound_differs() -> None:
+    rebounds = np.zeros((3, limit.REBOUNDS), REBOUND)
+    rebounds["v_before"], rebounds["v_after"] = -2.0, 1.0
+    other = rebounds.copy()
+    other["v_after"][1, 5] += 1.01 * 2.0 * limit.APART
+    other["v_after"][1, 3] += 0.99 * 2.0 * limit.APART
+    other["feature"][2, 2] = 1
+    assert limit.parted(other, rebounds, 0.5).tolist() == [limit.REBOUNDS, 5, 2]
+
+
+@pytest.mark.jit_only
+def test_stiff_springs_end_as_rigid_surfaces_do() -> None:
+    """The figure of docs/physics.md, section 8.3, with few launches; its committed result has all stiffnesses."""
+    points = limit.measure(count=200)["points"]
+    *compliant, rigid = points
+    assert abs(compliant[-1]["status"]["finish"] - rigid["status"]["finish"]) < 0.02
+    assert abs(compliant[-1]["more"]["mean"]) < 1e-3
+    assert compliant[0]["same"][3] < compliant[-1]["same"][3]
+    assert [point["stiffness"] for point in harness.load("limit")["points"]] == [*limit.STIFFNESSES, "rigid"]

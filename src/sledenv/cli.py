@@ -344,6 +344,7 @@ def _descend(options: argparse.Namespace, record: Record) -> tuple[str, Descent]
         solver=options.solver,
         max_time=scenario.limits.max_time_s,
         max_rebounds=scenario.limits.max_rebounds,
+        end_on_chord=scenario.ends.on_chord,
         record=record,
     )
     return f"{scenario.id}, seed {options.seed}, solver {options.solver}", descent

@@ -19,7 +19,16 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, g
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from sledenv.geometry import support_heights, within_a_turn
@@ -280,6 +289,12 @@ class LimitsSection(Section):
     max_rebounds: Annotated[int, _Whole("[1, 1000000]")]
 
 
+class EndsSection(Section):
+    """What ends a descent beyond the mechanics: a rider who has fallen does not go on."""
+
+    on_chord: StrictBool = False  # lying on the chord, both ends settled
+
+
 class _ContextFields(NamedTuple):
     angle: float  # [rad] of the slope
     friction: float  # [-] f
@@ -324,6 +339,7 @@ class Scenario(Section):
     launch_section: Annotated[LaunchSection, Field(alias="launch")]
     control: ControlSection
     limits: LimitsSection
+    ends: EndsSection = EndsSection()
     rider: RiderSection | None = None
 
     @classmethod
@@ -356,10 +372,11 @@ class Scenario(Section):
     def hash(self) -> str:
         """Identity of what is simulated, 16 hex digits: words about it, such as title, sources and tags, do not count.
 
-        Neither does a section, or a key of ``control``, that is not given.
+        Neither does a section, or a key of ``control``, that is not given, nor a rule of ``ends`` that is off.
         """
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
+        content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -557,6 +574,7 @@ _SECTIONS = (_BODIES | {"rider": RiderSection}) | {
 _WORDING = {
     "model_type": "must be a mapping of keys to values",
     "model_attributes_type": "must be a mapping of keys to values",
+    "bool_type": "must be true or false",
     "string_type": "must be text",
     "string_pattern_mismatch": "must be lower-case letters, digits and underscores",
     "tuple_type": "must be a list of words",

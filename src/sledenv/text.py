@@ -131,8 +131,13 @@ def summary(descent: Descent) -> str:
     """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
     jam, energy = descent.jam, descent.energy
     metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
+    lying = []
+    if descent.on_chord is not None:
+        time, x = descent.on_chord
+        lying.append(f"chord      first lay on it, settled, after {time:.4f} s at x = {x:z.4f} m")
     lines = [
         f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
+        *lying,
         f"jam        {metrics}, jam index {float(jam.jam_index):.4f}",
         "",
         "energy [J]",

@@ -9,7 +9,7 @@ import sledenv
 
 @pytest.fixture
 def short_scenario() -> sledenv.Scenario:
-    """Ice_drop on a slope that one or two hops cross, so that thousands of episodes take seconds."""
+    """Ice_drop on a slope two or three hops long, so that thousands of episodes take seconds; one in 50 tumbles."""
     content = sledenv.load_scenario("ice_drop").model_dump(mode="json")
-    content["slope"]["length_m"] = 1.5
+    content["slope"]["length_m"] = 2.0
     return sledenv.Scenario.model_validate(content)

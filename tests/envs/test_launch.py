@@ -97,6 +97,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
     descent = sledenv.simulate(
         pack.body(), pack.law(context), pack.slope(context), pack.launch(context, orientation, spin),
         max_time=pack.limits.max_time_s, max_rebounds=pack.limits.max_rebounds,
+        end_on_chord=pack.ends.on_chord,
     )  # fmt: skip
     assert reward == descent.jam.reward
     assert 0.0 <= reward <= 1.0
@@ -227,7 +228,8 @@ def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call
     scenario = plain.task.scenario
     launch = scenario.launch(context, 0.0, 0.5 * sum(scenario.control.spin_rad_s))
     body, law, slope = scenario.body(), scenario.law(context), scenario.slope(context)
-    whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, record="trajectory")))
+    options = {"record": "trajectory", "end_on_chord": scenario.ends.on_chord}
+    whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, **options)))
     assert len(shown) == len(whole) > 60
     assert all(np.array_equal(*pair) for pair in zip(shown[1:], whole[1:], strict=True))
     env.reset(seed=4)

@@ -133,6 +133,7 @@ class Task:
             "solver": solver,
             "max_time": self.scenario.limits.max_time_s,
             "max_rebounds": self.scenario.limits.max_rebounds,
+            "end_on_chord": self.scenario.ends.on_chord,
         }
         self._context_low, self._context_high = self.scenario.ranges
         self._chosen = [Context._fields.index(name) for name in self.controlled]
