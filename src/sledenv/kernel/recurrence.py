@@ -1,6 +1,6 @@
 """The power series of a step in any branch, of one point or two, by plain loops: docs/physics.md (5.5)-(5.9), (8.4).
 
-One point that turns and whose gap moves has programs of its own, which take a fraction of the time: series.py.
+One point that turns has programs of its own, which take a fraction of the time: series.py.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel import normal
-from sledenv.kernel.friction import Branch
 from sledenv.kernel.pair import Forces, Held, Point, branch_of, couples, hold, locking, points, unturned
-from sledenv.kernel.series import ORDER, expand_free, expand_sticking
+from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking
 from sledenv.programs.jit import kernel
 from sledenv.programs.rows import EIGHT
 from sledenv.programs.trace import straight
@@ -162,8 +161,13 @@ def expand(space: np.void) -> None:
     """
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     paired, turning = contact["paired"] != 0.0, contact["spin"] != 0.0
-    if not paired and turning and contact["gap_rate"] != 0.0:
-        if contact["slip"] == 0.0:
+    if turning and not paired:
+        gap_locked, slip_locked = contact["gap_rate"] == 0.0, contact["slip"] == 0.0
+        if gap_locked and slip_locked:
+            expand_rolling(contact, step)
+        elif gap_locked:
+            expand_settled(contact, step)
+        elif slip_locked:
             expand_sticking(contact, step)
         else:
             expand_free(contact, step)
@@ -175,6 +179,5 @@ def expand(space: np.void) -> None:
     if not turning:
         _expand_unturned(space, one, two, unturned(contact, one, two, branch))
     else:
-        other = branch_of(second) if paired else Branch(1, 1, branch.spin)
-        held = hold(contact["per_mass"], contact["ratio"], one, two, branch, other)
+        held = hold(contact["per_mass"], contact["ratio"], one, two, branch, branch_of(second))
         _expand_turning(contact, second, step, second_step, held, space["moments"])

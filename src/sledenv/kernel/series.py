@@ -1,7 +1,7 @@
-"""Power series of one step of a contact that turns, as its gap moves: docs/physics.md, section 5.
+"""Power series of one step of a contact of one point that turns: docs/physics.md, section 5.
 
-Nearly all steps are of that kind, with the slip free or locked, so they have programs; recurrence.py has the others.
-:mod:`sledenv.kernel.step` says how far a step may go and how it ends.
+Most steps are of that kind, so they have programs, by whether gap rate and slip are locked; recurrence.py has the
+others. :mod:`sledenv.kernel.step` says how far a step may go and how it ends.
 """
 
 from __future__ import annotations
@@ -53,12 +53,13 @@ class _Spinning(NamedTuple):
     turns: list[Any]  # pairs of sine and cosine of theta
     sines: list[Any]
     spins: list[Any]
-    gaps: list[Any]
+    gaps: list[Any]  # where the gap is free
+    loads: list[Any]  # normal forces where it is locked
     forces: list[Any]  # where the slip is locked
 
 
-def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
-    """Coefficients of a motion with spin and a free gap, one order after the other: docs/physics.md (5.5)-(5.9).
+def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) -> _Spinning:
+    """Coefficients of a motion with spin, one order after the other: docs/physics.md (5.5)-(5.9).
 
     All products are summed at once, side by side: those of sine and cosine with the spin, and those of levers with
     forces.
@@ -67,10 +68,11 @@ def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
     square = unit * unit
     inward, downhill = square * contact.inward, square * contact.downhill
     stiffness = -(contact.stiffness * contact.per_mass * square)  # normal force over load
-    per_lever = ratio * stiffness  # spin rate that a load at the lever gives
+    # Spin rate that a force at the lever gives; the load is the normal force itself where the gap is locked.
+    per_lever = ratio if gap_locked else ratio * stiffness
     lever_sine, lever_cosine = -(h * per_lever), -(contact.mu * h * per_lever)
     lever_rest = fma(contact.mu, r, contact.rho) * per_lever
-    b_0 = fma(-h, step.cosine, r)
+    a_0, b_0 = h * step.sine, fma(-h, step.cosine, r)
     if slip_locked:
         lever_cosine, lever_rest = 0.0, contact.rho * per_lever
     sine, cosine, spin = [step.sine], [step.cosine], [unit * contact.omega]
@@ -80,6 +82,7 @@ def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
     force: list[Any] = []
     per_unit = 1.0 / unit
     lever, arm = [], []
+    divisor: Any = 1.0
     left: list[Any] = []  # sine, cosine, lever, arm
     right: list[Any] = [None]  # spin, spin, load, force; the last two of the term before
     for k in range(ORDER + 1):
@@ -90,9 +93,14 @@ def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
         left.append(shuffled(turn[k], side_by_side(lever[k], arm[k]), range(4)))
         known = None  # sine and cosine times the spin, without the newest coefficient of that
         if k == 0:
-            divisor = 1.0 / (1.0 + arm[0] * b_0) if slip_locked else 1.0
+            if gap_locked:
+                divisor = divisor - lever[0] * a_0
+            if slip_locked:
+                divisor = divisor + arm[0] * b_0
+            divisor = 1.0 / divisor
         else:
-            load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
+            if not gap_locked:
+                load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
             inner = _product(left, right, k, 2)
             known = None if inner is None else shuffled(inner, None, (0, 1))
             # The newest coefficient of the spin: the forces before, each with the levers.
@@ -105,14 +113,21 @@ def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
                 if slip_locked:
                     rest = fma(arm[i], force[k - 1 - i], rest)
             known = _plus_product(turn[k], twice[0], known)
-            rest = _plus_product(lever[0], load[k - 1], rest)
-            if slip_locked:  # the sweep that the other coefficients of the spin give to the contact point
+            if gap_locked:  # the lift that the other coefficients of the spin give to the contact point
+                lift = (k * h) * element(known, 0)
+                lift = lift + inward if k == 1 else lift
+                rest = _plus_product(lever[0], lift, rest)
+            else:
+                rest = _plus_product(lever[0], load[k - 1], rest)
+            if slip_locked:  # and the sweep
                 sweep = (-k * h) * element(known, 1)
                 sweep = sweep + downhill if k == 1 else sweep
                 rest = fma(-arm[0], sweep, rest)
             rest = rest * ((1.0 / k) * divisor)
             spin.append(rest)
             twice.append(repeated(rest, 2))
+            if gap_locked:
+                load.append(fma(k * a_0, rest, lift))
             force.append(-fma(k * b_0, rest, sweep) if slip_locked else 0.0)
             right.append(shuffled(twice[k], side_by_side(load[k - 1], force[k - 1]), range(4)))
         # Sine and cosine after it.
@@ -120,39 +135,44 @@ def _recurrence(contact: Any, step: Any, slip_locked: bool) -> _Spinning:
         turn.append(shuffled(whole, None, (1, 0)))
         sine.append(element(turn[k + 1], 0))
         cosine.append(element(turn[k + 1], 1))
-        if k > 0:
+        if not gap_locked and k > 0:
             free = load[k - 1] * (stiffness * (1.0 / (k * (k + 1))))
             gap.append(fma(h, cosine[k + 1], fma(-0.5, inward, free) if k == 1 else free))
-    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, force)
+    return _Spinning(turn[:TERMS], sine, spin[:TERMS], gap, load, force)
 
 
-def _spinning(slip_locked: bool) -> Program:
-    """Return the program that fills the series of a motion with spin and a free gap, whose slip is locked or not."""
+def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
+    """Return the program that fills the series in a branch with spin."""
 
     def program(contact: Any, step: Any) -> None:
-        found = _recurrence(contact, step, slip_locked)
+        found = _recurrence(contact, step, gap_locked, slip_locked)
         unit = step.unit
         per_unit = 1.0 / unit
         in_seconds = repeated(per_unit, EIGHT)
         masses = repeated(per_unit * per_unit / contact.per_mass, EIGHT)  # what makes a force of one per mass
+        nothing = [np.zeros(EIGHT)] * 3
         spins, (sines, cosines) = rows.of(found.spins), rows.apart(found.turns)
-        gaps = rows.of(found.gaps[:TERMS])
-        rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
-        rates = rows.with_first(rates, contact.v_n)
-        loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
-        stiff = repeated(-contact.stiffness, EIGHT)
-        normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
+        if gap_locked:
+            gaps, rates, loads = rows.of([contact.gap]), nothing, rows.of(found.loads[:ORDER])
+            normals = [p * masses for p in loads]
+        else:
+            gaps = rows.of(found.gaps[:TERMS])
+            rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
+            rates = rows.with_first(rates, contact.v_n)
+            loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
+            stiff = repeated(-contact.stiffness, EIGHT)
+            normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         # How fast the contact point turns away from under the mass centre: slip velocity = speed + sweep.
         reach, height = repeated(contact.r, EIGHT), repeated(contact.h, EIGHT)
         nexts = rows.times(rows.moved_back(sines, found.sines[1:]), _NEXT)
         sweeps = [fma(reach, p, -(height * q)) for p, q in zip(spins, nexts, strict=True)]
         if slip_locked:
-            speeds, slips = [-p for p in sweeps], [np.zeros(EIGHT)] * 3
+            speeds, slips = [-p for p in sweeps], nothing
             step.force = [p * masses for p in rows.of(found.forces[:ORDER])]
         else:
             square = unit * unit
             stiffness = -(contact.stiffness * contact.per_mass * square)
-            driven = repeated(contact.mu * stiffness, EIGHT)
+            driven = repeated(contact.mu if gap_locked else contact.mu * stiffness, EIGHT)
             speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0), _SHARES, strict=True)]
             start = fma(unit, contact.v_t, -element(sweeps[0], 0))
             speeds[0] = speeds[0] + side_by_side(start, square * contact.downhill, *([0.0] * 6))
@@ -167,7 +187,11 @@ def _spinning(slip_locked: bool) -> Program:
     return program
 
 
-expand_free, expand_sticking = of_step(_spinning(slip_locked=False)), of_step(_spinning(slip_locked=True))
+# Branches by what is locked.
+expand_free = of_step(_spinning(gap_locked=False, slip_locked=False))
+expand_sticking = of_step(_spinning(gap_locked=False, slip_locked=True))
+expand_settled = of_step(_spinning(gap_locked=True, slip_locked=False))
+expand_rolling = of_step(_spinning(gap_locked=True, slip_locked=True))
 
 
 _HEEDED = np.array([ORDER - 3, ORDER - 1, ORDER, ORDER])  # orders of the terms that bound a step, the last one twice
