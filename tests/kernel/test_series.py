@@ -11,7 +11,7 @@ import pytest
 from sledenv.entries import entry
 from sledenv.kernel.descend import SPACE
 from sledenv.kernel.friction import Drive, Mobility, rates_of
-from sledenv.kernel.recurrence import expand, stand_alone
+from sledenv.kernel.recurrence import expand
 from sledenv.kernel.state import new
 from sledenv.kernel.step import complete
 from sledenv.programs.rows import WIDTH
@@ -23,7 +23,6 @@ INWARD, DOWNHILL = 9.0, 2.5
 
 @entry
 def _expand(spaces: np.ndarray) -> None:
-    stand_alone(spaces[0]["second"], spaces[0]["second_step"])
     expand(spaces[0])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.recurrence import expand, stand_alone
+from sledenv.kernel.recurrence import expand
 from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.state import CONTACT, PEAKS, SUMS, add, clear, copy
 from sledenv.kernel.step import complete, orient
@@ -72,14 +72,13 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
 
 
 @kernel
-def _part(body: Body, first_stays: bool, contact: np.void, second: np.void, second_step: np.void) -> None:
+def _part(body: Body, first_stays: bool, contact: np.void, second: np.void) -> None:
     """Go on with one of the points alone."""
     _add(contact, second)
     if not first_stays:
         _take(contact, second)
     contact["paired"] = 0.0
     progress.tell_feature(body, contact)
-    stand_alone(second, second_step)
 
 
 @kernel
@@ -130,10 +129,10 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
             if not contact["inward"] > 0.0:
                 return records.SEPARATED
             # Friction would turn the body over the corner ahead, faster than any finite force could let it.
-            _part(body, contact["v_t"] * contact["h"] * step["sine"] < 0.0, contact, second, second_step)
+            _part(body, contact["v_t"] * contact["h"] * step["sine"] < 0.0, contact, second)
             return records.INCONSISTENT
         if rigid and (branch.gap_rate > 0 or other.gap_rate > 0):
-            _part(body, branch.gap_rate == 0, contact, second, second_step)
+            _part(body, branch.gap_rate == 0, contact, second)
             return records.RUNNING
     if contact["spin"] == 0.0 and contact["gap_rate"] == 0.0:
         if flight["t_on_chord"] == math.inf:
@@ -254,7 +253,7 @@ def feel_both(body: Body, contact: np.void, second: np.void, step: np.void, seco
         return records.RUNNING
     contact["undecided"] = 1.0
     gone = (leaves or contact["gap"] >= 0.0) and (second_leaves or second["gap"] >= 0.0)
-    _part(body, second_leaves, contact, second, second_step)
+    _part(body, second_leaves, contact, second)
     return records.SEPARATED if gone else records.RUNNING
 
 

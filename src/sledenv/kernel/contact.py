@@ -17,7 +17,7 @@ from sledenv.kernel.chord import feel_both, join, look_at_both, step_of_both, un
 from sledenv.kernel.friction import Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.recurrence import expand, stand_alone
+from sledenv.kernel.recurrence import expand
 from sledenv.kernel.roots import horner, locate
 from sledenv.kernel.state import FLYING, TOUCHING
 from sledenv.kernel.step import begin_step, complete, expect, orient
@@ -317,7 +317,6 @@ def follow(
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     if space["stage"] != TOUCHING:
         _begin(body, slope, limits, contact)
-        stand_alone(second, second_step)
         if contact["paired"] != 0.0:
             join(body, contact, second)
     space["stage"] = FLYING

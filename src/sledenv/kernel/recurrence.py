@@ -144,7 +144,7 @@ def _expand_turning(
 
 
 @kernel
-def stand_alone(second: np.void, second_step: np.void) -> None:
+def _stand_alone(second: np.void, second_step: np.void) -> None:
     """Let the second point have no part in what the first does."""
     _empty(second_step)
     second["h"] = second["r"] = second["mu"] = second["rho"] = second["arm"] = second["stiffness"] = 0.0
@@ -172,6 +172,8 @@ def expand(space: np.void) -> None:
         else:
             expand_free(contact, step)
         return
+    if not paired:
+        _stand_alone(second, second_step)
     one, two = points(contact, second, step, second_step)
     branch = branch_of(contact)
     _begin(contact, step)
