@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from mpmath import mp, mpf
 
+from sledenv.geometry import lowest_support
+from sledenv.kernel import params as kernel_params
 from sledenv.params import Body, ContactLaw, Limits, Slope, State, circular_segment
-from tests.oracles import segment_by_strips
+from tests.oracles import segment_by_strips, support
 
 GOOD: dict[Any, dict[str, float]] = {
     Body: {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9},
@@ -89,7 +93,7 @@ def test_a_number_in_a_string_is_refused(value: Any) -> None:
 
 
 def test_the_ends_of_the_ranges_are_accepted() -> None:
-    """Oracle: the ranges in the docstrings: a rod, a full disc, no losses, no gravity, a slope without end."""
+    """Oracle: the ranges in the docstrings: a point, a full disc, no losses, no gravity, a slope without end."""
     assert Body(1.0, 0.0, 0.0, 1.0, math.pi).half_angle == math.pi
     assert ContactLaw(1e6, 0.0, 0.0, 0.0).corner_rolling_arm == 0.0
     assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0)
@@ -97,13 +101,59 @@ def test_the_ends_of_the_ranges_are_accepted() -> None:
     assert Body(1.0, 0.1, 0.0, 1.0) == (1.0, 0.1, 0.0, 1.0, math.pi)
 
 
-def test_a_mass_centre_outside_a_disc_is_refused() -> None:
-    """Oracle: at phi = 0 the mass centre is at r - h above the slope; a corner, or a rod, may have it there."""
-    with pytest.raises(ValueError, match=r"Body.eccentricity = 0.11: must be in \[0, radius\] = \[0, 0.1\] m"):
-        Body(1.0, 0.1, 0.11, 1e-3)
-    assert Body(1.0, 0.1, 0.1, 1e-3).eccentricity == 0.1
-    assert Body(1.0, 0.1, 0.11, 1e-3, 3.0).eccentricity == 0.11
-    assert Body(1.0, 0.0, 0.11, 1e-3).eccentricity == 0.11
+@pytest.mark.parametrize(
+    ("radius", "eccentricity", "half_angle", "allowed"),
+    [
+        pytest.param(0.1, 0.11, math.pi, "[0.0, 0.1] m", id="disc"),
+        pytest.param(0.1, 0.11, 3.0, "[0.0, 0.1] m", id="below the arc"),
+        pytest.param(0.5, 0.2, 1.0, f"[{0.5 * math.cos(1.0)!r}, 0.5] m", id="beyond the chord"),
+        pytest.param(0.0, 0.4, math.pi, "[0.0, 0.0] m", id="one end of a rod"),
+        pytest.param(0.0, 0.4, 0.1, "[0.0, 0.0] m", id="both ends at one place"),
+    ],
+)
+def test_a_mass_centre_outside_the_body_is_refused(
+    radius: float, eccentricity: float, half_angle: float, allowed: str
+) -> None:
+    """Oracle: the geometry; at some orientation it would lie below the lowest point of the outline."""
+    phi = np.linspace(-math.pi, math.pi, 1001)
+    assert support(kernel_params.Body(1.0, radius, eccentricity, 1e-3, half_angle), phi).min() < 0.0
+    with pytest.raises(ValueError, match=rf"^Body.eccentricity = {eccentricity}: must be in .* = {re.escape(allowed)}"):
+        Body(1.0, radius, eccentricity, 1e-3, half_angle)
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, math.pi), st.floats(-0.5, 1.5))
+def test_just_those_bodies_are_accepted_whose_mass_centre_never_passes_below_the_slope(
+    radius: float, half_angle: float, share: float
+) -> None:
+    """Oracle: the lowest of the support heights over a fine grid, which holds the upright body and the chord."""
+    least = max(radius * math.cos(half_angle), 0.0)
+    eccentricity = least + share * (radius - least)
+    assume(eccentricity >= 0.0)
+    given_body = kernel_params.Body(1.0, radius, eccentricity, 1.0, half_angle)
+    lowest = support(given_body, np.linspace(-math.pi, math.pi, 401)).min()
+    assume(abs(lowest) > 1e-14 * radius)
+    if lowest > 0.0:
+        assert Body(*given_body) == given_body
+    else:
+        with pytest.raises(ValueError, match=r"Body\.eccentricity"):
+            Body(*given_body)
+
+
+@settings(deadline=None)  # the first call compiles
+@given(st.floats(1e-6, math.pi / 2), st.floats(1e-3, 1e3))
+def test_a_mass_centre_on_the_outline_is_accepted(half_angle: float, half_length: float) -> None:
+    """Oracle: the support height of a thin rod is zero where it lies flat, however its place is rounded."""
+    radius = half_length / math.sin(half_angle)
+    for eccentricity in (half_length / math.tan(half_angle), radius * math.cos(half_angle), radius):
+        body = Body(1.0, radius, min(eccentricity, radius), 1.0, half_angle)
+        assert abs(lowest_support(body)) <= 1e-15 * radius
+
+
+@settings(deadline=None)  # the first call compiles
+@given(st.floats(1e-150, math.pi))
+def test_every_segment_holds_its_mass_centre(half_angle: float) -> None:
+    """Oracle: the mass centre of a lamina lies in its convex hull."""
+    assert lowest_support(circular_segment(1.0, 1.0, half_angle)) >= 0.0
 
 
 @pytest.mark.parametrize("kind", [Body, ContactLaw, Slope, State, Limits])
@@ -123,7 +173,7 @@ def test_parameters_survive_pickling(kind: Any) -> None:
     assert again == made
 
 
-@pytest.mark.parametrize("half_angle", [0.1, 0.3, 1.0, math.pi / 2, 1.895, 2.5, 3.1, math.pi])
+@pytest.mark.parametrize("half_angle", [0.299, 0.3, 1.0, math.pi / 2, 1.895, 2.5, 3.1, math.pi])
 def test_segment_has_the_mass_centre_and_the_inertia_of_its_lamina(half_angle: float) -> None:
     """Oracle: the lamina cut into strips and summed; small half-angles lose digits to cancellation, like alpha^-5."""
     body = circular_segment(3.0, 0.7, half_angle)
@@ -133,6 +183,19 @@ def test_segment_has_the_mass_centre_and_the_inertia_of_its_lamina(half_angle: f
     assert body.inertia == pytest.approx(3.0 * (about_arc_centre - eccentricity**2), rel=lost)
     assert body[:2] == (3.0, 0.7)
     assert body.half_angle == half_angle
+
+
+@pytest.mark.parametrize("half_angle", [1e-9, 1e-6, 1e-3, 0.03, 0.1, 0.299])
+def test_a_thin_segment_loses_no_digits(half_angle: float) -> None:
+    """Oracle: the closed form in 80 digits."""
+    with mp.workdps(80):
+        alpha = mpf(half_angle)
+        area = alpha - mp.sin(alpha) * mp.cos(alpha)
+        eccentricity = 2 * mp.sin(alpha) ** 3 / (3 * area)
+        inertia = (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * area)) / 2 - eccentricity**2
+        body = circular_segment(1.0, 1.0, half_angle)
+        assert body.inertia == pytest.approx(float(inertia), rel=2e-15)
+        assert body.eccentricity == pytest.approx(float(eccentricity), rel=3e-16)
 
 
 def test_segment_of_half_angle_pi_is_a_uniform_disc() -> None:

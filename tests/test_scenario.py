@@ -335,17 +335,17 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="disc", **disc) == Body(2, 0.5, 0.1, 0.2)
     assert body(kind="custom", **disc) == Body(2, 0.5, 0.1, 0.2, math.pi)
     assert body(kind="custom", **disc, half_angle_deg=90) == Body(2, 0.5, 0.1, 0.2, math.pi / 2)
-    assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 1}) == Body(2, 0, 1, 0.2)
+    assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == Body(2, 0, 0, 0.2)
     assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
 
 
 @pytest.mark.parametrize(
     ("section", "message"),
     [
-        ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in [1, "),
+        ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in (0, "),
         (
-            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 0.5},
-            "body.half_angle_deg = 0.5: must be a number in [1, 180] deg",
+            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 0},
+            "body.half_angle_deg = 0: must be a number in (0, 180] deg",
         ),
         (
             {"kind": "custom", "mass_kg": 2, "radius_m": -1, "eccentricity_m": 0, "inertia_kg_m2": 1},
@@ -353,7 +353,20 @@ def test_each_kind_of_body_is_built() -> None:
         ),
         (
             {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.6, "inertia_kg_m2": 1},
-            "body: eccentricity_m = 0.6: must be a number in [0, radius_m] = [0, 0.5] m without corners",
+            "body: eccentricity_m = 0.6: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
+            "[0, 0.5] m",
+        ),
+        (
+            {
+                "kind": "custom",
+                "mass_kg": 2,
+                "radius_m": 0.5,
+                "eccentricity_m": 0.1,
+                "inertia_kg_m2": 1,
+                "half_angle_deg": 60,
+            },
+            "body: eccentricity_m = 0.1: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
+            "[0.25, 0.5] m",
         ),
         (
             {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},

@@ -41,7 +41,7 @@ def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -
     Parameters
     ----------
     body : Body
-        Its shape; a rod (radius 0) is drawn from the end that touches to the mass centre.
+        Its shape.
     x, y : float
         Mass centre [m].
     phi : float
@@ -52,11 +52,9 @@ def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -
     Returns
     -------
     ndarray, shape (n, 2)
-        Columns x, y [m]; the first point is repeated as the last, save for a rod, which has two points.
+        Columns x, y [m]; the first point is repeated as the last.
     """
     centre = np.array([x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)])
-    if body.radius == 0.0:
-        return np.array([centre, (x, y)])
     angle = phi + np.linspace(-body.half_angle, body.half_angle, points)
     arc = centre + body.radius * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
     return np.concatenate([arc, arc[:1]])

@@ -21,6 +21,8 @@ POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
 _HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
+_ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
+_THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
 TOLERANCE = 1e-14  # default of Limits
 _TOLERANCE: Rule = (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]")
 
@@ -78,6 +80,16 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
             raise ValueError(f"{owner.format(lane=lane)}.{field} = {value!r}: must be {allowed}")
 
 
+def least_eccentricity(radius: float, half_angle: float) -> float:
+    """Smallest distance [m] of the mass centre from the centre of the arc with which it is not beyond the chord."""
+    return radius * max(math.cos(half_angle), 0.0)
+
+
+def holds_its_mass_centre(radius: float, eccentricity: float, half_angle: float) -> bool:
+    """Whether the mass centre lies between arc and chord, so that it stays above the slope: docs/physics.md (8.2)."""
+    return least_eccentricity(radius, half_angle) - _ON_CHORD * radius <= eccentricity <= radius
+
+
 class Body(params.Body):
     """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1.
 
@@ -86,10 +98,10 @@ class Body(params.Body):
     mass : float
         Mass [kg], > 0.
     radius : float
-        Radius of the arc [m], >= 0; 0 is a rod that touches with its end.
+        Radius of the arc [m], >= 0; 0 is a point.
     eccentricity : float
-        Distance from the centre of the arc to the mass centre [m], >= 0; of a body without corners, unless it is a rod,
-        <= ``radius``, as the mass centre would pass below the slope.
+        Distance from the centre of the arc to the mass centre [m], which lies between arc and chord: from
+        ``radius * cos(half_angle)``, or 0 if that is negative, to ``radius``. Elsewhere it would pass below the slope.
     inertia : float
         Moment of inertia about the mass centre [kg m^2], > 0.
     half_angle : float
@@ -109,10 +121,10 @@ class Body(params.Body):
     ) -> Self:
         values = _checked_fields(cls, mass, radius, eccentricity, inertia, half_angle)
         _, r, h, _, alpha = values
-        if h > r > 0.0 and alpha == math.pi:
+        if not holds_its_mass_centre(r, h, alpha):
             raise ValueError(
-                f"Body.eccentricity = {eccentricity!r}: must be in [0, radius] = [0, {r!r}] m without corners "
-                "(half_angle = pi): the mass centre would pass below the slope"
+                f"Body.eccentricity = {eccentricity!r}: must be in [max(radius cos(half_angle), 0), radius] = "
+                f"[{least_eccentricity(r, alpha)!r}, {r!r}] m: elsewhere the mass centre would pass below the slope"
             )
         return super().__new__(cls, *values)
 
@@ -137,11 +149,30 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
     mass = checked("circular_segment", "mass", mass, POSITIVE)
     radius = checked("circular_segment", "radius", radius, POSITIVE)
     alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
+    if alpha < _THIN:
+        h, inertia = _thin_segment(alpha)
+        return Body(mass, radius, radius * h, mass * radius**2 * inertia, alpha)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     area = alpha - sine * cosine  # of the segment, over r^2
     eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
     about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
     return Body(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
+
+
+def _thin_segment(alpha: float) -> tuple[float, float]:
+    """Eccentricity over r and inertia over m r^2 of a thin segment, summed over strips along the chord.
+
+    No term is negative, so that no digits are lost; the sum is that of the integral but for rounding.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    t = 0.5 * alpha * (1.0 + nodes)  # the strip at r cos(t) from the centre of the arc, half as wide as r sin(t)
+    above = 2.0 * np.sin(0.5 * (alpha + t)) * np.sin(0.25 * alpha * (1.0 - nodes))  # the chord, over r
+    half = np.sin(t)
+    share = weights * (half / math.sin(alpha)) ** 2
+    share /= share.sum()
+    height = float(share @ above)
+    inertia = float(share @ ((above - height) ** 2 + half**2 / 3.0))
+    return min(math.cos(alpha) + height, 1.0), inertia
 
 
 def restitution_of(asymmetry: Any) -> Any:

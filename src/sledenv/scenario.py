@@ -45,6 +45,8 @@ from sledenv.params import (
     asymmetry_of,
     checked,
     circular_segment,
+    holds_its_mass_centre,
+    least_eccentricity,
 )
 
 Pair = tuple[float, float]
@@ -190,7 +192,7 @@ class SegmentBody(Section):
     kind: Literal["segment"]
     mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
     radius_m: Annotated[float, _Quantity("(0, inf) m")]
-    half_angle_deg: Annotated[float, _Quantity("[1, 180] deg")]  # of the arc; the inertia loses its digits below 1
+    half_angle_deg: Annotated[float, _Quantity("(0, 180] deg")]  # of the arc
 
     def build(self) -> Body:
         """Return the body of the simulator."""
@@ -198,7 +200,7 @@ class SegmentBody(Section):
 
 
 class CustomBody(Section):
-    """Any body of the simulator, a rod (``radius_m: 0``) included."""
+    """Any body of the simulator."""
 
     kind: Literal["custom"]
     mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
@@ -209,8 +211,10 @@ class CustomBody(Section):
 
     @model_validator(mode="after")
     def _mass_centre_inside(self) -> Self:
-        if self.half_angle_deg == 180.0 and self.eccentricity_m > self.radius_m > 0.0:
-            allowed = f"[0, radius_m] = [0, {self.radius_m:g}] m without corners (half_angle_deg: 180)"
+        half_angle = math.radians(self.half_angle_deg)
+        if not holds_its_mass_centre(self.radius_m, self.eccentricity_m, half_angle):
+            least = least_eccentricity(self.radius_m, half_angle)
+            allowed = f"[max(radius_m cos(half_angle_deg), 0), radius_m] = [{least:g}, {self.radius_m:g}] m"
             raise ValueError(f"eccentricity_m = {self.eccentricity_m:g}: must be a number in {allowed}")
         return self
 

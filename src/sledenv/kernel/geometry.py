@@ -42,7 +42,7 @@ def without_turns(phi: Any) -> Any:
 
 @kernel
 def has_corners(body: Body) -> bool:
-    """Whether the arc ends in corners: a full disc and a rod have none."""
+    """Whether the arc ends in corners: a full disc and a point have none."""
     return body.half_angle < math.pi and body.radius > 0.0
 
 

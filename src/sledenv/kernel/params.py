@@ -12,7 +12,7 @@ class Body(NamedTuple):
     """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1."""
 
     mass: float  # [kg]
-    radius: float  # [m] r of the arc; 0 is a rod
+    radius: float  # [m] r of the arc; 0 is a point
     eccentricity: float  # [m] h, distance from arc centre to mass centre
     inertia: float  # [kg m^2] about the mass centre
     half_angle: float  # [rad] alpha; the arc spans +-alpha about the direction of the mass centre
