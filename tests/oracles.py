@@ -904,14 +904,23 @@ def random_cases(seed: int = 5) -> list[tuple[str, OracleBody, OracleState, int]
 
     return [
         case("eccentric disc", 5),
-        case("rod", 4, tilt=(2.6, 3.6), radius=0.0, eccentricity=0.4),
+        case("rod", 4, tilt=(3.1, 3.18), radius=0.0, eccentricity=0.4, omega=1.0),
         case("wheel with topspin", 5, eccentricity=0.0, omega=-40.0),
         case("wheel with backspin, arm", 5, eccentricity=0.0, omega=30.0, rolling_arm=0.02),
         case("no friction", 4, friction=0.0),
         case("no rolling resistance", 5, rolling_arm=0.0),
         case("neither friction nor rolling resistance nor hysteresis", 4, friction=0.0, rolling_arm=0.0, asymmetry=0.0),
         case("full friction", 5, friction=1.0),
-        case("full friction rod", 4, tilt=(2.4, 3.9), radius=0.0, eccentricity=0.3, friction=1.0, rolling_arm=0.03),
+        case(
+            "full friction rod",
+            4,
+            tilt=(3.05, 3.2),
+            radius=0.0,
+            eccentricity=0.3,
+            friction=1.0,
+            rolling_arm=0.03,
+            omega=0.5,
+        ),
         case("no hysteresis, spinning", 4, asymmetry=0.0, omega=25.0),
         case("soft, strongly asymmetric", 4, stiffness=2.0e4, asymmetry=0.8, drop=(0.01, 0.05)),
     ]

@@ -20,16 +20,18 @@ from sledenv import descent as descent_module
 from sledenv.checks import checked_lanes, checked_law
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs.task import FIELDS, Task
-from sledenv.geometry import support_height, within_a_turn
+from sledenv.geometry import support_height, support_heights, within_a_turn
 from sledenv.jam import DescentJam
 from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.scenario import load_scenario, scenario_names
+from tests.bodies import rod, segment
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
+ROD = rod(1.0, 0.4, 0.02)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
 INCLINE = Slope(0.2, 10.0, 9.81)
@@ -42,13 +44,11 @@ def rounded(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 bodies = st.one_of(
-    st.sampled_from(
-        [DISC, SEGMENT, Body(1.0, 0.0, 0.4, 0.02), Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.15, 0.01, 2.5)]
-    ),
+    st.sampled_from([DISC, SEGMENT, ROD, Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.1, 0.01, 2.5)]),
     rounded(0.3, 3.0).map(lambda half_angle: circular_segment(2.0, 0.3, half_angle)),
     st.builds(
-        lambda h, inertia, half_angle: Body(1.0, 0.5, h, inertia, half_angle),
-        rounded(0.0, 0.7),
+        lambda share, inertia, half_angle: segment(1.0, 0.5, share, inertia, half_angle),
+        rounded(0.0, 1.0),
         rounded(0.02, 0.3),
         rounded(0.3, 3.14),
     ),
@@ -151,7 +151,7 @@ def deep_launch(seed: int) -> tuple[Body, ContactLaw, Slope, State]:
     r = rng.uniform(0.02, 1.5)
     mass = 10.0 ** rng.uniform(0.0, 2.0)
     half_angle = rng.choice([rng.uniform(0.2, 3.14), math.pi - 10.0 ** rng.uniform(-4.0, -0.5)])
-    body = Body(mass, r, r * rng.uniform(0.0, 0.95), mass * r**2 * rng.uniform(0.05, 0.6), half_angle)
+    body = segment(mass, r, rng.uniform(0.0, 0.95), mass * r**2 * rng.uniform(0.05, 0.6), half_angle)
     law = ContactLaw(
         mass * 10.0 ** rng.uniform(3.5, 5.5),
         rng.choice([0.0, rng.uniform(0.0, 0.9)]),
@@ -177,7 +177,7 @@ def test_deep_penetration_creates_no_energy() -> None:
 
 def test_a_body_pressed_in_up_to_both_corners_is_buried() -> None:
     """Oracle: the geometry; when one end of the arc is lowest the other lies r (1 - cos 2 alpha) above it."""
-    body = Body(1.0, 0.5, 0.2, 0.05, 0.3)
+    body = Body(1.0, 0.5, 0.49, 0.05, 0.3)
     launch = State(0.0, support_height(body, 0.2), 0.2, 0.0, -30.0, 20.0)
     descent = simulate(body, ContactLaw(1e4, 0.0, 0.0, 0.0), Slope(0.0), launch, max_time=1.0)
     assert descent.status == Status.BURIED
@@ -308,20 +308,50 @@ def test_a_body_that_falls_flat_comes_to_lie_on_its_chord(half_angle: float, phi
 
 def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
     """Oracle: a rod set down upright without losses springs back to zero depth and speed, and again, for ever."""
-    rod = Body(1.0, 0.0, 0.4, 0.02)
     end = simulate(
-        rod, ContactLaw(1e7, 0.0, 0.0, 0.0), Slope(0.0), launched(rod, (0.0, 0.0, 0.0, 0.0, 0.0)), max_time=1.0
+        ROD,
+        ContactLaw(1e7, 0.0, 0.0, 0.0),
+        Slope(0.0),
+        launched(ROD, (0.0, 0.5 * math.pi, 0.0, 0.0, 0.0)),
+        max_time=1.0,
     )
     assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
 
 
-@pytest.mark.parametrize(("angle", "phi"), [(0.0, 1e-20), (1e-58, 0.3)], ids=["tip", "slope"])
-def test_a_vanishing_drive_is_not_a_trap(angle: float, phi: float) -> None:
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_the_mass_centre_of_a_rod_stays_above_the_slope(solver: Any) -> None:
+    """Oracle: the geometry; it lies between two ends that are above the slope but for the compression."""
+    rng = np.random.default_rng(1)
+    flat = 0
+    for _ in range(200):
+        half_length, mass = rng.uniform(0.2, 1.5), 10.0 ** rng.uniform(-0.5, 2.0)
+        body = rod(mass, half_length, mass * half_length**2 * rng.uniform(0.02, 1.0))
+        law = ContactLaw(
+            mass * 10.0 ** rng.uniform(5.0, 8.0),
+            rng.choice([0.0, rng.uniform(0.0, 0.9)]),
+            rng.choice([0.0, rng.uniform(0.0, 1.5)]),
+            0.0,
+            half_length * rng.choice([0.0, rng.uniform(0.0, 0.05)]),
+        )
+        clearance, phi = rng.choice([0.0, rng.uniform(0.0, 2.0)]), rng.uniform(-math.pi, math.pi)
+        motion = rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 0.0), rng.choice([0.0, rng.uniform(-20.0, 20.0)])
+        launch = launched(body, (clearance, phi, *motion))
+        descent = simulate(
+            body, law, Slope(rng.uniform(-0.5, 0.7)), launch, solver=solver, max_time=3.0, record="trajectory"
+        )
+        rows = descent.trajectory
+        height, compression = rows["y"], support_heights(body, rows["phi"].copy()) - rows["y"]
+        assert (height >= -1e-9 - (0.0 if solver == "rigid" else np.maximum(compression, 0.0))).all()
+        flat += descent.on_chord is not None
+    assert flat > 20
+
+
+@pytest.mark.parametrize(("angle", "lean"), [(0.0, 1e-15), (1e-58, 0.3)], ids=["tip", "slope"])
+def test_a_vanishing_drive_is_not_a_trap(angle: float, lean: float) -> None:
     """Oracle: a rod without losses falls over, however slightly it leans; a slope of 1e-58 rad is level."""
-    rod = Body(1.0, 0.0, 0.4, 0.02)
-    launch = launched(rod, (1e-5, phi, 0.0, 0.0, 0.0))
+    launch = launched(ROD, (1e-5, 0.5 * math.pi + lean, 0.0, 0.0, 0.0))
     for friction in (0.0, 1.0):
-        end = simulate(rod, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
+        end = simulate(ROD, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
         assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
 
 
@@ -724,7 +754,7 @@ def traced(body: Body = SEGMENT, law: ContactLaw = LAW, **options: Any) -> Desce
     return simulate(body, law, Slope(0.2, 10.0), launch, record="trajectory", **{"max_time": 4.0} | options)
 
 
-@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
 def test_a_trajectory_runs_from_launch_to_end(body: Body) -> None:
     """Oracle: launch and final state; time never runs backwards and no interval is longer than asked for."""
     descent = traced(body)
@@ -738,7 +768,7 @@ def test_a_trajectory_runs_from_launch_to_end(body: Body) -> None:
     assert steps.max() <= 0.01 * (1.0 + 1e-12)
 
 
-@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
 def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Body) -> None:
     """Oracle: N >= 0, |F| <= f N, |M| <= delta N, with equality where it slips or turns; no force in flight."""
     law = ContactLaw(1e6, 0.5, 0.1, 0.001, 0.0005)
@@ -760,7 +790,7 @@ def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Body) -> None:
     assert held["rolling"][turning] == pytest.approx((-held["spin"] * arm * held["normal"])[turning], abs=rounding)
 
 
-@pytest.mark.parametrize("body", [SEGMENT, DISC, Body(1.0, 0.0, 0.4, 0.02)])
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
 def test_the_body_is_above_the_surface_but_for_the_compression(body: Body) -> None:
     """Oracle: the support height; N = c (1 +- Delta) x in between."""
     rows = traced(body).trajectory

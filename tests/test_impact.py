@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Mode, RigidImpact, Slope, State, circular_segment, rigid_impact, simulate
+from tests.bodies import rod
 from tests.oracles import rational_impact, wang_mason
 
 PAPER_BODY = Body(1.0, 0.1, 0.05, 7.5e-3)
@@ -33,7 +34,7 @@ def random_entries(n: int, seed: int) -> list[tuple[Body, ContactLaw, State, flo
         body = (
             Body(mass, r, r * rng.uniform(0.0, 0.95), mass * r * r * rng.uniform(0.1, 1.0)),
             circular_segment(mass, r, rng.uniform(0.5, 2.5)),
-            Body(mass, 0.0, r, mass * r * r / 3.0),
+            rod(mass, r, mass * r * r / 3.0),
         )[k % 3]
         law = smooth(rng.uniform(0.0, 1.5), r * rng.uniform(0.0, 0.3), r * rng.uniform(0.0, 0.1))
         phi = rng.uniform(-10.0, 10.0)
@@ -46,7 +47,7 @@ def contact_arms(body: Body, phi: float) -> tuple[float, float]:
     """Arms of the lowest point, by docs/physics.md (1.2) and, for the corners, section 8."""
     h, r, alpha = body.eccentricity, body.radius, body.half_angle
     phi = math.remainder(phi, 2.0 * math.pi)
-    if abs(phi) <= alpha or r == 0.0:
+    if abs(phi) <= alpha:
         return h * math.sin(phi), r - h * math.cos(phi)
     edge = phi - math.copysign(alpha, phi)
     return h * math.sin(phi) - r * math.sin(edge), r * math.cos(edge) - h * math.cos(phi)
@@ -84,8 +85,8 @@ def test_the_compliant_contact_tends_to_the_rigid_impact_as_stiffness_to_the_min
 
 def test_a_rod_without_friction() -> None:
     """Published: Nikravesh, Planar multibody dynamics: L = 2 m, 1 kg, J = .01, phi = 315 degrees, e = .95."""
-    rod = Body(1.0, 0.0, 1.0, 0.01)
-    result = rigid_impact(rod, smooth(0.0), State(0.0, 1.0, math.radians(315.0), 0.0, -6.5), restitution=0.95)
+    body = rod(1.0, 1.0, 0.01)
+    result = rigid_impact(body, smooth(0.0), State(0.0, 1.0, math.radians(45.0), 0.0, -6.5), restitution=0.95)
     assert result.state.v == pytest.approx(-6.2514706, abs=5e-8)
     assert abs(result.state.omega) == pytest.approx(17.5736832, abs=5e-8)
     assert result.state.u == pytest.approx(0.0, abs=1e-14)
@@ -139,7 +140,7 @@ def test_any_body_in_any_orientation_agrees_with_exact_fractions() -> None:
     hit = 0
     for body, law, state, e in random_entries(600, seed=2):
         a, b = contact_arms(body, state.phi)
-        cornered = body.radius > 0.0 and abs(math.remainder(state.phi, 2.0 * math.pi)) > body.half_angle
+        cornered = abs(math.remainder(state.phi, 2.0 * math.pi)) > body.half_angle
         arm = law.corner_rolling_arm if cornered else law.rolling_arm
         slip, v_n = state.u + b * state.omega, state.v - a * state.omega
         found = rigid_impact(body, law, state, restitution=e)
@@ -219,15 +220,15 @@ def test_the_restitution_is_that_of_the_law_unless_given() -> None:
 
 def test_only_newtons_hypothesis_reports_a_negative_loss() -> None:
     """The rod of tests/kernel/test_rigid.py: 1.828 J become 2.828 J."""
-    rod = Body(1.0, 0.0, 0.5, 1.0 / 12.0)
-    phi = 0.75 * math.pi  # a = b = sqrt(2)/4
-    a, b = contact_arms(rod, phi)
+    body = rod(1.0, 0.5, 1.0 / 12.0)
+    phi = 0.25 * math.pi  # a = b = sqrt(2)/4
+    a, b = contact_arms(body, phi)
     state = State(0.0, 0.5, phi, 2.0 - 5.0 * b, -3.0 + 5.0 * a, 5.0)
-    newton = rigid_impact(rod, smooth(0.7), state, hypothesis="newton")
-    assert kinetic(rod, newton.state) - kinetic(rod, state) == pytest.approx(1.0, abs=1e-12)
+    newton = rigid_impact(body, smooth(0.7), state, hypothesis="newton")
+    assert kinetic(body, newton.state) - kinetic(body, state) == pytest.approx(1.0, abs=1e-12)
     assert newton.loss_hysteresis == pytest.approx(-1.4307692, abs=1e-7)
-    energetic = rigid_impact(rod, smooth(0.7), state)
-    assert kinetic(rod, energetic.state) < kinetic(rod, state)
+    energetic = rigid_impact(body, smooth(0.7), state)
+    assert kinetic(body, energetic.state) < kinetic(body, state)
 
 
 @pytest.mark.parametrize(

@@ -22,11 +22,12 @@ from sledenv.descent import Descent, simulate
 from sledenv.geometry import arms, support_height
 from sledenv.kernel.records import Feature
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
+from tests.bodies import rod
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
-ROD = Body(2.0, 0.0, 0.5, 0.17)
+ROD = rod(2.0, 0.5, 0.17)
 POINT = Body(1.0, 0.0, 0.0, 1.0)
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
@@ -92,8 +93,8 @@ def test_the_lowest_point_of_an_outline_touches_where_the_kernel_says(body: Body
         assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
 
 
-def test_a_rod_is_drawn_from_its_end_to_its_mass_centre() -> None:
-    assert outline.body_outline(ROD, 1.0, 2.0, math.pi / 2) == pytest.approx(np.array([(0.5, 2.0), (1.0, 2.0)]))
+def test_a_point_is_drawn_where_it_is() -> None:
+    assert outline.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
 
 
 @pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD])
@@ -345,14 +346,14 @@ def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_c
 
 def test_an_impulse_plane_names_what_happens() -> None:
     """Oracle: the impact of docs/physics.md, section 4.4, in which the slip of a rod stops and it sticks."""
-    rod, law = Body(1.0, 0.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
-    state = State(0.0, 0.0, math.pi / 4, -0.5, -1.0, 0.0)
-    figure = plot.plot_impulse_plane(rod, law, state)
-    assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, 0.8 / 7.0])
+    body, law = rod(1.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
+    state = State(0.0, 0.0, math.pi / 4, 0.5, -1.0, 0.0)
+    figure = plot.plot_impulse_plane(body, law, state)
+    assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, -0.8 / 7.0])
     events = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert events == ["sliding stops", "compression ends", "separation"]
     with pytest.raises(ValueError, match="does not approach"):
-        plot.plot_impulse_plane(rod, law, state._replace(v=1.0))
+        plot.plot_impulse_plane(body, law, state._replace(v=1.0))
 
 
 def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:

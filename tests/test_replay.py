@@ -20,6 +20,7 @@ from sledenv.outline import film_times, pace, push_at, states_at
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.replay import replay_page, write_replay
 from sledenv.text import mode_name
+from tests.bodies import rod
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
@@ -81,7 +82,7 @@ UGLY = {
     "rigid": lambda: dropped(solver="rigid"),
     "without end": lambda: dropped(slope=Slope(0.2), max_time=2.0),
     "long": lambda: dropped(slope=Slope(0.15, 3000.0), max_time=4.0),
-    "rod": lambda: dropped(Body(2.0, 0.0, 0.5, 0.17), max_time=1.0),
+    "rod": lambda: dropped(rod(2.0, 0.5, 0.17), max_time=1.0),
     "point": lambda: dropped(Body(1.0, 0.0, 0.0, 1.0), max_time=1.0),
     "overflow": lambda: broken(dropped()),
 }

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
 from sledenv.geometry import support_height
+from tests.bodies import rod
 
 GRAVITY = 9.81
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
@@ -199,7 +200,7 @@ bodies = st.sampled_from(
     [
         DISC,
         PILOT,
-        Body(1.0, 0.0, 0.5, 0.08),
+        rod(1.0, 0.5, 0.08),
         Body(2.0, 0.3, 0.0, 0.05),
         circular_segment(1.0, 0.5, 1.0),
         circular_segment(3.0, 0.4, 2.0),
@@ -245,7 +246,7 @@ def random_launches(count, seed):
     """Bodies of every kind with laws, slopes and launches that include the degenerate ones."""
     rng = np.random.default_rng(seed)
     some = rng.random
-    for body in (DISC, PILOT, Body(1.0, 0.0, 0.5, 0.08), Body(2.0, 0.3, 0.0, 0.05),
+    for body in (DISC, PILOT, rod(1.0, 0.5, 0.08), Body(2.0, 0.3, 0.0, 0.05),
                  circular_segment(1.0, 0.5, 1.0), circular_segment(100.0, 0.5, math.radians(110)),
                  Body(1.0, 0.5, 0.475, 0.02)):  # fmt: skip
         laws = [

@@ -27,11 +27,12 @@ from sledenv.theory import (
     wheel_stuck_ratio,
 )
 from sledenv.wheel import collide_wheel
+from tests.bodies import rod
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 SHELL = circular_segment(10.0, 0.5, math.radians(50.0))
-ROD = Body(1.0, 0.0, 1.0, 1.0 / 3.0)
+ROD = rod(1.0, 1.0, 1.0 / 3.0)
 WHEEL = Body(1.0, 0.1, 0.0, 0.005)
 BODIES = {"disc": DISC, "sled": SLED, "shell": SHELL, "rod": ROD, "wheel": WHEEL}
 RIGID_EPS, SETTLING_EPS = 1e-9, 1e-6
@@ -41,7 +42,7 @@ RESTS = {
     "disc": (DISC, ContactLaw(1e12, 0.5, 0.3, 0.003), Slope(0.1)),
     "sled": (SLED, ContactLaw(1e13, 0.5, 0.5, 0.02, 0.03), Slope(0.05)),
     "shell": (SHELL, ContactLaw(1e12, 0.5, 0.5, 0.02, 0.05), Slope(-0.05)),
-    "rod": (ROD, ContactLaw(1e11, 0.5, 0.3, 0.02), Slope(-0.05)),
+    "rod": (ROD, ContactLaw(1e11, 0.5, 0.3, 0.02, 0.02), Slope(-0.05)),
     "level": (SLED, ContactLaw(1e12, 0.5, 0.5, 0.02, 0.03), Slope(0.0)),
 }
 
@@ -264,10 +265,9 @@ def test_the_painleve_threshold_of_a_rod_is_the_textbook_one(inertia: float) -> 
     """Oracle: 2 k sqrt(k^2 + h^2) / h^2 with k^2 = J/m; 4/3 for the uniform rod of the literature."""
     k_squared = inertia / 2.0
     expected = 2.0 * math.sqrt(k_squared * (k_squared + 0.49)) / 0.49
-    body = Body(2.0, 0.0, 0.7, inertia)
+    body = rod(2.0, 0.7, inertia)
     assert painleve_threshold(body, ContactLaw(1e6, 0.5, 0.3, 0.0)) == pytest.approx(expected, rel=1e-13)
-    uniform = Body(1.0, 0.0, 1.0, 1.0 / 3.0)
-    assert painleve_threshold(uniform, ContactLaw(1e6, 0.5, 0.3, 0.0)) == pytest.approx(4.0 / 3.0, rel=1e-13)
+    assert painleve_threshold(ROD, ContactLaw(1e6, 0.5, 0.3, 0.0)) == pytest.approx(4.0 / 3.0, rel=1e-13)
 
 
 def test_a_wheel_has_no_painleve_region() -> None:

@@ -21,10 +21,11 @@ from sledenv.kernel.records import Mode, Status
 from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.ride import Ride
+from tests.bodies import rod
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
-ROD = Body(2.0, 0.0, 0.5, 0.17)
+ROD = rod(2.0, 0.5, 0.17)
 POINT = Body(1.0, 0.0, 0.0, 1.0)
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
@@ -207,7 +208,7 @@ def test_ugly_descents_are_drawn(name: str) -> None:
     images += [renderer.strobe(descent), renderer.launch_frame(slope, descent.launch)]
     for image in images:
         assert is_picture(image)
-    if body.radius > 0.0 and name != "overflow":
+    if body.radius > 0.0 and name not in ("overflow", "rod"):  # whose lines hide it
         for image in (images[1], images[-1]):
             assert len(drawn_in(image[:PANEL], HEAVY)[0]) > 100
 

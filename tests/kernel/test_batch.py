@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
+from tests.bodies import rod
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SLOPE = Slope(math.radians(10.0), length=40.0)
@@ -48,7 +49,7 @@ def same_bits(one: Any, other: Any) -> None:
 BODIES = {
     "disc": DISC,
     "balanced disc": Body(1.0, 0.1, 0.0, 7.5e-3),
-    "rod": Body(1.0, 0.0, 0.1, 7.5e-3),
+    "rod": rod(1.0, 0.1, 7.5e-3),
     "segment": circular_segment(1.0, 0.5, math.radians(60.0)),
     "deep segment": circular_segment(1.0, 0.1, math.radians(140.0)),
 }

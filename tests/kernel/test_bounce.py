@@ -16,12 +16,13 @@ from sledenv.kernel.impact import ENERGETIC, impact
 from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.programs.trace import LANES
+from tests.bodies import rod
 
 BODIES = {
     "disc": Body(1.0, 0.1, 0.05, 7.5e-3),
     "balanced disc": Body(1.0, 0.1, 0.0, 5e-3),
     "slender disc": Body(1.0, 0.1, 0.09, 2e-4),  # jams
-    "rod": Body(1.0, 0.0, 0.3, 0.03),
+    "rod": rod(1.0, 0.3, 0.03),
     "segment": circular_segment(2.0, 0.5, math.radians(50.0)),
     "deep segment": circular_segment(2.0, 0.5, math.radians(110.0)),
 }

@@ -1,0 +1,22 @@
+"""Bodies with corners that are no laminas."""
+
+from __future__ import annotations
+
+import math
+
+from sledenv.params import Body, least_eccentricity
+
+
+def rod(mass: float, half_length: float, inertia: float) -> Body:
+    """A thin segment whose chord passes through its mass centre: an end touches, or both.
+
+    It lies flat at phi = 0 and pi and stands on its tail at pi/2.
+    """
+    half_angle = 0.1
+    return Body(mass, half_length / math.sin(half_angle), half_length / math.tan(half_angle), inertia, half_angle)
+
+
+def segment(mass: float, radius: float, share: float, inertia: float, half_angle: float) -> Body:
+    """A body whose mass centre lies at a share of the way from the chord to the arc, or from the centre of the arc."""
+    least = least_eccentricity(radius, half_angle)
+    return Body(mass, radius, least + share * (radius - least), inertia, half_angle)
