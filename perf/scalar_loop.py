@@ -16,7 +16,7 @@ from sledenv import Body, ContactLaw, Slope, State
 from sledenv.checks import touching_law
 from sledenv.entries import entry
 from sledenv.kernel.descend import SPACE, descend
-from sledenv.kernel.flight import tell_bodies, tell_body, touchdown, touchdowns
+from sledenv.kernel.flight import tell_body, tell_place, touchdown, touchdowns
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
@@ -82,7 +82,8 @@ def _one_by_one(body: Body, inward: float, launches: np.ndarray, times: np.ndarr
 def _in_packs(body: Body, inward: float, launches: np.ndarray, times: np.ndarray, spaces: np.ndarray) -> None:
     pack, at = spaces[0]["pack"], spaces[0]["hop"]
     tell_body(body, at)
-    tell_bodies(at, pack)
+    for k in range(LANES):
+        tell_place(at, pack, k)
     for first in range(0, launches.shape[0], LANES):
         count = min(LANES, launches.shape[0] - first)
         for k in range(count):

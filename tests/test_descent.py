@@ -992,6 +992,21 @@ BAD_BATCHES = [
     ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
     ({"max_time": -1.0}, ValueError, "max_time = -1.0: must be in (0, inf)"),
     ({"body": DISC._replace(radius=-0.1)}, ValueError, "Body.radius = -0.1: must be in [0, inf)"),
+    ({"body": [DISC]}, ValueError, "body: 1 given for 2 launches; give one or one a launch"),
+    ({"body": np.array([DISC] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
+    ({"body": tuple(DISC)}, TypeError, "must be a Body or a sequence of them"),
+    ({"body": [DISC, DISC[:4]]}, TypeError, "body holds object: must hold numbers, columns mass, radius"),
+    ({"body": [DISC, DISC._replace(half_angle=4.0)]}, ValueError, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
+    (
+        {"body": [DISC, DISC._replace(eccentricity=1.0)]},
+        ValueError,
+        "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",
+    ),
+    (
+        {"body": [DISC, SEGMENT], "launches": [LAUNCH._replace(y=0.2)] * 2},
+        ValueError,
+        "launches[1].y = 0.2: the launch lies below the surface",
+    ),
 ]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.geometry import support_heights, within_a_turn
+from sledenv.kernel import params
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import (
@@ -19,6 +20,7 @@ from sledenv.params import (
     Rule,
     Slope,
     State,
+    check_bodies,
     checked,
     checked_rows,
     kind_of,
@@ -27,6 +29,7 @@ from sledenv.params import (
 
 Solver = Literal["compliant", "rigid", "euler"]
 BatchSolver = Literal["compliant", "rigid"]
+Bodies = Body | Sequence[Body] | np.ndarray
 Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray
 
@@ -82,6 +85,7 @@ class CheckedLanes(NamedTuple):
     """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
 
     kind: type[Law]  # of the rows of laws
+    bodies: params.Bodies
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
@@ -92,7 +96,7 @@ class CheckedLanes(NamedTuple):
 
 
 def checked_lanes(
-    body: Body,
+    body: Bodies,
     law: Laws,
     slope: Slopes,
     given: ArrayLike,
@@ -110,14 +114,15 @@ def checked_lanes(
     checked_choice("solver", solver, get_args(BatchSolver))
     kind = _kind_of_all(law)
     _check_solver(kind, solver)
+    bodies = Body(*body) if isinstance(body, Body) else _rows("body", Body, body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     rigid = solver == "rigid"
     if rigid:
-        laws = _rigid(body, laws, slopes, settle_speed)
+        laws = _rigid(bodies, laws, slopes, settle_speed)
     checked_rows("launches[{lane}]", State, launches)
-    _admit("launches[{lane}]", body, slopes, launches)
-    return CheckedLanes(RigidLaw if rigid else kind, laws, slopes, launches)
+    _admit("launches[{lane}]", bodies, slopes, launches)
+    return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches)
 
 
 def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
@@ -149,8 +154,8 @@ def _check_solver(kind: type[AnyLaw], solver: str) -> None:
         raise TypeError(f"law is of the kind {kind.__name__}: solver = {solver!r} needs a ContactLaw")
 
 
-def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
-    """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
+def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
+    """Fields of one or of N bodies, laws or slopes, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])
     if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
@@ -158,16 +163,20 @@ def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     rows = checked_table(name, given, kind._fields)
-    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    owner = f"{name}[{{lane}}]"
+    if kind is Body:
+        check_bodies(owner, rows)
+    else:
+        checked_rows(owner, kind, rows)
     return rows
 
 
-def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
-    """Stiff limits of contact laws, one a row of both: fields of RigidLaw."""
+def _rigid(bodies: params.Bodies, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
+    """Stiff limits of contact laws, rows of a table or one for all lanes: fields of RigidLaw."""
     law = ContactLaw._make(laws.T)  # of columns
     settle: Any
     if settle_speed is None:
-        settle = _SETTLE * np.sqrt(slopes[:, 2] * (body.radius + body.eccentricity))
+        settle = _SETTLE * np.sqrt(slopes[:, 2] * _sizes(bodies))
     else:
         settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
     limit = RigidLaw(
@@ -180,7 +189,13 @@ def _rigid(body: Body, laws: np.ndarray, slopes: np.ndarray, settle_speed: float
     return np.stack(np.broadcast_arrays(*limit), axis=-1)
 
 
-def _admit(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> None:
+def _sizes(bodies: params.Bodies) -> Any:
+    """Greatest distance [m] from the mass centre of one body, or of each."""
+    _, radius, eccentricity, *_ = bodies.T if isinstance(bodies, np.ndarray) else bodies
+    return radius + eccentricity
+
+
+def _admit(owner: str, bodies: params.Bodies, slopes: np.ndarray, launches: np.ndarray) -> None:
     """Take whole turns off launches, shape (N, 6), in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.
@@ -193,8 +208,8 @@ def _admit(owner: str, body: Body, slopes: np.ndarray, launches: np.ndarray) -> 
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
-    lowest = support_heights(body, phi)
-    below = y - lowest < -_SURFACE * (body.radius + body.eccentricity)
+    lowest = support_heights(bodies, phi)
+    below = y - lowest < -_SURFACE * _sizes(bodies)
     if below.any():
         i = int(np.argmax(below))
         raise ValueError(

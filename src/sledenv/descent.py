@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from sledenv.checks import (
     BatchSolver,
+    Bodies,
     Laws,
     Slopes,
     Solver,
@@ -28,6 +29,7 @@ from sledenv.checks import (
 )
 from sledenv.entries import entry, parallel_entry
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
+from sledenv.kernel import params
 from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.euler import descend_euler
@@ -298,7 +300,7 @@ def state_of(fields: dict[str, Any]) -> State:
 class _Lanes(NamedTuple):
     """A batch that has been checked: what the kernel is given."""
 
-    body: Body
+    bodies: params.Bodies
     like: Law
     laws: np.ndarray
     slopes: np.ndarray
@@ -316,20 +318,21 @@ class _Lanes(NamedTuple):
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics."""
-        laws = self.laws[part] if len(self.laws) > 1 else self.laws
-        slopes = self.slopes[part] if len(self.slopes) > 1 else self.slopes
+        laws, slopes = (table[part] if len(table) > 1 else table for table in (self.laws, self.slopes))
+        bodies = self.bodies[part] if isinstance(self.bodies, np.ndarray) else self.bodies
+        masses = bodies[:, 0] if isinstance(bodies, np.ndarray) else bodies.mass
         launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
         launching = True
         while launching or (outcomes["status"] == RUNNING).any():
             _descend_batch(
-                self.body, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces, launching
+                bodies, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces, launching
             )
             launching = False
-        return descent_jam(outcomes, self.body.mass, slopes[:, 1] if len(slopes) > 1 else slopes[0, 1])
+        return descent_jam(outcomes, masses, slopes[:, 1])
 
 
 def _lanes(
-    body: Body,
+    body: Bodies,
     law: Laws,
     slope: Slopes,
     launches: ArrayLike,
@@ -341,18 +344,17 @@ def _lanes(
     end_on_chord: bool,
 ) -> _Lanes:
     """Check a batch."""
-    body = Body(*body)
     given = checked_lanes(body, law, slope, launches, solver, settle_speed)
     max_rebounds = checked_count("max_rebounds", max_rebounds)
     end_on_chord = checked_flag("end_on_chord", end_on_chord)
     limits = Limits(
         max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord, most_work=WORK
     )
-    return _Lanes(body, given.like(), given.laws, given.slopes, given.launches, limits)
+    return _Lanes(given.bodies, given.like(), given.laws, given.slopes, given.launches, limits)
 
 
 def simulate_batch(
-    body: Body,
+    body: Bodies,
     law: Laws,
     slope: Slopes,
     launches: ArrayLike,
@@ -366,15 +368,13 @@ def simulate_batch(
     end_on_chord: bool = False,
     progress: bool = False,
 ) -> DescentBatch:
-    """Simulate many descents of one body on all cores; lane i equals ``simulate`` of launch i bit for bit.
+    """Simulate many descents on all cores; lane i equals ``simulate`` of launch i bit for bit.
 
     An interrupt (Ctrl-C) takes effect once each thread has ended its hop, or some more of them.
 
     Parameters
     ----------
-    body : Body
-        Shared by all lanes.
-    law, slope : ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5) and (N, 3)
+    body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5), (N, 5) and (N, 3)
         One for all lanes or one a lane.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
@@ -413,7 +413,7 @@ def simulate_batch(
 
 
 def simulate_blocks(
-    body: Body,
+    body: Bodies,
     law: Laws,
     slope: Slopes,
     launches: ArrayLike,

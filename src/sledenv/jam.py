@@ -59,8 +59,8 @@ def rebound_jam(rebounds: np.ndarray, friction: float) -> ReboundJam:
     return ReboundJam(grip, np.clip(1.0 - kept, 0.0, 1.0), rebounds["stuck"] == 2, rebounds["stuck"] >= 1)
 
 
-def descent_jam(outcomes: np.ndarray | np.void, mass: float, length: np.ndarray | float) -> DescentJam:
-    """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for a body of ``mass`` [kg].
+def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length: np.ndarray | float) -> DescentJam:
+    """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for bodies of ``mass`` [kg].
 
     The retention compares the kinetic energy of the motion along the slope at the finish with *all* energy supplied:
     launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until the time is

@@ -122,11 +122,24 @@ class Body(params.Body):
         values = _checked_fields(cls, mass, radius, eccentricity, inertia, half_angle)
         _, r, h, _, alpha = values
         if not holds_its_mass_centre(r, h, alpha):
-            raise ValueError(
-                f"Body.eccentricity = {eccentricity!r}: must be in [max(radius cos(half_angle), 0), radius] = "
-                f"[{least_eccentricity(r, alpha)!r}, {r!r}] m: elsewhere the mass centre would pass below the slope"
-            )
+            raise _outside("Body", r, h, alpha)
         return super().__new__(cls, *values)
+
+
+def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) -> ValueError:
+    least = least_eccentricity(radius, half_angle)
+    return ValueError(
+        f"{owner}.eccentricity = {eccentricity!r}: must be in [max(radius cos(half_angle), 0), radius] = "
+        f"[{least!r}, {radius!r}] m: elsewhere the mass centre would pass below the slope"
+    )
+
+
+def check_bodies(owner: str, rows: np.ndarray) -> None:
+    """Check many bodies at once as :func:`checked_rows` does, and where their mass centres are."""
+    checked_rows(owner, Body, rows)
+    for lane, (_, r, h, _, alpha) in enumerate(rows.tolist()):
+        if not holds_its_mass_centre(r, h, alpha):
+            raise _outside(owner.format(lane=lane), r, h, alpha)
 
 
 def circular_segment(mass: float, radius: float, half_angle: float) -> Body:

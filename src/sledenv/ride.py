@@ -192,7 +192,9 @@ class RideBatch:
 
     Parameters
     ----------
-    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+    body : Body
+        Shared by all lanes.
+    law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
         Keep the logs, N * max_rebounds records of 144 bytes.

@@ -1,14 +1,18 @@
-"""Batches of compliant contacts: each lane is the descent alone, bit for bit, whatever the state and its neighbours."""
+"""Batches: each lane is the descent alone, bit for bit, whatever the state and its neighbours."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv.geometry import support_heights
 from tests.bodies import rod
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
@@ -93,6 +97,63 @@ def test_a_lane_does_not_see_its_neighbours() -> None:
     assert (
         simulate_batch(DISC, LAW, SLOPE, states[order], max_rebounds=7).outcomes.tobytes() == outcomes[order].tobytes()
     )
+
+
+bodies = st.one_of(
+    st.sampled_from(list(BODIES.values())),
+    st.floats(0.3, math.pi).map(lambda half_angle: circular_segment(1.0, 0.5, half_angle)),
+    st.builds(
+        # The mass centre between chord and arc.
+        lambda share, half_angle: Body(
+            2.0, 0.5, 0.5 * (1.0 - share * min(1.0 - math.cos(half_angle), 1.0)), 0.1, half_angle
+        ),
+        st.floats(0.0, 1.0),
+        st.floats(0.3, 3.1),
+    ),
+    st.builds(lambda mass, h: Body(mass, 0.2, h, 0.01 * mass), st.floats(0.1, 9.0), st.floats(0.0, 0.2)),
+)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@settings(deadline=None, derandomize=True, max_examples=30)
+@given(of_lanes=st.lists(bodies, min_size=1, max_size=70), seed=st.integers(0, 2**32 - 1))
+def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body], seed: int) -> None:
+    """With corners and without, in any order; with logs and without, on one thread and two, as rows and as bodies."""
+    rng = np.random.default_rng(seed)
+    states = np.concatenate([ugly(rng, body, 1) for body in of_lanes])
+    laws = [ContactLaw(10.0 ** rng.uniform(4.0, 7.0), *rng.choice((0.0, 0.3), 2), 1e-3) for _ in of_lanes]
+    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12}
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        batch = simulate_batch(of_lanes, laws, SLOPE, states, keep_rebounds=True, **options)
+        numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
+        same_bits(simulate_batch(np.array(of_lanes), laws, SLOPE, states, **options).outcomes, batch.outcomes)
+    finally:
+        numba.set_num_threads(threads)
+    for i, (body, law, state) in enumerate(zip(of_lanes, laws, states, strict=True)):
+        one = simulate(body, law, SLOPE, State(*state), **options)
+        same_bits(batch.outcomes[i], one.outcome)
+        same_bits(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
+        assert tuple(field[i] for field in batch.jam) == tuple(one.jam)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_bodies_in_turn_fill_several_packs_and_blocks(solver: Any) -> None:
+    """Oracle: a batch of each body; lanes begin in contact too, from which the body lifts off or where it stays."""
+    lanes, kinds = 500, list(BODIES.values())
+    rng = np.random.default_rng(5)
+    of_lanes = np.array([kinds[i % len(kinds)] for i in range(lanes)])
+    states = np.concatenate([ugly(rng, Body(*row), 1) for row in of_lanes])
+    resting = rng.random(lanes) < 0.3
+    states[resting, 1] = support_heights(of_lanes, states[:, 2])[resting]
+    states[resting, 4:] = 0.0
+    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12, "keep_rebounds": True}
+    whole = simulate_batch(of_lanes, LAW, SLOPE, states, **options)
+    for k, body in enumerate(kinds):
+        part = simulate_batch(body, LAW, SLOPE, states[k :: len(kinds)], **options)
+        same_bits(whole.outcomes[k :: len(kinds)], part.outcomes)
+        same_bits(whole.rebounds[k :: len(kinds)], part.rebounds)
 
 
 def test_a_contact_may_be_cut_short_anywhere() -> None:

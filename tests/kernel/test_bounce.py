@@ -11,7 +11,7 @@ import pytest
 from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
 from sledenv.entries import entry
 from sledenv.kernel.bounce import bounce
-from sledenv.kernel.flight import tell_bodies, tell_body
+from sledenv.kernel.flight import tell_body, tell_place
 from sledenv.kernel.impact import ENERGETIC, impact
 from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
@@ -115,7 +115,8 @@ def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
 
 def bounce_once(body: Body, count: int, packs: np.ndarray, hops: np.ndarray) -> None:
     tell_body(body, hops[0])
-    tell_bodies(hops[0], packs[0])
+    for k in range(count):
+        tell_place(hops[0], packs[0], k)
     bounce(body, count, packs[0], hops[0])
 
 

@@ -54,8 +54,8 @@ def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarra
     """Find their touchdowns in one pack."""
     pack = packs[0]
     flight.tell_body(body, hops[0])
-    flight.tell_bodies(hops[0], pack)
     for k in range(len(flights)):
+        flight.tell_place(hops[0], pack, k)
         row = flights[k]
         pack["inward"][k], pack["y"][k], pack["phi"][k] = row[0], row[1], row[2]
         pack["v"][k], pack["omega"][k], pack["horizon"][k] = row[3], row[4], row[5]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,19 +11,33 @@ from numba import get_thread_id, prange  # type: ignore[attr-defined]
 from sledenv.kernel.ballistics import begin_flight
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meeting, trim, write_rebound
-from sledenv.kernel.flight import FEW, tell_bodies, tell_body, tell_flight, touchdowns
-from sledenv.kernel.geometry import incline_of
+from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touchdowns
+from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
-from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, RigidLaw, Slope, State
+from sledenv.kernel.params import (
+    Bodies,
+    Body,
+    ContactLaw,
+    Incline,
+    Limits,
+    RigidLaw,
+    Slope,
+    State,
+    body_of,
+    by_bodies,
+    reader,
+    row_of,
+)
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
 from sledenv.programs.jit import kernel
-from sledenv.programs.trace import LANES, scalar, straight
+from sledenv.programs.trace import LANES, straight
 
 
 class Lanes(NamedTuple):
     """What the lanes of a batch have of their own; a table of one row serves all lanes."""
 
+    bodies: Bodies
     laws: np.ndarray  # fields of the law, shape (N or 1, 5)
     inclines: np.ndarray  # fields of Incline, shape (N or 1, fields)
     flights: np.ndarray  # of OUTCOME, shape (N,)
@@ -38,25 +51,19 @@ class Trims(NamedTuple):
     rotor_inertia: float  # [kg m^2]
 
 
-@kernel
-def _row(table: np.ndarray, lane: int) -> int:
-    """Row of a lane in a table with one row a lane or one for all."""
-    return lane if table.shape[0] > 1 else 0
-
-
-def _reader(kind: type[Any]) -> Callable[[np.ndarray], Any]:
-    """Return a kernel that makes a named tuple of the numbers in a row of a table."""
-    numbers = scalar(lambda row: tuple(row[i] for i in range(len(kind._fields))))
-
-    @kernel
-    def read(row: np.ndarray) -> Any:
-        return kind(*numbers(row))
-
-    return read
-
-
-_slope_in, _incline_in, _launch_in = _reader(Slope), _reader(Incline), _reader(State)
+_slope_at, _incline_at, _launch_at = reader(Slope), reader(Incline), reader(State)
 _INCLINE = len(Incline._fields)
+
+
+@kernel
+def _tell_own(bodies: np.ndarray, lane: int, hop: np.void) -> Body:
+    body = body_of(bodies, lane)
+    tell_body(body, hop)
+    return body
+
+
+# Return the body of a lane, and write whose hop it is; one body of all lanes has been told before.
+_told = by_bodies(lambda bodies, lane, hop: bodies, _tell_own)
 
 
 @kernel
@@ -64,15 +71,10 @@ def _inclines_of(slopes: np.ndarray) -> np.ndarray:
     """Return the fields of Incline in the rows of many slopes."""
     inclines = np.empty((slopes.shape[0], _INCLINE))
     for i in range(slopes.shape[0]):
-        incline = incline_of(_slope_in(slopes[i]))
+        incline = incline_of(_slope_at(slopes, i))
         for j in range(_INCLINE):
             inclines[i, j] = incline[j]
     return inclines
-
-
-@kernel
-def _incline_at(inclines: np.ndarray, lane: int) -> Incline:
-    return _incline_in(inclines[_row(inclines, lane)])  # type: ignore[no-any-return]
 
 
 @kernel
@@ -136,10 +138,13 @@ _put_aboard, _bring_up, _tell_impact = straight(_boarding), straight(_alighting)
 
 
 @kernel
-def _board(like: Law, lanes: Lanes, limits: Limits, lane: int, k: int, pack: np.void) -> None:
+def _board(like: Law, lanes: Lanes, limits: Limits, lane: int, k: int, space: np.void) -> None:
     """Put a lane at place ``k`` of a pack."""
+    pack, at = space["pack"], space["hop"]
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
-    _tell_law_of(pack, law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), k)
+    _told(lanes.bodies, lane, at)
+    tell_place(at, pack, k)
+    _tell_law_of(pack, law_of_row(like, row_of(lanes.laws, lane)), k)
     pack["lane"][k] = lane
     _put_aboard(pack, k, slope, limits, flight)
     pack["rebounds"][k] = flight["rebounds"]
@@ -161,23 +166,23 @@ def _log_bounce(body: Body, k: int, pack: np.void, contact: np.void, log: np.nda
 
 
 @kernel
-def _log_bounces(body: Body, count: int, lanes: Lanes, space: np.void) -> None:
+def _log_bounces(count: int, lanes: Lanes, space: np.void) -> None:
     """Record the ordinary bounces of a pack."""
     pack = space["pack"]
     for k in range(count):
         if pack["fine"][k] > 0.0:
-            _log_bounce(body, k, pack, space["contact"], lanes.logs[int(pack["lane"][k])])
+            lane = int(pack["lane"][k])
+            _log_bounce(body_of(lanes.bodies, lane), k, pack, space["contact"], lanes.logs[lane])
 
 
 @kernel
-def _hop_from(
-    body: Body, like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, trajectory: np.ndarray
-) -> None:
+def _hop_from(like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, trajectory: np.ndarray) -> None:
     """Follow the contact at place ``k`` of a pack by itself, from the touchdown that has been found."""
     pack, at = space["pack"], space["hop"]
     lane = int(pack["lane"][k])
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
-    law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
+    law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
+    body = _told(lanes.bodies, lane, at)
     tell_flight(slope, limits, flight, at)
     at["touchdown"] = pack["touchdown"][k]
     space["stage"] = FLYING
@@ -186,11 +191,12 @@ def _hop_from(
 
 @kernel
 def _follow_singly(
-    body: Body, like: Law, lanes: Lanes, limits: Limits, lane: int, once: bool, space: np.void, trajectory: np.ndarray
+    like: Law, lanes: Lanes, limits: Limits, lane: int, once: bool, space: np.void, trajectory: np.ndarray
 ) -> None:
     """Follow one lane by itself: see :func:`follow_lanes`."""
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
-    law, log = law_of_row(like, lanes.laws[_row(lanes.laws, lane)]), lanes.logs[_row(lanes.logs, lane)]
+    law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
+    body = _told(lanes.bodies, lane, space["hop"])
     while flight["status"] == RUNNING and space["work"] < limits.most_work:
         find_touchdown(body, slope, limits, flight, space)
         hop(body, law, slope, limits, flight, log, space, trajectory)
@@ -200,7 +206,7 @@ def _follow_singly(
 
 @kernel
 def _end_hop(
-    body: Body, like: Law, lanes: Lanes, limits: Limits, k: int, once: bool, space: np.void, trajectory: np.ndarray
+    like: Law, lanes: Lanes, limits: Limits, k: int, once: bool, space: np.void, trajectory: np.ndarray
 ) -> bool:
     """End a hop at place ``k`` of a pack, the lane's last one or no ordinary one; say whether the lane stays there."""
     pack = space["pack"]
@@ -210,16 +216,15 @@ def _end_hop(
     if pack["fine"][k] > 0.0:
         flight["status"] = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
         return False
-    _hop_from(body, like, lanes, limits, k, space, trajectory)
+    _hop_from(like, lanes, limits, k, space, trajectory)
     if once or flight["status"] != RUNNING:
         return False
-    _board(like, lanes, limits, lane, k, pack)
+    _board(like, lanes, limits, lane, k, space)
     return True
 
 
 @kernel
 def follow_lanes(
-    body: Body,
     like: Law,
     lanes: Lanes,
     limits: Limits,
@@ -232,46 +237,47 @@ def follow_lanes(
     """Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended.
 
     Each lane comes out as if it was followed by itself. It keeps its place in a pack from hop to hop, and then leaves
-    it to one that waits. Touchdowns are found for the whole pack; ordinary impacts of rigid bodies are followed so,
-    and every other contact by itself. Once ``space["work"]`` is ``limits.most_work`` every lane stays where its hop has
-    ended: later calls go on from there.
+    it to one that waits; bodies with corners have packs of their own. Touchdowns are found for the whole pack; ordinary
+    impacts of rigid bodies are followed so, and every other contact by itself. Once ``space["work"]`` is
+    ``limits.most_work`` every lane stays where its hop has ended: later calls go on from there.
     """
     pack = space["pack"]
     space["most_work"] = math.inf  # no hop is left unfinished
     kept = lanes.logs.shape[0] > 1  # or one row serves all lanes, and nobody reads it
-    tell_body(body, space["hop"])
-    tell_bodies(space["hop"], pack)
-    count, waiting = 0, first
-    while space["work"] < limits.most_work:
-        while count < LANES and waiting < last:
-            if lanes.flights[waiting]["status"] == RUNNING:
-                _board(like, lanes, limits, waiting, count, pack)
-                count += 1
-            waiting += 1
-        if count < FEW:
-            break
-        _go_together(body, like, count, space)
-        space["work"] += count
-        if kept:
-            _log_bounces(body, count, lanes, space)
-        for k in range(count - 1, -1, -1):
-            if pack["fine"][k] > 0.0 and pack["rebounds"][k] < limits.max_rebounds and not once:
-                continue
-            if not _end_hop(body, like, lanes, limits, k, once, space, trajectory):
-                count -= 1
-                if k < count:  # the last one moves here
-                    lane = int(pack["lane"][count])
-                    _alight(count, pack, lanes.flights[lane])
-                    _board(like, lanes, limits, lane, k, pack)
-    for k in range(count):
-        lane = int(pack["lane"][k])
-        _alight(k, pack, lanes.flights[lane])
-        _follow_singly(body, like, lanes, limits, lane, once, space, trajectory)
+    tell_body(body_of(lanes.bodies, first), space["hop"])
+    for corners in (False, True):
+        count, waiting = 0, first
+        while space["work"] < limits.most_work:
+            while count < LANES and waiting < last:
+                alike = has_corners(body_of(lanes.bodies, waiting)) == corners
+                if alike and lanes.flights[waiting]["status"] == RUNNING:
+                    _board(like, lanes, limits, waiting, count, space)
+                    count += 1
+                waiting += 1
+            if count < FEW:
+                break
+            _go_together(body_of(lanes.bodies, int(pack["lane"][0])), like, count, space)
+            space["work"] += count
+            if kept:
+                _log_bounces(count, lanes, space)
+            for k in range(count - 1, -1, -1):
+                if pack["fine"][k] > 0.0 and pack["rebounds"][k] < limits.max_rebounds and not once:
+                    continue
+                if not _end_hop(like, lanes, limits, k, once, space, trajectory):
+                    count -= 1
+                    if k < count:  # the last one moves here
+                        lane = int(pack["lane"][count])
+                        _alight(count, pack, lanes.flights[lane])
+                        _board(like, lanes, limits, lane, k, space)
+        for k in range(count):
+            lane = int(pack["lane"][k])
+            _alight(k, pack, lanes.flights[lane])
+            _follow_singly(like, lanes, limits, lane, once, space, trajectory)
 
 
 @kernel
 def descend_batch(
-    body: Body,
+    bodies: Bodies,
     like: Law,
     laws: np.ndarray,
     slopes: np.ndarray,
@@ -288,14 +294,16 @@ def descend_batch(
 
     Parameters
     ----------
-    body, limits
-        Shared by all lanes.
-    like : ContactLaw or RigidLaw
-        Of which kind the rows of ``laws`` are.
+    bodies : Body or ndarray, shape (N, 5)
+        One for all lanes, or the fields of one a lane; each is compiled by itself.
     laws, slopes : ndarray, one row for all lanes or one a lane
         Fields of the law and of Slope.
+    like : ContactLaw or RigidLaw
+        Of which kind the rows of ``laws`` are.
     launches : ndarray, shape (N, 6)
         Fields of State.
+    limits : Limits
+        Shared by all lanes.
     rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``) or (0, 0)
         The logs; (0, 0) keeps none.
     outcomes : ndarray of OUTCOME, shape (N,)
@@ -313,18 +321,18 @@ def descend_batch(
     for block in prange((count + size - 1) // size):
         first, last = block * size, min((block + 1) * size, count)
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
-        lanes, trajectory = Lanes(laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
+        lanes, trajectory = Lanes(bodies, laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
         if launching:
             for i in range(first, last):
-                begin(_launch_in(launches[i]), outcomes[i])
-        follow_lanes(body, like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
+                begin(_launch_at(launches, i), outcomes[i])
+        follow_lanes(like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
-            close_books(body, _incline_at(inclines, i), _launch_in(launches[i]), outcomes[i])
+            close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), outcomes[i])
 
 
 @kernel
 def hop_batch(
-    body: Body,
+    bodies: Bodies,
     like: Law,
     laws: np.ndarray,
     slopes: np.ndarray,
@@ -339,7 +347,7 @@ def hop_batch(
 
     Parameters
     ----------
-    body, like, laws, slopes, launches, limits, spaces
+    bodies, like, laws, slopes, launches, limits, spaces
         As for :func:`descend_batch`.
     trims : Trims
         What the riders do in this hop.
@@ -356,12 +364,12 @@ def hop_batch(
     spins, rotor_inertia = trims.spins, trims.rotor_inertia
     for block in prange((count + size - 1) // size):
         first, last = block * size, min((block + 1) * size, count)
-        lanes, trajectory = Lanes(laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
+        lanes, trajectory = Lanes(bodies, laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
         moved = flights["status"][first:last] == RUNNING
         for i in range(first, last):
             if moved[i - first]:
-                trim(body, rotor_inertia, flights[i], spins[i])
-        follow_lanes(body, like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
+                trim(body_of(bodies, i), rotor_inertia, flights[i], spins[i])
+        follow_lanes(like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             if moved[i - first]:
-                close_books(body, _incline_at(inclines, i), _launch_in(launches[i]), flights[i])
+                close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), flights[i])

@@ -90,13 +90,14 @@ def bounce(body: Body, count: int, pack: np.void, hop: np.void) -> None:
     Parameters
     ----------
     body : Body
+        With corners or without, as all those of the pack.
     count : int
         Up to LANES.
     pack : record of PACK
-        Told of the body, and of each lane's slope, law, flight and books. Afterwards ``fine`` tells which hops were
+        Told of each lane's body, slope, law, flight and books. Afterwards ``fine`` tells which hops were
         ordinary, and ``touchdown`` how long each flight was.
     hop : record of HOP
-        Work space, told the body.
+        Work space.
     """
     touchdowns(body, count, pack, hop)
     for k in range(count, LANES):

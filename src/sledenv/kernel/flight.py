@@ -45,8 +45,9 @@ _arrive = for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, 
 _begin, _move = straight(ballistics.begin_flight), straight(lambda hop: ballistics.move(hop, hop.duration))
 _finish = scalar(lambda hop: (motion.finish_of(hop),))
 _drawn = scalar(lambda hop: (motion.pull(hop, hop.v), *motion.jerks(hop)))
-_own = straight(lambda hop, pack, k: copy(hop, pack.at(k), BODY))
-_take_out = straight(lambda pack, k, hop: copy(pack.at(k), hop, (*Incline._fields, *MOTION, *SEARCH)))
+# Write whose hop that at place ``k`` of a pack is: that of a hop, which has been told the body.
+tell_place = straight(lambda hop, pack, k: copy(hop, pack.at(k), BODY))
+_take_out = straight(lambda pack, k, hop: copy(pack.at(k), hop, (*BODY, *Incline._fields, *MOTION, *SEARCH)))
 
 
 @kernel
@@ -58,13 +59,6 @@ def tell_body(body: Body, hop: np.void) -> None:
     hop["furthest"] = max(h, math.hypot(along, across)) if has_corners(body) else h
     hop["size"] = body.radius + body.eccentricity
     hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
-
-
-@kernel
-def tell_bodies(hop: np.void, pack: np.void) -> None:
-    """Write whose hops those of a pack are: that of a hop, which has been told the body."""
-    for k in range(LANES):
-        _own(hop, pack, k)
 
 
 @kernel
@@ -88,8 +82,9 @@ def _angle_left(body: Body, phi: float, omega: float) -> float:
 
 
 @kernel
-def _lift(body: Body, hop: np.void) -> float:
+def _lift(hop: np.void) -> float:
     """Time [s] from which to search for the touchdown of a body without a gap rate; -1 if it stays down."""
+    body = Body(math.nan, hop["radius"], hop["eccentricity"], math.nan, hop["half_angle"])  # its shape, that is
     furthest, omega = hop["furthest"], hop["omega"]
     pull, change, most_change = _drawn(hop)
     local = hop["phi"] - whole_turns(hop["phi"])
@@ -117,7 +112,7 @@ def search(body: Body, most: float, hop: np.void) -> float:
     while hop["phase"] != ballistics.LANDED and steps < most:
         steps += 1.0
         if hop["phase"] == ballistics.POISED:
-            start = _lift(body, hop)
+            start = _lift(hop)
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
             hop["phase"] = ballistics.LANDED if start < 0.0 else ballistics.SEARCHING
         else:
@@ -179,7 +174,7 @@ def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
 def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
     """Find the touchdowns of the first ``count`` flights of a pack, each that of :func:`touchdown` bit for bit.
 
-    Pack and ``hop``, a work space, have been told the body.
+    Each place has been told its body. All have corners or none has, as ``body`` tells; ``hop`` is a work space.
     """
     _take_off_all(body, pack)
     for k in range(count, LANES):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.params import Body, Incline, Slope
+from sledenv.kernel.params import Bodies, Body, Incline, Slope, body_of
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import scalar
@@ -97,11 +97,11 @@ def support_height(body: Body, phi: float) -> float:
 
 
 @kernel
-def support_heights(body: Body, phi: np.ndarray) -> np.ndarray:
-    """Support height [m] at each of many orientations [rad], shape (N,)."""
+def support_heights(bodies: Bodies, phi: np.ndarray) -> np.ndarray:
+    """Support height [m] at each of many orientations [rad], shape (N,), of one body or of one a row."""
     heights = np.empty(phi.shape[0])
     for i in range(phi.shape[0]):
-        heights[i] = support_height(body, phi[i])
+        heights[i] = support_height(body_of(bodies, i), phi[i])
     return heights
 
 

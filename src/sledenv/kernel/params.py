@@ -5,7 +5,15 @@ Python makes them with the classes of the same names in :mod:`sledenv.params`, w
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from sledenv.programs.jit import kernel
+from sledenv.programs.trace import scalar
 
 
 class Body(NamedTuple):
@@ -82,3 +90,37 @@ class Limits(NamedTuple):
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on its chord, 0: it goes on
     most_work: float  # [-] steps, hops and rows of one call, which then returns to be called again
+
+
+@kernel
+def row_of(table: np.ndarray, lane: int) -> np.ndarray:
+    """Row of a lane in a table with one row a lane or one for all."""
+    return table[lane if table.shape[0] > 1 else 0]  # type: ignore[no-any-return]
+
+
+def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
+    """Return a kernel that makes a named tuple of the numbers in the row of a lane."""
+    numbers = scalar(lambda row: tuple(row[i] for i in range(len(kind._fields))))
+
+    @kernel
+    def read(table: np.ndarray, lane: int) -> Any:
+        return kind(*numbers(row_of(table, lane)))
+
+    return read
+
+
+def by_bodies(one: Callable[..., Body], own: Callable[..., Body]) -> Callable[..., Body]:
+    """Return a function of one Body for all lanes, or of a table of them: one of two, chosen when it is compiled.
+
+    A batch of one body, kept in registers, then takes no longer because others have more.
+    """
+
+    def choice(*given: Any) -> Body:
+        return (own if isinstance(given[0], np.ndarray) else one)(*given)
+
+    overload(choice, strict=False)(lambda *given: own if isinstance(given[0], types.Array) else one)
+    return choice
+
+
+Bodies = Body | np.ndarray  # one for all lanes, or their fields, shape (N, 5)
+body_of = by_bodies(lambda bodies, lane: bodies, reader(Body))  # the body of a lane
