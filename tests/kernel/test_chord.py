@@ -216,10 +216,7 @@ def feature_arms(body: Body, feature: Feature, phi: float) -> tuple[float, float
     )
 
 
-KEPT_FLAT = pytest.mark.xfail(strict=True, reason="rigid surfaces hold it flat, against the balance of moments")
-
-
-@pytest.mark.parametrize("solver", ["compliant", pytest.param("rigid", marks=KEPT_FLAT)])
+@SOLVERS
 @pytest.mark.parametrize("factor", [1.05, 3.0])
 def test_a_body_in_the_painleve_region_is_thrown_over_at_once(factor: float, solver: Solver) -> None:
     """Oracle: there are no forces with which it slides flat, nor any with which it slides on the corner ahead."""

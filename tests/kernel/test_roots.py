@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sledenv.entries import entry
 from sledenv.kernel import roots
-from sledenv.programs.rows import WIDTH
+from sledenv.programs.rows import TERMS, WIDTH
 
 first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
 
@@ -59,13 +59,13 @@ def test_the_first_of_several_roots_is_found(real: list[float], pairs: list[comp
 
 
 @property_of_all
-@given(st.lists(st.integers(-1000, 1000), min_size=21, max_size=21), st.floats(0.05, 2.0), st.floats(0.1, 0.8))
+@given(st.lists(st.integers(-1000, 1000), min_size=TERMS, max_size=TERMS), st.floats(0.05, 2.0), st.floats(0.1, 0.8))
 def test_the_root_of_a_random_series_is_that_of_numpy(drawn: list[int], step: float, ratio: float) -> None:
     """Oracle: numpy.roots, and the sign of the series on 2001 points before the root; terms shrink as in a contact."""
-    series = 1e-3 * np.array(drawn) * (ratio / step) ** np.arange(21)
+    series = 1e-3 * np.array(drawn) * (ratio / step) ** np.arange(TERMS)
     series[0] = abs(series[0]) + 1e-3
     found = root_of(series, step)
-    size = np.abs(series * step ** np.arange(21)).sum()
+    size = np.abs(series * step ** np.arange(TERMS)).sum()
     values = np.polynomial.polynomial.polyval(np.linspace(0.0, min(found, step), 2001), series)
     assert values.min() > -1e-13 * size  # not passed
     if found < math.inf:

@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel import events, normal, progress, records
+from sledenv.kernel.friction import CLEAR
 from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.recurrence import expand
-from sledenv.kernel.roots import first_root, horner
 from sledenv.kernel.state import CONTACT, PEAKS, SUMS, add, clear, copy
 from sledenv.kernel.step import complete, orient
-from sledenv.programs.jit import kernel
+from sledenv.programs.jit import kernel, part
 from sledenv.programs.trace import of_step, straight
-from sledenv.programs.values import larger
+from sledenv.programs.values import absolute, equal, larger, less, not_more, where
 
-SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding; likewise moments
+SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
 TOUCHING = 1e-9  # of the size: gap of the second point where it starts to touch
 UNITS = 0.7  # of time of a point alone in that of both: springs side by side are stiffer
 
@@ -39,7 +38,36 @@ def _adding(contact: Any, second: Any) -> None:
         setattr(contact, name, larger(getattr(contact, name), getattr(second, name)))
 
 
-_add = of_step(_adding)
+def _agreeing(contact: Any, second: Any) -> None:
+    """Program that makes the velocities of both points those of one body, where some are zero or nearly so.
+
+    Each point follows its own. By rounding, what is to be zero at one then is not quite so at the other, and a slip
+    that is all due to the turning, as the other point sticks, would be lost.
+    """
+    small, omega = SAME_RATE * contact.scale, contact.omega
+    apart = contact.gap - second.gap
+    rests, second_rests = equal(contact.v_t, 0.0), equal(second.v_t, 0.0)
+    settled = equal(contact.v_n, 0.0) | equal(second.v_n, 0.0)
+    alike = settled & not_more(absolute(contact.v_n - second.v_n), small)
+    stuck = rests & second_rests & not_more(absolute(omega) * contact.size, small)
+    still = alike | stuck | equal(omega, 0.0) | equal(second.omega, 0.0)
+    # Of a body that does not turn both velocities are the same; if one point sticks the other slips by the turning.
+    together = where(rests | second_rests, 0.0, contact.v_t)
+    far = less(normal.NO_DEPTH * contact.size, absolute(apart))
+    holds = rests & (equal(contact.slip, 0.0) | second_rests)
+    second_holds = second_rests & equal(second.slip, 0.0) & ~holds
+    slip = where(far & second_holds, -apart * omega, contact.v_t)
+    second_slip = where(far & holds, apart * omega, second.v_t)
+    contact.v_t, second.v_t = where(still, together, slip), where(still, together, second_slip)
+    rate = where(settled, 0.0, contact.v_n)
+    contact.v_n, second.v_n = where(still, rate, contact.v_n), where(still, rate, second.v_n)
+    contact.omega, second.omega = where(still, 0.0, omega), where(still, 0.0, second.omega)
+    # What held both alike lets both go.
+    second.slip_left = where(still & equal(contact.spin, 0.0), contact.slip_left, second.slip_left)
+    second.spin_left = contact.spin_left
+
+
+_add, _agree = of_step(_adding), of_step(_agreeing)
 
 
 @kernel
@@ -58,7 +86,7 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
     if not abs(gap + apart) <= TOUCHING * contact["size"]:
         return False
     theta_2 = second["phi"] + second["shift"]
-    flat = abs(apart) <= progress.ROUNDING * contact["size"]
+    flat = abs(apart) <= normal.ROUNDING * contact["size"]
     second["gap"] = gap if flat else min(gap + apart, 0.0)
     second["v_n"] += (contact["h"] * math.sin(theta) - second["h"] * math.sin(theta_2)) * omega
     second["v_t"] += (gap - second["gap"]) * omega
@@ -82,36 +110,6 @@ def _part(body: Body, first_stays: bool, contact: np.void, second: np.void) -> N
 
 
 @kernel
-def _agree(contact: np.void, second: np.void) -> None:
-    """Let the velocities of both points be those of one body, where some of them are zero or nearly so.
-
-    Each point follows its own. By rounding, what is to be zero at one then is not quite so at the other, and a slip
-    that is all due to the turning, as the other point sticks, would be lost.
-    """
-    small = SAME_RATE * contact["scale"]
-    apart, sticking = contact["gap"] - second["gap"], contact["v_t"] == 0.0 and second["v_t"] == 0.0
-    settled = contact["v_n"] == 0.0 or second["v_n"] == 0.0
-    if settled and abs(contact["v_n"] - second["v_n"]) <= small:
-        contact["omega"] = 0.0
-    if sticking and abs(contact["omega"]) * contact["size"] <= small:
-        contact["omega"] = 0.0
-    if contact["omega"] == 0.0 or second["omega"] == 0.0:
-        contact["omega"] = second["omega"] = 0.0
-        zero = contact["v_n"] == 0.0 or second["v_n"] == 0.0
-        contact["v_n"] = second["v_n"] = 0.0 if zero else contact["v_n"]
-        zero = contact["v_t"] == 0.0 or second["v_t"] == 0.0
-        contact["v_t"] = second["v_t"] = 0.0 if zero else contact["v_t"]
-        if contact["spin"] == 0.0:  # what held both alike lets both go
-            second["slip_left"] = contact["slip_left"]
-    elif abs(apart) > progress.NO_DEPTH * contact["size"]:
-        if contact["v_t"] == 0.0 and (contact["slip"] == 0.0 or sticking):
-            second["v_t"] = apart * contact["omega"]
-        elif second["v_t"] == 0.0 and second["slip"] == 0.0:
-            contact["v_t"] = -apart * contact["omega"]
-    second["spin_left"] = contact["spin_left"]
-
-
-@kernel
 def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) -> int:
     """Choose the branch of both points, if it may change; return the status, RUNNING if a step is to be made.
 
@@ -121,14 +119,14 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     orient(contact, step)
     orient(second, second_step)
     if contact["undecided"] != 0.0:
-        branch, other = resolve_pair(contact, second, step, second_step)
+        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second))
         progress.take_branch(branch, contact)
         progress.take_branch(other, second)
         rigid = contact["k_closing"] == math.inf
-        if rigid and branch.gap_rate > 0 and other.gap_rate > 0:
+        if rigid and (violation > CLEAR or (branch.gap_rate > 0 and other.gap_rate > 0)):
             if not contact["inward"] > 0.0:
                 return records.SEPARATED
-            # Friction would turn the body over the corner ahead, faster than any finite force could let it.
+            # Friction turns the body over the corner ahead, faster than any finite force could let it.
             _part(body, contact["v_t"] * contact["h"] * step["sine"] < 0.0, contact, second)
             return records.INCONSISTENT
         if rigid and (branch.gap_rate > 0 or other.gap_rate > 0):
@@ -145,7 +143,7 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     return records.STEP_BUDGET if spent else records.RUNNING
 
 
-@kernel
+@part
 def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
     """Unit of time [s] of a step of both points."""
     unit = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
@@ -155,85 +153,26 @@ def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
     return unit
 
 
-@kernel
-def _passes_flat(contact: np.void, second: np.void, step: np.void, second_step: np.void, slip: float) -> float:
-    """Time at which the chord lies flat, while one point sticks and the second has over it a slip of this sign.
-
-    That slip is the difference of the gaps times the spin, too small to be looked for by itself.
-    """
-    sign = slip * contact["spin"]
-    q = step["scratch"]
-    q[:] = sign * (step["gap"] - second_step["gap"])
-    flat = abs(contact["gap"] - second["gap"]) <= progress.NO_DEPTH * contact["size"]
-    vanishing = 0 if not flat else (1 if contact["omega"] != 0.0 else 2)
-    return first_root(q, step["length"], vanishing, 0.0)
-
-
-@kernel
-def _vanishes(moment: np.ndarray, load: np.ndarray, size: float, length: float) -> bool:
-    """Whether a moment is nothing but the rounding errors of two that balance, under a load [N]."""
-    rounding = SAME_RATE * size * max(abs(load[0]), abs(horner(load, length)))
-    return bool(max(abs(moment[0]), abs(horner(moment, length))) <= rounding)
-
-
-@kernel
-def _first_event(body: Body, space: np.void) -> None:
-    """Let the step of both points end with the first event of either."""
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    step["event"] = second_step["event"] = events.NOTHING
-    step["released"] = second_step["released"] = 0.0
-    turning, settled = contact["spin"] != 0.0, contact["gap_rate"] == 0.0 and second["gap_rate"] == 0.0
-    together = space["together"]
-    if not turning:  # what holds both is held against the sum of what bounds it
-        together[:] = step["normal"] + second_step["normal"]
-        step["safe_moment"] = step["safe_moment_back"] = 0.0
-    if not settled:
-        events.gap_events(contact, step)
-    if turning and second["slip"] == 0.0:
-        events.happens(_passes_flat(contact, second, step, second_step, -contact["slip"]), events.SLIP_ZERO, step)
-    else:
-        events.slip_events(contact, step, step["normal"] if turning else together)
-    if turning:
-        events.spin_events(contact, step, step["moment"], step["normal"], 1.0)
-    elif not settled:
-        for i in range(2):
-            if not _vanishes(space["moments"][i], together, contact["size"], step["length"]):
-                events.spin_events(contact, step, space["moments"][i], space["loads"][i], 1.0)
-    events.corner_events(body, contact, step)
-    events.slope_event(contact, step)
-    second_step["length"] = step["length"]
-    if not settled:
-        events.gap_events(second, second_step)
-    if turning and contact["slip"] == 0.0:
-        at = _passes_flat(contact, second, second_step, step, -second["slip"])
-        events.happens(at, events.SLIP_ZERO, second_step)
-    elif turning:
-        events.slip_events(second, second_step, second_step["normal"])
-    events.corner_events(body, second, second_step)
-    if second_step["event"] != events.NOTHING:
-        step["length"], step["event"] = second_step["length"], events.NOTHING
-
-
-@kernel
-def step_of_both(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
-    """Go up to what ends a step of both points; return what :func:`sledenv.kernel.progress.bound_step` does."""
+@part
+def prepare_both(slope: Incline, space: np.void) -> None:
+    """Tell a step of both points what its series need, and what locked normal forces are held against."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     step["unit"] = second_step["unit"] = _unit(slope, contact, second)
-    step["largest"], step["least"] = normal.bounds(0.0, contact)
-    second_step["largest"], second_step["least"] = normal.bounds(0.0, second)
-    expand(space)
+    step["largest"], step["least"] = normal.bounds(contact, 0.0)
+    second_step["largest"], second_step["least"] = normal.bounds(second, 0.0)
+
+
+@part
+def complete_both(limits: Limits, space: np.void) -> int:
+    """Complete a step of both points, as long as its series hold; return what ``bound_step`` does."""
+    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     bounded = progress.bound_step(limits, progress.MOST_UNITS, contact, step)
     if math.isfinite(step["length"]):
         bounded = progress.bound_step(limits, step["length"], second, second_step)
-    if bounded == records.NON_FINITE:
-        return bounded
-    step["length"] = foreseen = second_step["length"]
+    step["length"] = second_step["length"]
+    step["event"] = events.NOTHING
     complete(contact, step)
     complete(second, second_step)
-    _first_event(body, space)
-    if step["length"] < foreseen:
-        complete(contact, step)
-        complete(second, second_step)
     return bounded
 
 

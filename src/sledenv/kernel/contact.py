@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from sledenv.kernel import events, normal, progress, records
-from sledenv.kernel.chord import feel_both, join, look_at_both, step_of_both, unite
-from sledenv.kernel.friction import Branch, Drive, Mobility, resolve
+from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, unite
+from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
@@ -30,8 +30,7 @@ from sledenv.kernel.trajectory import (
     write_motion,
     write_slip,
 )
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers
+from sledenv.programs.jit import kernel, part
 
 TRIALS = 27  # last events without any progress in time, in which every branch is tried
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
@@ -39,7 +38,7 @@ SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the
 NO_LOAD = 1e-9
 
 
-@kernel
+@part
 def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None:
     """Write what does not change during a contact; its orientation becomes one within a turn."""
     turns = whole_turns(contact["phi"])
@@ -61,10 +60,9 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     progress.tell_feature(body, contact)
 
 
-@kernel
+@part
 def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     """Branch of a contact from here on, by the box rule."""
-    copy_into_callers()
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     if v_n != 0.0 and v_t != 0.0 and omega != 0.0:
         return Branch(progress.sign_of(v_n), progress.sign_of(v_t), progress.sign_of(omega))
@@ -74,21 +72,18 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
         contact["downhill"] + a * square,
         -contact["inward"] - contact["h"] * step["cosine"] * square,
     )
-    shallow = progress.NO_DEPTH * contact["size"]
-    if abs(drive.t) > progress.NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
+    shallow = normal.NO_DEPTH * contact["size"]
+    if abs(drive.t) > normal.NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
         shallow = min(shallow, NO_LOAD * body.mass * abs(drive.t) / contact["k_closing"])
+    closing, opening = normal.bounds(contact, shallow)
     return resolve(
         Mobility(1.0 / body.mass, 1.0 / body.inertia, a, b),
         drive,
         contact["friction"],
         contact["arm"],
         contact["size"],
-        normal.bounds(shallow, contact),
-        Branch(
-            progress.signs_of(v_n, contact["gap_left"]),
-            progress.signs_of(v_t, contact["slip_left"]),
-            progress.signs_of(omega, contact["spin_left"]),
-        ),
+        Bounds(closing, opening),
+        progress.signs(contact),
     )
 
 
@@ -107,10 +102,9 @@ def _trial(number: int, contact: np.void) -> Branch:
     )
 
 
-@kernel
+@part
 def _choose(body: Body, contact: np.void, step: np.void) -> None:
     """Choose the branch that a contact follows from here on, and write what depends on it."""
-    copy_into_callers()
     branch = _resolved(body, contact, step)
     stalled = int(contact["stalled"])
     if stalled >= progress.MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
@@ -118,10 +112,9 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
     progress.take_branch(branch, contact)
 
 
-@kernel
+@part
 def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
     """Status of a contact before a step: RUNNING if there is to be one."""
-    copy_into_callers()
     if contact["gap_rate"] == 0.0 and contact["slip"] == 0.0 and contact["spin"] == 0.0:
         return records.JAMMED
     if contact["k_closing"] == math.inf and contact["gap_rate"] > 0.0:
@@ -132,20 +125,18 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
     return records.RUNNING
 
 
-@kernel
+@part
 def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
     """Tell a step what its series need, and what a locked normal force is held against."""
-    copy_into_callers()
     begin_step(contact, step)
-    step["largest"], step["least"] = normal.bounds(0.0, contact)
+    step["largest"], step["least"] = normal.bounds(contact, 0.0)
     if contact["gap_rate"] == 0.0:
         step["unit"] = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
 
 
-@kernel
+@part
 def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
     """Find what is likely to end a step, and how long its series hold; return what ``bound_step`` does."""
-    copy_into_callers()
     if contact["gap_rate"] != 0.0:
         expect(contact, step)
     else:
@@ -158,7 +149,6 @@ def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
 @kernel
 def _turns_back(before: float, end: float, series: np.ndarray, event: int, contact: np.void, step: np.void) -> None:
     """Let a step end where a velocity has become zero, if it has changed its sign by the end of the step."""
-    copy_into_callers()
     if before * end < 0.0:
         length = step["length"]
         at = locate(series, length * before / (before - end), length)
@@ -167,10 +157,9 @@ def _turns_back(before: float, end: float, series: np.ndarray, event: int, conta
             complete(contact, step)
 
 
-@kernel
+@part
 def _foresee(contact: np.void, step: np.void) -> None:
     """Complete a step up to what is likely to end it, sought where it is expected and up to ``step["most"]``."""
-    copy_into_callers()
     step["event"] = events.NOTHING
     expected = int(step["expected"])
     # A gap rate that starts from zero has a root there, which the search might find.
@@ -215,7 +204,7 @@ def write_contact(space: np.void, t: float, row: np.void) -> None:
     write_slip(row, horner(step["v_t"], t), contact["friction"])
 
 
-@kernel
+@part
 def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> None:
     """Add rows over one step, both its ends included: forces may jump between it and the next.
 
@@ -244,38 +233,45 @@ def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np
         write_contact(space, t, row)
 
 
-@kernel
+@part
 def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
     """Choose the branch of a contact of one point, if it may change; return the status: RUNNING if a step follows."""
-    copy_into_callers()
     orient(contact, step)
     if contact["undecided"] != 0.0:
         _choose(body, contact, step)
     return _standing(limits, flight, contact, step)
 
 
-@kernel
+@part
 def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
-    """Go up to what ends a step of one point; return what ``bound_step`` does, or INCONSISTENT."""
-    copy_into_callers()
-    contact, step = space["contact"], space["step"]
-    _prepare(slope, contact, step)
+    """Go up to what ends a step; return what ``bound_step`` does, or INCONSISTENT."""
+    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
+    paired = contact["paired"] != 0.0
+    if paired:
+        prepare_both(slope, space)
+    else:
+        _prepare(slope, contact, step)
     expand(space)
-    bounded = _bound(limits, contact, step)
+    if paired:
+        bounded = complete_both(limits, space)
+    else:
+        bounded = _bound(limits, contact, step)
     if bounded != records.RUNNING and bounded != records.TIMEOUT:
         return bounded
-    _foresee(contact, step)
+    if not paired:
+        _foresee(contact, step)
     foreseen = step["length"]
-    events.first_event(body, contact, step)
+    events.first_event(body, space)
     if step["length"] < foreseen:  # something else happens before
         complete(contact, step)
+        if paired:
+            complete(second, second_step)
     return bounded
 
 
-@kernel
+@part
 def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
     """Let a contact of one point feel what happens at the end of a step; return its status, RUNNING if it goes on."""
-    copy_into_callers()
     status = progress.follow_event(body, contact, step)
     if status == records.BOTH_CORNERS and contact["k_closing"] < math.inf:
         return records.RUNNING if join(body, contact, second) else records.BURIED
@@ -334,10 +330,7 @@ def follow(
                 break
             flight["steps"] += 1
             space["work"] += 1.0
-            if contact["paired"] != 0.0:
-                status = step_of_both(body, slope, limits, space)
-            else:
-                status = _step(body, slope, limits, space)
+            status = _step(body, slope, limits, space)
             if status != records.RUNNING and status != records.TIMEOUT:
                 break
             space["bounded"] = status

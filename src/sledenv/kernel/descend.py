@@ -35,7 +35,7 @@ from sledenv.kernel.state import (
     record,
 )
 from sledenv.kernel.trajectory import next_row, rows_to_write, write_forces, write_motion
-from sledenv.programs.jit import kernel
+from sledenv.programs.jit import kernel, part
 from sledenv.programs.rows import WIDTH
 from sledenv.programs.trace import copy_into_callers, straight
 
@@ -49,8 +49,10 @@ SPACE = record(
     ("second_step", STEP),
     # Series of both points that touch, see pair.py: the sum of their normal forces; moments, and what bounds them.
     ("together", "f8", (WIDTH,)),  # [N]
-    ("moments", "f8", (2, WIDTH)),  # [N m]
-    ("loads", "f8", (2, WIDTH)),  # [N m]
+    ("moment", "f8", (WIDTH,)),  # [N m]
+    ("second_moment", "f8", (WIDTH,)),
+    ("load", "f8", (WIDTH,)),  # [N m]
+    ("second_load", "f8", (WIDTH,)),
     ("contact", CONTACT),
     ("second", CONTACT),  # the second point that touches, while there are two
     ("hop", HOP),
@@ -279,6 +281,18 @@ def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, 
 
 
 @kernel
+def _write_end(flight: np.void, touching: bool, space: np.void, trajectory: np.ndarray) -> None:
+    """Add the last row of a descent, with the forces of a contact that goes on."""
+    row = next_row(trajectory, flight)
+    x, y, phi = flight["x"], flight["y"], flight["phi"]
+    write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
+    if touching:
+        write_contact(space, space["step"]["length"], row)
+    else:
+        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
+
+
+@part
 def hop(
     body: Body,
     law: Law,
@@ -309,7 +323,6 @@ def hop(
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
-    copy_into_callers()
     contact = space["contact"]
     status = RUNNING
     if space["stage"] != TOUCHING:
@@ -329,13 +342,7 @@ def hop(
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
     flight["status"] = status
     if status != RUNNING and trajectory.shape[0] > 0:
-        row = next_row(trajectory, flight)
-        x, y, phi = flight["x"], flight["y"], flight["phi"]
-        write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
-        if touched and status != LOG_FULL and contact["held"] != 0.0:
-            write_contact(space, space["step"]["length"], row)
-        else:
-            write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
+        _write_end(flight, touched and status != LOG_FULL and contact["held"] != 0.0, space, trajectory)
 
 
 @kernel
@@ -366,7 +373,6 @@ def descend(
     outcomes : ndarray of OUTCOME, shape (1,)
         Overwritten.
     """
-    copy_into_callers()
     space, flight = spaces[0], outcomes[0]
     if space["stage"] == LAUNCHING:
         begin(launch, flight)

@@ -16,8 +16,8 @@ from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import LANES, copy_into_callers, packed, scalar, straight
+from sledenv.programs.jit import kernel, part
+from sledenv.programs.trace import LANES, packed, scalar, straight
 
 EDGE = 1e-9  # [rad]
 FEW = 3  # lanes from which on a pack is faster than each by itself
@@ -27,9 +27,8 @@ def for_bodies(program: Callable[[Any, bool], None], compiled: Callable[..., Any
     """Return a kernel that runs a program of hops, for bodies with corners or without."""
     with_corners, without = compiled(lambda hop: program(hop, True)), compiled(lambda hop: program(hop, False))
 
-    @kernel
+    @part
     def run(body: Body, hop: Any) -> None:
-        copy_into_callers()
         if has_corners(body):
             with_corners(hop)
         else:
@@ -61,10 +60,9 @@ def tell_body(body: Body, hop: np.void) -> None:
     hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
 
 
-@kernel
+@part
 def tell_flight(slope: Incline, limits: Limits, flight: np.void, hop: np.void) -> None:
     """Write where a flight starts, from a record of OUTCOME, and what it is subject to."""
-    copy_into_callers()
     _begin(hop, slope, limits, flight)
 
 
@@ -97,7 +95,7 @@ def _lift(hop: np.void) -> float:
     jerk = h * math.sin(local + shift) * square * omega + change
     if lift > 1e-9 * bound:
         # gap''' >= -h |omega|^3 and that of the height keep the gap open this long, if the feature does not end before.
-        open_for = 1.5 * lift / (furthest * abs(omega) ** 3 + most_change)
+        open_for = 1.5 * lift / (furthest * square * abs(omega) + most_change)
         return float(min(open_for, _angle_left(body, local, omega) / abs(omega)))
     if lift > -1e-9 * bound and jerk > 0.0:
         return float((600.0 * hop["noise"] / jerk) ** (1.0 / 3.0))  # lifted off where the normal force vanished
@@ -147,7 +145,6 @@ def touchdown(body: Body, hop: np.void) -> float:
     float
         Time of touchdown, inf if there is none up to ``hop["horizon"]``; also ``hop["touchdown"]``.
     """
-    copy_into_callers()
     begin_search(body, hop)
     search(body, math.inf, hop)
     return float(hop["touchdown"])
@@ -191,20 +188,18 @@ def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
 @kernel
 def finish_time(hop: np.void) -> float:
     """First time [s] > 0 at which a flight reaches the end of the slope, inf if never."""
-    copy_into_callers()
     return _finish(hop)[0] if hop["length"] < math.inf else math.inf
 
 
-@kernel
+@part
 def go_on(duration: float, hop: np.void) -> None:
     """Follow a flight for some time [s]: fill in where it then is."""
     hop["duration"] = duration
     _move(hop)
 
 
-@kernel
+@part
 def arrive(body: Body, duration: float, hop: np.void) -> None:
     """Follow a flight for some time [s]: fill in where it then is, and how what is lowest there would touch."""
-    copy_into_callers()
     hop["duration"] = duration
     _arrive(body, hop)

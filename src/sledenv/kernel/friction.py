@@ -11,7 +11,8 @@ import math
 from typing import Any, NamedTuple
 
 from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers
+from sledenv.programs.trace import copy_into_callers, scalar
+from sledenv.programs.values import absolute, equal, less, where
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first, with more locks, is then taken
 CLEAR = 1e-9  # violations above this are told from none
@@ -117,19 +118,18 @@ def excluded(sign: int, branch: int) -> bool:
     return sign != 0 and (branch == 0 or (sign > 0) != (branch > 0))
 
 
-@kernel
-def beyond(velocity: int, branch: int, excess: float, rate: float, yielding: float) -> float:
-    """How far a velocity is from what its branch wants of it, as a force.
+def beyond(velocity: Any, branch: Any, excess: Any, rate: Any, yielding: Any) -> Any:
+    """In a program: how far a velocity is from what its branch wants of it, as a force.
 
     That of a velocity that is locked is what its force exceeds its bound by, ``excess``; that of one which leaves zero
     is what makes it go the other way, ``yielding`` being its rate under a unit force. One that was not zero is free to
     do as it does.
     """
-    if abs(velocity) == 1:
-        return 0.0
-    if branch == 0:
-        return max(0.0, excess)
-    return max(0.0, -branch * rate) / yielding
+    missed = where(equal(branch, 0.0), excess, -branch * rate / yielding)
+    return where(equal(absolute(velocity), 1.0), 0.0, where(less(missed, 0.0), 0.0, missed))
+
+
+_beyond = scalar(lambda velocity, branch, excess, rate, yielding: (beyond(velocity, branch, excess, rate, yielding),))
 
 
 @kernel
@@ -144,10 +144,10 @@ def _violation(
     rate_t, rate_w, rate_n = rates(w, drive, force, moment, normal)
     w_tt = w.per_mass + w.b * w.b * w.per_inertia
     w_nn = w.per_mass + w.a * w.a * w.per_inertia
-    found = beyond(signs.slip, branch.slip, abs(force) - friction * normal, rate_t, w_tt)
-    found += beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia) / length
+    found = _beyond(signs.slip, branch.slip, abs(force) - friction * normal, rate_t, w_tt)[0]
+    found += _beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia)[0] / length
     outside = max(normal - bounds.closing, bounds.opening - normal)
-    found += beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)
+    found += _beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)[0]
     return found / max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
 
 

@@ -13,9 +13,10 @@ from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw
 from sledenv.kernel.progress import begin_with_lower
+from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.state import TOUCHING
-from sledenv.programs.jit import by_type, kernel
+from sledenv.programs.jit import by_type, kernel, part
 from sledenv.programs.trace import scalar
 
 Law = CompliantLaw | RigidLaw
@@ -23,24 +24,15 @@ _Law = TypeVar("_Law", bound=Law)
 
 
 @kernel
-def _meet(
-    body: Body,
-    law: CompliantLaw,
-    slope: Incline,
-    limits: Limits,
-    flight: np.void,
-    space: np.void,
-    trajectory: np.ndarray,
-) -> int:
-    """Follow a touch of compliant surfaces."""
+def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.void) -> int:
+    """Let compliant surfaces touch: arguments and result are those of :func:`sledenv.kernel.rigid.strike`."""
     contact = space["contact"]
-    if space["stage"] != TOUCHING:
-        normal.tell_law(law, contact)
-        contact["friction"] = law.friction
-        contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
-        contact["most_normal"] = math.inf
-        begin_with_lower(body, contact)
-    return follow(body, slope, limits, flight, space, trajectory)
+    normal.tell_law(law, contact)
+    contact["friction"] = law.friction
+    contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
+    contact["most_normal"] = math.inf
+    begin_with_lower(body, contact)
+    return RUNNING
 
 
 def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable[..., Any]:
@@ -48,8 +40,26 @@ def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable
     return by_type(1, {RigidLaw: rigid}, compliant)
 
 
-# Follow a touch until the body leaves, or its descent ends; return SEPARATED or the status of the descent.
-touch = by_law(_meet, strike)
+_meet_by = by_law(_meet, strike)
+
+
+@part
+def touch(
+    body: Body, law: Law, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray
+) -> int:
+    """Follow a touch until the body leaves, or its descent ends.
+
+    Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
+    touchdown, and ``space["hop"]`` has been told the body.
+    """
+    status = RUNNING
+    if space["stage"] != TOUCHING:
+        status = _meet_by(body, law, slope, status, space)
+    while status == RUNNING:
+        status = follow(body, slope, limits, flight, space, trajectory)
+        if status in (INCONSISTENT, BOTH_CORNERS):  # only an impact can help rigid surfaces then
+            status = _meet_by(body, law, slope, status, space)
+    return status
 
 
 def law_of_row(like: _Law, row: np.ndarray) -> _Law:

@@ -11,10 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from sledenv.kernel.friction import Bounds
 from sledenv.kernel.params import ContactLaw
 from sledenv.programs.jit import kernel
-from sledenv.programs.values import less, where
+from sledenv.programs.trace import scalar
+from sledenv.programs.values import larger, less, where
+
+ROUNDING: Final = 2e-15  # of the size: gaps that are equal, or zero, but for rounding
+NO_DEPTH: Final = 1e-12  # of the size: a contact that is shallower is resolved in the limit of a vanishing normal force
 
 # What a contact holds of its law.
 FIELDS: Final = (
@@ -26,9 +29,6 @@ FIELDS: Final = (
 def load(contact: Any, gap: Any, rate: Any) -> Any:
     """Load [m] at a gap [m] and a gap rate [m/s], which in a program are numbers or vectors of coefficients."""
     return gap
-
-
-load_at = kernel(load)  # in kernels
 
 
 def ease(contact: Any, step: Any, separates: Any) -> Any:
@@ -52,12 +52,19 @@ def tell_rigid(contact: np.void) -> None:
     contact["k_closing"], contact["k_opening"] = math.inf, 0.0
 
 
-@kernel
-def bounds(shallow: float, contact: np.void) -> Bounds:
-    """Force of a contact while its gap closes and while it opens; ``shallow`` [m] is the least penetration."""
-    depth = max(-load_at(contact, contact["gap"], contact["v_n"]), shallow)
-    closing = contact["k_closing"]
-    return Bounds(closing * depth if closing < math.inf else math.inf, contact["k_opening"] * depth)
+def bounds_of(contact: Any, shallow: Any) -> tuple[Any, Any]:
+    """In a program: force [N] of a contact while its gap closes and while it opens, at least ``shallow`` [m] deep."""
+    depth = larger(-load(contact, contact.gap, contact.v_n), shallow)
+    closing = where(less(contact.k_closing, math.inf), contact.k_closing * depth, math.inf)
+    return closing, contact.k_opening * depth
+
+
+bounds = scalar(bounds_of)  # in kernels
+
+
+def force(contact: Any, gap: Any, rate: Any) -> Any:
+    """In a program: normal force [N] in the branch of a contact, of a gap [m] and a gap rate [m/s]."""
+    return -(contact.stiffness * load(contact, gap, rate))
 
 
 @kernel
@@ -67,20 +74,13 @@ def load_series(contact: np.void, step: np.void) -> np.ndarray:
     return series
 
 
-@kernel
-def stiffness(closing: bool, contact: np.void) -> float:
-    """Stiffness [N/m] of a contact while its gap closes, or opens."""
-    return float(contact["k_closing"] if closing else contact["k_opening"])
-
-
-@kernel
-def force(contact: np.void, step: np.void, k: int) -> float:
-    """Coefficient ``k`` of the force [N], from those of the gap and the gap rate."""
-    return float(-contact["stiffness"] * load_at(contact, step["gap"][k], step["v_n"][k]))
+def stiffness(contact: Any, closing: Any) -> Any:
+    """In a program: stiffness [N/m] of a contact while its gap closes, or opens."""
+    return where(closing, contact.k_closing, contact.k_opening)
 
 
 @kernel
 def stored(contact: np.void) -> float:
     """Energy [J] in the compressed surfaces."""
     stiff = contact["k_closing"]
-    return float(0.5 * stiff * min(contact["gap"], 0.0) ** 2) if stiff < math.inf else 0.0
+    return float(0.5 * stiff * contact["gap"] * min(contact["gap"], 0.0)) if stiff < math.inf else 0.0

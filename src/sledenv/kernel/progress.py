@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +14,13 @@ from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.series import longest_step
 from sledenv.kernel.step import advance
 from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers
+from sledenv.programs.trace import copy_into_callers, straight
+from sledenv.programs.values import equal, less, root, where
 
 MOST_UNITS = 2.0  # length of a step
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
-ROUNDING = 2e-15  # of the size: gaps that are equal, or zero, but for rounding
-NO_DEPTH = 1e-12  # of the size: a contact that is shallower is resolved in the limit of a vanishing normal force
 
 
 @kernel
@@ -61,31 +61,51 @@ def forget_branch(contact: np.void) -> None:
 
 
 @kernel
-def signs_of(velocity: float, left: float) -> int:
+def _sign_of(velocity: float, left: float) -> int:
     """Sign of a velocity for the box rule: 2 or -2 where it is zero but has just been released."""
     return sign_of(velocity) if left == 0.0 else 2 * int(left)
 
 
 @kernel
+def signs(contact: np.void) -> Branch:
+    """Signs of the velocities of a contact, for the box rule."""
+    return Branch(
+        _sign_of(contact["v_n"], contact["gap_left"]),
+        _sign_of(contact["v_t"], contact["slip_left"]),
+        _sign_of(contact["omega"], contact["spin_left"]),
+    )
+
+
+_VELOCITIES = (("v_n", "gap_rate", "gap"), ("v_t", "slip", "slip"), ("omega", "spin", "spin"))
+
+
+def _taking(contact: Any, branch: Branch) -> None:
+    """Program of :func:`take_branch`."""
+    jumps = sum(
+        where(equal(getattr(contact, sign), to), 0.0, 1.0) for (_, sign, _), to in zip(_VELOCITIES, branch, strict=True)
+    )
+    # What has just left the bound of its force starts without acceleration too, if no other force has jumped. Of two
+    # points, what one releases may leave the other without acceleration.
+    both = less(0.0, contact.paired)
+    leaving, starting = where(equal(jumps, 1.0) | both, 2.0, 1.0), where(both, 2.0, 1.0)
+    for (velocity, sign, name), to in zip(_VELOCITIES, branch, strict=True):
+        zeros = where(equal(getattr(contact, f"{name}_left"), 0.0), starting, leaving)
+        setattr(contact, f"{name}_zeros", where(equal(getattr(contact, velocity), 0.0), zeros, 0.0))
+        setattr(contact, sign, to)
+    contact.mu, contact.rho = -branch.slip * contact.friction, -branch.spin * contact.arm
+    closing = less(branch.gap_rate, 0.0)
+    contact.stiffness = normal.stiffness(contact, closing)
+    pace = where(closing, contact.pace_closing, contact.pace_opening)
+    contact.pace = where(less(0.0, contact.stiffness), pace, contact.pace)
+
+
+_take = straight(_taking)
+
+
+@kernel
 def take_branch(branch: Branch, contact: np.void) -> None:
     """Write what the velocities do from here on, and what that makes of friction."""
-    # What has just left the bound of its force starts without acceleration too, if no other force has jumped.
-    jumps = (
-        (contact["gap_rate"] != branch.gap_rate) + (contact["slip"] != branch.slip) + (contact["spin"] != branch.spin)
-    )
-    # Of two points, what one releases may leave the other without acceleration.
-    both = contact["paired"] != 0.0
-    leaving, starting = 2.0 if jumps == 1 or both else 1.0, 2.0 if both else 1.0
-    contact["gap_zeros"] = (leaving if contact["gap_left"] != 0.0 else starting) if contact["v_n"] == 0.0 else 0.0
-    contact["slip_zeros"] = (leaving if contact["slip_left"] != 0.0 else starting) if contact["v_t"] == 0.0 else 0.0
-    contact["spin_zeros"] = (leaving if contact["spin_left"] != 0.0 else starting) if contact["omega"] == 0.0 else 0.0
-    contact["gap_rate"], contact["slip"], contact["spin"] = branch.gap_rate, branch.slip, branch.spin
-    contact["mu"] = -branch.slip * contact["friction"]
-    contact["rho"] = -branch.spin * contact["arm"]
-    closing = branch.gap_rate < 0
-    contact["stiffness"] = normal.stiffness(closing, contact)
-    if contact["stiffness"] > 0.0:
-        contact["pace"] = contact["pace_closing"] if closing else contact["pace_opening"]
+    _take(contact, branch)
 
 
 @kernel
@@ -127,6 +147,16 @@ def _stop_or_release(contact: np.void, step: np.void) -> None:
         contact["omega"], contact["spin_left"] = 0.0, step["released"]
 
 
+def _pacing(contact: Any, moved: Any) -> None:
+    """Program of the units of time of a step, of surfaces that move a mass [1/kg] as movable as this."""
+    for name, closing in (("pace_closing", 1.0), ("pace_opening", 0.0)):
+        stiff = normal.stiffness(contact, less(0.0, closing))
+        setattr(contact, name, where(less(0.0, stiff), UNIT_ANGLE / root(stiff * moved), math.inf))
+
+
+_tell_paces = straight(_pacing)
+
+
 @kernel
 def tell_feature(body: Body, contact: np.void) -> None:
     """Write what does not change until another feature touches."""
@@ -139,9 +169,7 @@ def tell_feature(body: Body, contact: np.void) -> None:
         contact["other"], contact["other_sine"], contact["other_cosine"] = math.inf, 0.0, 0.0
     # The spring moves less than the mass where it turns the body.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    contact["pace_closing"] = UNIT_ANGLE / math.sqrt(normal.stiffness(True, contact) * moved)
-    opening = normal.stiffness(False, contact)
-    contact["pace_opening"] = UNIT_ANGLE / math.sqrt(opening * moved) if opening > 0.0 else math.inf
+    _tell_paces(contact, moved)
 
 
 @kernel

@@ -1,156 +1,177 @@
-"""The power series of a step in any branch, of one point or two, by plain loops: docs/physics.md (5.5)-(5.9), (8.4).
+"""The power series of a step in any branch, of one point or two: docs/physics.md (5.5)-(5.9), (8.4).
 
-One point that turns has programs of its own, which take a fraction of the time: series.py.
+Two points go side by side, as vectors of two. One that turns has programs of its own, which take a fraction of the
+time: series.py. One that does not is the first of two, of which the second one has no part in the motion.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sledenv.kernel import normal
-from sledenv.kernel.pair import Forces, Held, Point, branch_of, couples, hold, locking, points, unturned
+from sledenv.kernel.pair import branch_of, couples, hold, locking, pick, points, unturned
 from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking
+from sledenv.kernel.state import clear, copy
+from sledenv.programs import rows
 from sledenv.programs.jit import kernel
-from sledenv.programs.rows import EIGHT
+from sledenv.programs.rows import element, repeated, side_by_side
 from sledenv.programs.trace import straight
-
-_SERIES = ("x", "phi", "gap", "v_n", "v_t", "omega", "normal", "force", "moment", "sines", "cosines")
-
-
-def _emptying(step: Any) -> None:
-    """Program that fills the series of a step with zeros: terms behind the last one are read as well."""
-    for name in _SERIES:
-        setattr(step, name, [np.zeros(EIGHT)] * 3)
+from sledenv.programs.values import equal, fma, where
 
 
-_empty = straight(_emptying)
+def _write_common(space: Any, x: list[Any], phi: list[Any], omega: list[Any], moment: list[Any]) -> None:
+    """Write the series that both points have in common; a rolling moment counts for the first."""
+    for step in (space.step, space.second_step):
+        step.x, step.phi, step.omega = rows.of(x), rows.of(phi), rows.of(omega)
+    space.step.moment, space.second_step.moment = rows.of(moment), rows.of([])
 
 
-@kernel
-def _begin(contact: np.void, step: np.void) -> None:
-    """Write the first terms of the series of a point."""
-    _empty(step)
-    step["x"][0], step["phi"][0], step["gap"][0] = contact["x"], contact["phi"], contact["gap"]
-    step["v_n"][0], step["v_t"][0], step["omega"][0] = contact["v_n"], contact["v_t"], contact["omega"]
-    step["sines"][0], step["cosines"][0] = step["sine"], step["cosine"]
+def _write_both(space: Any, **series: list[Any]) -> None:
+    """Write series of both points, given as vectors of two."""
+    for name, pairs in series.items():
+        for step, row in zip((space.step, space.second_step), rows.apart(pairs), strict=True):
+            setattr(step, name, row)
 
 
-@kernel
-def _expand_unturned(space: np.void, one: Point, two: Point, found: Forces) -> None:
-    """Write the series of a step in which the body does not turn, and those of what keeps it from turning."""
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    unit, per_mass = step["unit"], contact["per_mass"]
-    gap_locked, slip_locked = contact["gap_rate"] == 0.0, contact["slip"] == 0.0
-    moments, loads = space["moments"], space["loads"]
-    u = contact["v_t"]
+def _both(space: Any, name: str) -> Any:
+    """Vector of a number of both points."""
+    return side_by_side(getattr(space.contact, name), getattr(space.second, name))
+
+
+def _summed(pair: Any) -> Any:
+    return element(pair, 0) + element(pair, 1)
+
+
+def _still(space: Any) -> None:
+    """Program of a step in which the body does not turn, and of what keeps it from turning."""
+    contact, second, unit = space.contact, space.second, space.step.unit
+    one, two = points(space)
+    found = unturned(contact, one, two, branch_of(contact))
+    gap_locked, slip_locked = equal(contact.gap_rate, 0.0), equal(contact.slip, 0.0)
+    x, u, gap, v_n = [contact.x], [contact.v_t], [_both(space, "gap")], [contact.v_n]
+    pushes, forces, moments, keeping = [], [], [], []
+    for k in range(ORDER):
+        first = k == 0
+        rate = repeated(v_n[k], 2)
+        x.append(u[k] * (unit / (k + 1)))
+        gap.append(rate * repeated(unit / (k + 1), 2))
+        free = [normal.force(point, element(gap[k], i), v_n[k]) for i, point in enumerate((contact, second))]
+        held = (found.normal_1, found.normal_2) if first else (0.0, 0.0)
+        n_1, n_2 = (where(gap_locked, p, q) for p, q in zip(held, free, strict=True))
+        held = (found.tangential_1, found.tangential_2) if first else (0.0, 0.0)
+        f_1, f_2 = (
+            where(slip_locked, p, point.mu * n) for p, point, n in zip(held, (contact, second), (n_1, n_2), strict=True)
+        )
+        pushes.append(side_by_side(n_1, n_2))
+        forces.append(side_by_side(f_1 + f_2, 0.0))
+        moments.append(one.a * n_1 - one.b * f_1 + (two.a * n_2 - two.b * f_2))
+        load = one.arm * n_1 + two.arm * n_2
+        alike = (moments[k], load, moments[k], load)
+        shared = couples(one, two, n_1, n_2, f_1 + f_2)
+        keeping.append([where(slip_locked, p, q) for p, q in zip(shared, alike, strict=True)])
+        rate_t, rate_n = (f_1 + f_2) * contact.per_mass, (n_1 + n_2) * contact.per_mass
+        if first:
+            rate_t, rate_n = rate_t + contact.downhill, rate_n - contact.inward
+        u.append(where(slip_locked, 0.0, rate_t * (unit / (k + 1))))
+        v_n.append(where(gap_locked, 0.0, rate_n * (unit / (k + 1))))
+    _write_common(space, x, [contact.phi], [0.0], moments)
+    space.second_step.phi = rows.of([second.phi])
+    sines, cosines = (
+        side_by_side(*(getattr(s, n) for s in (space.step, space.second_step))) for n in ("sine", "cosine")
+    )
+    v_t = [side_by_side(n, n) for n in u]
+    v_n = [side_by_side(n, n) for n in v_n]
+    _write_both(space, gap=gap, v_n=v_n, v_t=v_t, normal=pushes, force=forces, sines=[sines], cosines=[cosines])
+    for name, numbers in zip(
+        ("moment", "load", "second_moment", "second_load"), zip(*keeping, strict=True), strict=True
+    ):
+        setattr(space, name, rows.of(numbers))
+
+
+def _dot(p: Sequence[Any], q: Sequence[Any]) -> Any:
+    """Sum of the products of the numbers of two lists."""
+    total = p[0] * q[0]
+    for a, b in zip(p[1:], q[1:], strict=True):
+        total = fma(a, b, total)
+    return total
+
+
+def _turning(space: Any) -> None:
+    """Program of a step in which the body turns."""
+    contact, second, step = space.contact, space.second, space.step
+    unit, per_mass = step.unit, contact.per_mass
+    one, two = points(space)
+    branch, other = branch_of(contact), branch_of(second)
+    held = hold(contact, one, two, branch, other)
+    gaps, slips = (equal(_both(space, name), np.zeros(2)) for name in ("gap_rate", "slip"))
+    at_gap, at_gap_2 = (equal(point.gap_rate, 0.0) for point in (contact, second))
+    at_slip, at_slip_2 = (equal(point.slip, 0.0) for point in (contact, second))
+    h, r, mu, rho = (_both(space, name) for name in ("h", "r", "mu", "rho"))
+    sines, cosines = ([side_by_side(getattr(step, n), getattr(space.second_step, n))] for n in ("sine", "cosine"))
+    x, phi, omega = [contact.x], [contact.phi], [contact.omega]
+    gap, v_n, v_t = ([_both(space, name)] for name in ("gap", "v_n", "v_t"))
+    u: Any = contact.v_t - one.b * contact.omega
+    spins = [repeated(contact.omega, 2)]
+    turn, along = sines[0] * spins[0], cosines[0] * spins[0]  # products with the spin, of order k
+    pushes: list[Any] = []
+    forces: list[Any] = []
     for k in range(ORDER):
         w = unit / (k + 1)
-        step["x"][k + 1] = second_step["x"][k + 1] = u * w
-        step["gap"][k + 1] = second_step["gap"][k + 1] = step["v_n"][k] * w
-        n_1, n_2 = normal.force(contact, step, k), normal.force(second, second_step, k)
-        if gap_locked:
-            n_1, n_2 = (found.normal_1, found.normal_2) if k == 0 else (0.0, 0.0)
-        f_1, f_2 = contact["mu"] * n_1, second["mu"] * n_2
-        if slip_locked:
-            f_1, f_2 = (found.tangential_1, found.tangential_2) if k == 0 else (0.0, 0.0)
-        step["normal"][k], second_step["normal"][k], step["force"][k] = n_1, n_2, f_1 + f_2
-        step["moment"][k] = one.a * n_1 - one.b * f_1 + (two.a * n_2 - two.b * f_2)
-        moments[0, k], loads[0, k], moments[1, k], loads[1, k] = couples(one, two, n_1, n_2, f_1 + f_2)
-        if not slip_locked:
-            moments[0, k] = moments[1, k] = step["moment"][k]
-            loads[0, k] = loads[1, k] = one.arm * n_1 + two.arm * n_2
-        downhill, inward = (contact["downhill"], contact["inward"]) if k == 0 else (0.0, 0.0)
-        u = 0.0 if slip_locked else w * ((f_1 + f_2) * per_mass + downhill)
-        step["v_t"][k + 1] = second_step["v_t"][k + 1] = u
-        step["v_n"][k + 1] = second_step["v_n"][k + 1] = 0.0 if gap_locked else w * ((n_1 + n_2) * per_mass - inward)
-
-
-@kernel
-def _products(point: np.void, at: np.void, tangential: np.ndarray, k: int) -> tuple[float, float, float]:
-    """Coefficients of products of a point, as far as they are known before that of the spin, ``omega[k + 1]``.
-
-    Those of sine and of cosine with the spin, of order k + 1; and the moment of the forces, of order k.
-    """
-    sines, cosines, omega, normal = at["sines"], at["cosines"], at["omega"], at["normal"]
-    by_sine, by_cosine, pushed, pulled = 0.0, 0.0, sines[0] * normal[k], cosines[0] * tangential[k]
-    for j in range(1, k + 1):
-        by_sine += sines[j] * omega[k + 1 - j]
-        by_cosine += cosines[j] * omega[k + 1 - j]
-        pushed += sines[j] * normal[k - j]
-        pulled += cosines[j] * tangential[k - j]
-    by_sine += sines[k + 1] * omega[0]
-    by_cosine += cosines[k + 1] * omega[0]
-    return by_sine, by_cosine, point["r"] * tangential[k] - point["h"] * (pushed + pulled)
-
-
-@kernel
-def _expand_turning(
-    contact: np.void, second: np.void, step: np.void, second_step: np.void, held: Held, forces: np.ndarray
-) -> None:
-    """Write the series of a step in which the body turns; ``forces`` is room for the tangential ones, (2, WIDTH)."""
-    unit, per_mass, ratio = step["unit"], contact["per_mass"], contact["ratio"]
-    gap_1, gap_2 = contact["gap_rate"] == 0.0, second["gap_rate"] == 0.0
-    slip_1, slip_2 = contact["slip"] == 0.0, second["slip"] == 0.0
-    omega, normal_1, normal_2, f_1, f_2 = step["omega"], step["normal"], second_step["normal"], forces[0], forces[1]
-    u = contact["v_t"] - (contact["r"] - contact["h"] * step["cosine"]) * contact["omega"]
-    turn_1, turn_2 = step["sine"] * omega[0], second_step["sine"] * omega[0]  # of order k, products with the spin
-    along_1, along_2 = step["cosine"] * omega[0], second_step["cosine"] * omega[0]
-    for k in range(ORDER):
-        w = unit / (k + 1)
-        step["x"][k + 1] = second_step["x"][k + 1] = u * w
-        step["phi"][k + 1] = second_step["phi"][k + 1] = omega[k] * w
-        step["gap"][k + 1], second_step["gap"][k + 1] = step["v_n"][k] * w, second_step["v_n"][k] * w
-        step["sines"][k + 1], second_step["sines"][k + 1] = along_1 * w, along_2 * w
-        step["cosines"][k + 1], second_step["cosines"][k + 1] = -turn_1 * w, -turn_2 * w
-        normal_1[k] = 0.0 if gap_1 else normal.force(contact, step, k)
-        normal_2[k] = 0.0 if gap_2 else normal.force(second, second_step, k)
-        f_1[k], f_2[k] = contact["mu"] * normal_1[k], second["mu"] * normal_2[k]
-        turn_1, along_1, moment_1 = _products(contact, step, f_1, k)
-        turn_2, along_2, moment_2 = _products(second, second_step, f_2, k)
-        moment = moment_1 + moment_2 + (contact["rho"] * normal_1[k] + second["rho"] * normal_2[k])
-        u, v = (f_1[k] + f_2[k]) * per_mass, (normal_1[k] + normal_2[k]) * per_mass
+        twice = repeated(w, 2)
+        x.append(u * w)
+        phi.append(omega[k] * w)
+        gap.append(v_n[k] * twice)
+        sines.append(along * twice)
+        cosines.append(-turn * twice)
+        pressed = [
+            normal.force(point, element(gap[k], i), element(v_n[k], i)) for i, point in enumerate((contact, second))
+        ]
+        push = where(gaps, np.zeros(2), side_by_side(*pressed))
+        # Products as far as they are known before the locked forces and the next coefficient of the spin.
+        turn, along = _dot(sines[1:], spins[::-1]), _dot(cosines[1:], spins[::-1])
+        pushes.append(push)
+        forces.append(mu * push)
+        arms = r * forces[k] - h * (_dot(sines[:-1], pushes[::-1]) + _dot(cosines[:-1], forces[::-1]))
+        rate_u, rate_v = _summed(forces[k]) * per_mass, _summed(push) * per_mass
         if k == 0:
-            u, v = u + contact["downhill"], v - contact["inward"]
-        spin = moment * per_mass * ratio
-        lift = (contact["h"] * turn_1 if gap_1 else second["h"] * turn_2) / w
-        sweep = (contact["h"] * along_1 if slip_1 else second["h"] * along_2) / w
-        push, force = locking(held, lift, sweep, u, v, spin)
-        if gap_1:
-            normal_1[k], f_1[k] = push, contact["mu"] * push
-        elif gap_2:
-            normal_2[k], f_2[k] = push, second["mu"] * push
-        if slip_1:
-            f_1[k] = force
-        elif slip_2:
-            f_2[k] = force
-        u, v = w * (u + held.n_u * push + held.s_u * force), w * (v + held.n_v * push)
-        omega[k + 1] = second_step["omega"][k + 1] = w * (spin + held.n_w * push + held.s_w * force)
-        turn_1, turn_2 = turn_1 + step["sine"] * omega[k + 1], turn_2 + second_step["sine"] * omega[k + 1]
-        along_1, along_2 = along_1 + step["cosine"] * omega[k + 1], along_2 + second_step["cosine"] * omega[k + 1]
-        if not gap_1:
-            step["v_n"][k + 1] = v - contact["h"] * turn_1
-        if not gap_2:
-            second_step["v_n"][k + 1] = v - second["h"] * turn_2
-        if not slip_1:
-            step["v_t"][k + 1] = u + contact["r"] * omega[k + 1] - contact["h"] * along_1
-        if not slip_2:
-            second_step["v_t"][k + 1] = u + second["r"] * omega[k + 1] - second["h"] * along_2
-    if slip_1:
-        step["force"][:] = f_1
-    if slip_2:
-        second_step["force"][:] = f_2
+            rate_u, rate_v = rate_u + contact.downhill, rate_v - contact.inward
+        spin = _summed(arms + rho * push) * per_mass * contact.ratio
+        lift, sweep = h * turn, h * along
+        pushing, force = locking(
+            held,
+            pick(at_gap, at_gap_2, element(lift, 0), element(lift, 1)) / w,
+            pick(at_slip, at_slip_2, element(sweep, 0), element(sweep, 1)) / w,
+            rate_u,
+            rate_v,
+            spin,
+        )
+        pushes[k] = where(gaps, repeated(pushing, 2), push)
+        forces[k] = where(slips, repeated(force, 2), mu * pushes[k])
+        u = w * (rate_u + held.n_u * pushing + held.s_u * force)
+        v = repeated(w * (rate_v + held.n_v * pushing), 2)
+        omega.append(w * (spin + held.n_w * pushing + held.s_w * force))
+        spins.append(repeated(omega[k + 1], 2))
+        turn, along = fma(sines[0], spins[k + 1], turn), fma(cosines[0], spins[k + 1], along)
+        v_n.append(where(gaps, np.zeros(2), v - h * turn))
+        v_t.append(where(slips, np.zeros(2), repeated(u, 2) + r * spins[k + 1] - h * along))
+    _write_common(space, x, phi, omega, [])
+    space.second_step.phi = rows.of([second.phi, *phi[1:]])
+    _write_both(space, gap=gap, v_n=v_n, v_t=v_t, normal=pushes, force=forces, sines=sines, cosines=cosines)
 
 
-@kernel
-def _stand_alone(second: np.void, second_step: np.void) -> None:
-    """Let the second point have no part in what the first does."""
-    _empty(second_step)
-    second["h"] = second["r"] = second["mu"] = second["rho"] = second["arm"] = second["stiffness"] = 0.0
-    second["gap"] = second["v_n"] = second["v_t"] = second["omega"] = 0.0
-    second["gap_rate"] = second["slip"] = 1.0
-    second_step["sine"] = second_step["cosine"] = 0.0
+def _stand_by(space: Any) -> None:
+    """Program of a second point that has no part in what the first does, at whose place it is."""
+    second, second_step = space.second, space.second_step
+    copy(space.contact, second, ("h", "r", "friction", "size", "per_mass"))
+    clear(second, ("mu", "rho", "arm", "k_closing", "k_opening", "stiffness", "gap", "v_n", "v_t", "omega", "phi"))
+    second.gap_rate = second.slip = 1.0
+    copy(space.step, second_step, ("sine", "cosine"))
+
+
+_expand_still, _expand_turning, _stand = straight(_still), straight(_turning), straight(_stand_by)
 
 
 @kernel
@@ -159,27 +180,19 @@ def expand(space: np.void) -> None:
 
     At least one of gap rate, slip and spin is free. ``unit``, ``sine`` and ``cosine`` of each step are given.
     """
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    paired, turning = contact["paired"] != 0.0, contact["spin"] != 0.0
-    if turning and not paired:
-        gap_locked, slip_locked = contact["gap_rate"] == 0.0, contact["slip"] == 0.0
-        if gap_locked and slip_locked:
-            expand_rolling(contact, step)
-        elif gap_locked:
-            expand_settled(contact, step)
-        elif slip_locked:
-            expand_sticking(contact, step)
-        else:
-            expand_free(contact, step)
-        return
-    if not paired:
-        _stand_alone(second, second_step)
-    one, two = points(contact, second, step, second_step)
-    branch = branch_of(contact)
-    _begin(contact, step)
-    _begin(second, second_step)
+    contact, step = space["contact"], space["step"]
+    gap_locked, slip_locked, turning = contact["gap_rate"] == 0.0, contact["slip"] == 0.0, contact["spin"] != 0.0
+    if contact["paired"] == 0.0 and not turning:
+        _stand(space)
     if not turning:
-        _expand_unturned(space, one, two, unturned(contact, one, two, branch))
+        _expand_still(space)
+    elif contact["paired"] != 0.0:
+        _expand_turning(space)
+    elif gap_locked and slip_locked:
+        expand_rolling(contact, step)
+    elif gap_locked:
+        expand_settled(contact, step)
+    elif slip_locked:
+        expand_sticking(contact, step)
     else:
-        held = hold(contact["per_mass"], contact["ratio"], one, two, branch, branch_of(second))
-        _expand_turning(contact, second, step, second_step, held, space["moments"])
+        expand_free(contact, step)

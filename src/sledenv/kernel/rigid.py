@@ -7,18 +7,15 @@ import math
 import numpy as np
 
 from sledenv.kernel import normal
-from sledenv.kernel.contact import follow
 from sledenv.kernel.geometry import corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
-from sledenv.kernel.params import Body, Incline, Limits, RigidLaw
+from sledenv.kernel.params import Body, Incline, RigidLaw
 from sledenv.kernel.progress import arms_now, change_corner
-from sledenv.kernel.records import ARC, BOTH_CORNERS, INCONSISTENT, NOSE, SEPARATED, STEP_BUDGET, TAIL
-from sledenv.kernel.state import TOUCHING
+from sledenv.kernel.records import ARC, INCONSISTENT, NOSE, RUNNING, SEPARATED, STEP_BUDGET, TAIL
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import copy_into_callers, scalar
 from sledenv.programs.values import where
 
-IN_CONTACT = -5  # status beside those of records.py: what has been hit stays in contact, with one point
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
 JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
@@ -81,7 +78,7 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
     Returns
     -------
     int
-        SEPARATED (both corners leave), IN_CONTACT (one of them stays, or both: ``contact["paired"]``) or STEP_BUDGET.
+        SEPARATED (both corners leave), RUNNING (one of them stays, or both: ``contact["paired"]``) or STEP_BUDGET.
     """
     for i in range(2 * MOST_CHORD_IMPACTS):
         corner = int(contact["feature"])
@@ -91,7 +88,7 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
         slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
         if (slow and min(here, there) < 0.0) or (pressed and here == 0.0 and there == 0.0):
             _lie_down(body, contact)
-            return IN_CONTACT
+            return RUNNING
         if here <= there:
             change_corner(body, corner, contact)
             contact["v_n"] = here
@@ -101,7 +98,7 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
         plastic = pressed and -contact["v_n"] < law.settle_speed
         if _hit(law, a, b, 0.0 if plastic else law.restitution, contact, hop) > MOST_PHASES:
             return STEP_BUDGET
-    return SEPARATED if contact["v_n"] > 0.0 else IN_CONTACT
+    return SEPARATED if contact["v_n"] > 0.0 else RUNNING
 
 
 @kernel
@@ -127,41 +124,38 @@ def _strike_once(
     (restitution,) = _softened(law.restitution, law.settle_speed, contact["v_n"], pressing)
     if _hit(law, a, b, restitution, contact, hop) > MOST_PHASES:
         return STEP_BUDGET
-    return SEPARATED if contact["v_n"] > 0.0 else IN_CONTACT
+    return SEPARATED if contact["v_n"] > 0.0 else RUNNING
 
 
 @kernel
-def strike(
-    body: Body,
-    law: RigidLaw,
-    slope: Incline,
-    limits: Limits,
-    flight: np.void,
-    space: np.void,
-    trajectory: np.ndarray,
-) -> int:
-    """Follow a touch of rigid surfaces: an impact, and the sustained contact that it may settle into.
+def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void) -> int:
+    """Let rigid surfaces hit each other.
 
-    Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
-    touchdown, and ``space["hop"]`` has been told the body.
+    Parameters
+    ----------
+    body, law, slope
+        See :mod:`sledenv.kernel.params`.
+    left : int
+        RUNNING at a touchdown; or the status with which :func:`sledenv.kernel.contact.follow` has left the contact.
+    space : record of SPACE
+        Its ``contact`` holds the state, and ``hop`` has been told the body.
+
+    Returns
+    -------
+    int
+        RUNNING if the surfaces stay in contact, with two points if ``contact["paired"]``; SEPARATED or STEP_BUDGET.
     """
     copy_into_callers()
     contact, hop = space["contact"], space["hop"]
-    if space["stage"] != TOUCHING:
+    a, b = contact["a_before"], contact["b_before"]
+    if left == RUNNING:
         tell_rigid(body, law, slope, contact)
         contact["peak_force"] = math.inf
         space["strikes"] = 0.0
-    a, b = contact["a_before"], contact["b_before"]
-    status = BOTH_CORNERS
-    while space["strikes"] < MOST_STRIKES or space["stage"] == TOUCHING:
-        if space["stage"] != TOUCHING:
-            space["strikes"] += 1.0
-            contact["paired"] = contact["held"] = 0.0
-            status = _strike_once(body, law, slope, a, b, status == INCONSISTENT, contact, hop)
-            if status != IN_CONTACT:
-                return status
-        status = follow(body, slope, limits, flight, space, trajectory)
-        if status != INCONSISTENT and status != BOTH_CORNERS:
-            return status
+    else:
         a, b = arms_now(body, int(contact["feature"]), contact)
-    return STEP_BUDGET
+    space["strikes"] += 1.0
+    if space["strikes"] > MOST_STRIKES:
+        return STEP_BUDGET
+    contact["paired"] = contact["held"] = 0.0
+    return _strike_once(body, law, slope, a, b, left == INCONSISTENT, contact, hop)

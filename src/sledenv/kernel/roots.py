@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sledenv.programs import rows
 from sledenv.programs.jit import kernel
-from sledenv.programs.rows import WIDTH, element, sums
+from sledenv.programs.rows import EIGHT, TERMS, WIDTH, element, shuffled, sums
 from sledenv.programs.trace import keep_apart, scalar, write_series
 from sledenv.programs.values import absolute, fma, smaller, where_less
 
@@ -45,15 +45,15 @@ def _value(coefficients: Sequence[Any], s: Any) -> Any:
     return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
 
 
-def _approach(q: Any, s: Any, count: int) -> tuple[Any, ...]:
-    """Come closer to a root of a series of so many terms by Chebyshev's method, of third order.
+def _approach(q: Any, s: Any) -> tuple[Any, ...]:
+    """Come closer to a root of a series by Chebyshev's method, of third order.
 
     Besides the new place: the step of Newton's method, which is zero at a root only (that of this method also where its
     two parts cancel), and the error that is left if it was close.
     """
-    series = [q[k] for k in range(count)]
-    rate = [float(k) * series[k] for k in range(1, count)]
-    bend = [float(k) * rate[k] for k in range(1, count - 1)]
+    series = [q[k] for k in range(TERMS)]
+    rate = [float(k) * series[k] for k in range(1, TERMS)]
+    bend = [float(k) * rate[k] for k in range(1, TERMS - 1)]
     per_slope = 1.0 / _value(rate, s)
     step = _value(series, s) * per_slope
     bent = step * _value(bend, s) * per_slope
@@ -96,41 +96,43 @@ def _climbing(q: Any, s: Any) -> tuple[Any, ...]:
     return value, slope / s
 
 
+def _shifting(q: Any) -> tuple[Any, ...]:
+    """Divide a series by its variable, without its constant term, which is returned."""
+    row = rows.read(q)
+    later = [*row[1:], np.zeros(EIGHT)]
+    write_series(q, [shuffled(a, b, range(1, EIGHT + 1)) for a, b in zip(row, later, strict=True)])
+    return (element(row[0], 0),)
+
+
+_shift = scalar(_shifting)
 _scaled, _bent, _value_and_slope = scalar(_scaling), scalar(_bending), scalar(_climbing)
 _certainty = scalar(_certificate)
 
 
-def _locating(terms: int) -> Callable[[np.ndarray, float, float], float]:
-    """Return a kernel that looks for a root of a series of so many terms."""
-    closer = scalar(lambda q, s: _approach(q, s, terms))
-
-    @kernel
-    def found(q: np.ndarray, guess: float, most: float) -> float:
-        s = guess
-        before = most
-        for _ in range(MOST_APPROACHES):
-            s, step, error = closer(q, s)
-            if not abs(step) < before:
-                return -1.0
-            before = 0.25 * abs(step)
-            if error <= CLOSE:
-                return s if 0.0 < s <= most and _certainty(q, s)[0] > 0.0 else -1.0
-        return -1.0
-
-    return found
+_closer = scalar(_approach)
 
 
-# Root of a series near a guess and up to some place, if it is surely the first one; else -1.
-locate = _locating(rows.TERMS)  # of a step
-_locate = _locating(WIDTH)  # of any series
+@kernel
+def locate(q: np.ndarray, guess: float, most: float) -> float:
+    """Root of a series of TERMS numbers near a guess and up to some place, if it is surely the first one; else -1."""
+    s = guess
+    before = most
+    for _ in range(MOST_APPROACHES):
+        s, step, error = _closer(q, s)
+        if not abs(step) < before:
+            return -1.0
+        before = 0.25 * abs(step)
+        if error <= CLOSE:
+            return s if 0.0 < s <= most and _certainty(q, s)[0] > 0.0 else -1.0
+    return -1.0
 
 
 @kernel
 def _drop(q: np.ndarray, count: int) -> None:
     """Divide a series by its variable to the power ``count``: its leading coefficients are taken for zero."""
     keep_apart()
-    for k in range(WIDTH):
-        q[k] = q[k + count] if k + count < WIDTH else 0.0
+    for _ in range(count):
+        _shift(q)
 
 
 @kernel
@@ -153,7 +155,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     Parameters
     ----------
     q : ndarray, shape (WIDTH,)
-        Coefficients; overwritten.
+        Coefficients, zeros from TERMS on; overwritten.
     step : float
         End of the interval.
     vanishing : int
@@ -188,7 +190,7 @@ def first_root(q: np.ndarray, step: float, vanishing: int, noise: float) -> floa
     if value + min(slope, 0.0) - rest > 0.0:
         return math.inf
     if last < -tiny:  # there is a root; what lies straight ahead is nearly always the first
-        at = _locate(q, value / (value - last), 1.0)
+        at = locate(q, value / (value - last), 1.0)
         if at > 0.0:
             return at * step
     # |second derivative| <= curvature on [0, end]: go to the first root of the parabola below the series, which is

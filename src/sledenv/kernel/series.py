@@ -15,7 +15,7 @@ from sledenv.kernel import normal
 from sledenv.programs import rows
 from sledenv.programs.jit import kernel
 from sledenv.programs.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
-from sledenv.programs.trace import Program, block, of_step, scalar
+from sledenv.programs.trace import Program, block, scalar, straight
 from sledenv.programs.values import absolute, fma, larger, not_more, rough_root, smaller, where
 
 ORDER = TERMS - 1  # forces are known to one order less than the motion
@@ -188,10 +188,10 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
 
 
 # Branches by what is locked.
-expand_free = of_step(_spinning(gap_locked=False, slip_locked=False))
-expand_sticking = of_step(_spinning(gap_locked=False, slip_locked=True))
-expand_settled = of_step(_spinning(gap_locked=True, slip_locked=False))
-expand_rolling = of_step(_spinning(gap_locked=True, slip_locked=True))
+expand_free = straight(_spinning(gap_locked=False, slip_locked=False))
+expand_sticking = straight(_spinning(gap_locked=False, slip_locked=True))
+expand_settled = straight(_spinning(gap_locked=True, slip_locked=False))
+expand_rolling = straight(_spinning(gap_locked=True, slip_locked=True))
 
 
 _HEEDED = np.array([ORDER - 3, ORDER - 1, ORDER, ORDER])  # orders of the terms that bound a step, the last one twice

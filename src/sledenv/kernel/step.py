@@ -205,7 +205,8 @@ def _progress(contact: Any, step: Any) -> None:
 
 # Of a contact and a step: write how the feature lies; the unit of time, and where the step starts in the contact
 # oscillation; the event that ends the phase of that, and when to expect it; move the contact to the end of the step.
-orient, begin_step, expect, advance = map(of_step, (_orientation, _beginning, _expectation, _progress))
+orient, advance = of_step(_orientation), of_step(_progress)
+begin_step, expect = straight(_beginning), straight(_expectation)
 _complete, _complete_locked = straight(_completion), straight(_locked_completion)
 
 

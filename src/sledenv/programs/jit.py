@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
+import numba
 from numba import config
 from numba.extending import overload, register_jitable
 
@@ -17,6 +18,16 @@ OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy"}
 def kernel(function: _F) -> _F:
     """Let compiled code call a function; for Python, which calls :mod:`sledenv.entries`, it stays as it is."""
     return function if config.DISABLE_JIT else register_jitable(**OPTIONS)(function)  # type: ignore[attr-defined]
+
+
+def part(function: _F) -> _F:
+    """Let compiled code call a function that has one caller, into which numba writes it before it compiles that.
+
+    Compiled by itself, it would be compiled with all that it calls, and its caller with all of this once more.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    return numba.njit(inline="always", **OPTIONS)(function)  # type: ignore[no-any-return]
 
 
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:

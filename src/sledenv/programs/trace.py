@@ -10,7 +10,7 @@ one. :func:`straight` makes a function of records that hold one number in a fiel
 makes one of records whose every field holds LANES numbers, one of each lane: the same text then works on all lanes at
 once, with vector instructions. Each lane goes through the same correctly rounded operations as a single number does, so
 the results agree bit for bit. ``pack.at(k)`` is one lane of a pack that a program of :func:`straight` is given, as a
-record of one. :func:`scalar` makes a function of numbers. A named tuple of floats is read like a record.
+record of one. :func:`scalar` makes a function of numbers. A named tuple of numbers is read like a record.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
@@ -113,7 +113,9 @@ class _Fields:
     def __getattr__(self, name: str) -> Any:
         if name not in self._known:
             of: Any = self._record.typeof(name)
-            if isinstance(of, types.NestedArray) and of.shape != (self._lanes,):
+            if isinstance(of, types.Record):
+                self._known[name] = _Fields(self._builder, self._place(name), of, self._lanes)
+            elif isinstance(of, types.NestedArray) and of.shape != (self._lanes,):
                 self._known[name] = Series(self._builder, self._place(name))
             else:
                 place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
@@ -142,6 +144,8 @@ class _Interpreted:
 
     def __getattr__(self, name: str) -> Any:
         field = self._record[name][self._lane]
+        if isinstance(field, np.void):
+            return _Interpreted(field)
         # A copy, or the old number would change with the new one; but a series can be written.
         return field.copy() if isinstance(field, np.ndarray) and len(field) == LANES else field
 
@@ -164,7 +168,9 @@ def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int)
     if isinstance(kind, types.Record):
         return _Fields(builder, argument, kind, lanes)
     if hasattr(kind, "instance_class"):
-        return kind.instance_class._make(Value(builder, builder.extract_value(argument, i)) for i in range(len(kind)))
+        numbers = (builder.extract_value(argument, i) for i in range(len(kind)))
+        doubles = (builder.sitofp(n, DOUBLE) if isinstance(n.type, ir.IntType) else n for n in numbers)
+        return kind.instance_class._make(Value(builder, number) for number in doubles)
     if isinstance(kind, types.Array):
         return Series(builder, context.make_array(kind)(context, builder, argument).data)
     return Value(builder, argument)
@@ -173,8 +179,16 @@ def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int)
 class _Unknown(float):
     """A number, or a record of them, of a program that only tells how many answers it has."""
 
-    def __getattr__(self, name: str) -> float:
-        return math.nan
+    def __getattr__(self, name: str) -> _Unknown:
+        return _Unknown(math.nan)
+
+
+def _unknown(kind: Any) -> Any:
+    """What a program that only tells how many answers it has gets for an argument."""
+    number = _Unknown(math.nan)
+    if hasattr(kind, "instance_class"):
+        return kind.instance_class._make([number] * len(kind))
+    return np.full(_ROOM, number) if isinstance(kind, types.Array) else number
 
 
 # How programs are compiled.
@@ -247,8 +261,7 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
 
     def typed(typing_context: Any, *numbers: Any) -> Any:
         kinds = tuple(types.float64 if isinstance(number, types.Number) else number for number in numbers)
-        unknown = _Unknown(math.nan)
-        results = len(function(*(np.full(_ROOM, unknown) if isinstance(n, types.Array) else unknown for n in kinds)))
+        results = len(function(*map(_unknown, kinds)))
 
         def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             given = zip(signature.args, arguments, strict=True)
