@@ -31,6 +31,7 @@ from sledenv.kernel.trajectory import (
     write_slip,
 )
 from sledenv.programs.jit import kernel, part
+from sledenv.programs.trace import copy_into_callers
 
 TRIALS = 27  # last events without any progress in time, in which every branch is tried
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
@@ -149,6 +150,7 @@ def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
 @kernel
 def _turns_back(before: float, end: float, series: np.ndarray, event: int, contact: np.void, step: np.void) -> None:
     """Let a step end where a velocity has become zero, if it has changed its sign by the end of the step."""
+    copy_into_callers()
     if before * end < 0.0:
         length = step["length"]
         at = locate(series, length * before / (before - end), length)

@@ -18,7 +18,7 @@ from sledenv.kernel.roots import first_root, horner
 from sledenv.programs import rows
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.rows import EIGHT, element, repeated
-from sledenv.programs.trace import scalar, write_series
+from sledenv.programs.trace import copy_into_callers, scalar, write_series
 from sledenv.programs.values import fma
 
 # What ends a step.
@@ -149,6 +149,7 @@ def gap_events(contact: np.void, step: np.void) -> None:
 @kernel
 def _before_separation(step: np.void) -> float:
     """Time before which a locked force must reach its bound: by then all bounds vanish, and rounding must not count."""
+    copy_into_callers()
     return float(step["length"] * (1.0 - 1e-10)) if step["event"] == SEPARATION else math.inf
 
 
@@ -206,6 +207,7 @@ def corner_events(body: Body, contact: np.void, step: np.void) -> None:
 @kernel
 def slope_event(contact: np.void, step: np.void) -> None:
     """Look for the end of the slope."""
+    copy_into_callers()
     if not contact["length"] - contact["x"] > step["travel"]:
         at = _level_root(step["x"], 1.0, contact["length"], 0, 0.0, step)
         happens(at, SLOPE_ENDS, step)
@@ -253,6 +255,7 @@ def first_event(body: Body, space: np.void) -> None:
     :func:`sledenv.kernel.step.complete` has proved not to happen is not sought. Overwrites ``length``, ``event`` and
     ``released``, the sign with which a released velocity leaves.
     """
+    copy_into_callers()
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     paired = contact["paired"] != 0.0
     held = paired and contact["spin"] == 0.0  # both points do the same
