@@ -114,6 +114,7 @@ bodies = st.one_of(
 )
 
 
+@pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(of_lanes=st.lists(bodies, min_size=1, max_size=70), seed=st.integers(0, 2**32 - 1))
@@ -138,10 +139,11 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body],
         assert tuple(field[i] for field in batch.jam) == tuple(one.jam)
 
 
+@pytest.mark.parametrize("lanes", [20, pytest.param(500, marks=pytest.mark.jit_only)])
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_bodies_in_turn_fill_several_packs_and_blocks(solver: Any) -> None:
+def test_bodies_in_turn_fill_packs_and_blocks(solver: Any, lanes: int) -> None:
     """Oracle: a batch of each body; lanes begin in contact too, from which the body lifts off or where it stays."""
-    lanes, kinds = 500, list(BODIES.values())
+    kinds = list(BODIES.values())
     rng = np.random.default_rng(5)
     of_lanes = np.array([kinds[i % len(kinds)] for i in range(lanes)])
     states = np.concatenate([ugly(rng, Body(*row), 1) for row in of_lanes])
