@@ -23,6 +23,7 @@ from sledenv.programs.trace import of_step, straight
 from sledenv.programs.values import absolute, equal, larger, less, not_more, where
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
+MOST_TURNING = 1e4  # times that, of the speed by a spin that counts as none where the gap rates are equal
 TOUCHING = 1e-9  # of the size: gap of the second point where it starts to touch
 UNITS = 0.7  # of time of a point alone in that of both: springs side by side are stiffer
 
@@ -48,7 +49,9 @@ def _agreeing(contact: Any, second: Any) -> None:
     apart = contact.gap - second.gap
     rests, second_rests = equal(contact.v_t, 0.0), equal(second.v_t, 0.0)
     settled = equal(contact.v_n, 0.0) | equal(second.v_n, 0.0)
-    alike = settled & not_more(absolute(contact.v_n - second.v_n), small)
+    # Where the points are above each other both gap rates are the same in spite of a spin.
+    slow = not_more(absolute(omega) * contact.size, MOST_TURNING * small)
+    alike = settled & slow & not_more(absolute(contact.v_n - second.v_n), small)
     stuck = rests & second_rests & not_more(absolute(omega) * contact.size, small)
     still = alike | stuck | equal(omega, 0.0) | equal(second.omega, 0.0)
     # Of a body that does not turn both velocities are the same; if one point sticks the other slips by the turning.

@@ -90,7 +90,7 @@ def _feature_end(body: Body, contact: np.void, step: np.void) -> float:
             continue
         edge = side * body.half_angle
         close = 1e-15 * (body.half_angle + abs(phi[1]) * length)
-        vanishing = 1 if contact["at_edge"] != 0.0 and abs(phi[0] - edge) <= close else 0
+        vanishing = 1 + int(contact["spin_zeros"]) if contact["at_edge"] != 0.0 and abs(phi[0] - edge) <= close else 0
         best = min(best, _level_root(phi, outwards, edge, vanishing, 0.0, step))
     return best
 

@@ -233,7 +233,7 @@ def _admit(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Br
     equal_gaps = not_more(absolute(across), normal.NO_DEPTH * contact.size)
     spinning = equal(absolute(signs.spin), 1.0)  # the rates are to tell
     opens = where(spinning, 0.0, branch.spin * sign(along))
-    slips = where(spinning, 0.0, where(equal_gaps, -sign(along), branch.spin * sign(across)))
+    slips = where(equal_gaps, -sign(along), where(spinning, 0.0, branch.spin * sign(across)))
     alike = equal(branch.gap_rate, other.gap_rate) & equal(branch.slip, other.slip)
     apart = (
         _turns(branch.gap_rate, other.gap_rate, signs_2.gap_rate, opens)
