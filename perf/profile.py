@@ -47,18 +47,18 @@ def _write_map() -> None:
     entries = []
     versions = _descend._versions.values()  # type: ignore[attr-defined]
     for overload in (overload for version in versions for overload in version.overloads.values()):
-        library, entry = overload.library, overload.fndesc.llvm_cpython_wrapper_name
+        library = overload.library
         with tempfile.NamedTemporaryFile(suffix=".o") as file:
             file.write(library._get_compiled_object())
             file.flush()
             listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
         rows = [line.split() for line in listing.splitlines()]
-        places = {fields[7]: (int(fields[1], 16), int(fields[2], 0)) for fields in rows if fields[3:4] == ["FUNC"]}
-        # Only Python's entry can be asked for its address; all others lie in the same section.
-        shift = library.get_pointer_to_function(entry) - places[entry][0]
-        for symbol, (place, size) in places.items():
-            if name := _plain_name(symbol):
-                entries.append(f"{shift + place:x} {size:x} {name}")
+        # A kernel that has been compiled by itself before runs from there.
+        entries += [
+            f"{library.get_pointer_to_function(fields[7]):x} {int(fields[2], 0):x} {name}"
+            for fields in rows
+            if fields[3:4] == ["FUNC"] and (name := _plain_name(fields[7]))
+        ]
     Path(f"/tmp/perf-{os.getpid()}.map").write_text("\n".join(entries) + "\n")
 
 
