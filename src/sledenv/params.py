@@ -86,7 +86,7 @@ def least_eccentricity(radius: float, half_angle: float) -> float:
 
 
 def holds_its_mass_centre(radius: float, eccentricity: float, half_angle: float) -> bool:
-    """Whether the mass centre lies between arc and chord, so that it stays above the slope: docs/physics.md (8.2)."""
+    """Whether the mass centre lies between arc and chord, so that it stays above the slope: docs/physics.md (8.11)."""
     return least_eccentricity(radius, half_angle) - _ON_CHORD * radius <= eccentricity <= radius
 
 

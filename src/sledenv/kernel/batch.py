@@ -24,13 +24,12 @@ from sledenv.kernel.params import (
     Slope,
     State,
     body_of,
-    by_bodies,
     reader,
     row_of,
 )
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
-from sledenv.programs.jit import kernel
+from sledenv.programs.jit import by_type, kernel
 from sledenv.programs.trace import LANES, straight
 
 
@@ -63,7 +62,7 @@ def _tell_own(bodies: np.ndarray, lane: int, hop: np.void) -> Body:
 
 
 # Return the body of a lane, and write whose hop it is; one body of all lanes has been told before.
-_told = by_bodies(lambda bodies, lane, hop: bodies, _tell_own)
+_told = by_type(0, {np.ndarray: _tell_own}, lambda bodies, lane, hop: bodies)
 
 
 @kernel

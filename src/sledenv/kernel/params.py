@@ -9,10 +9,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from sledenv.programs.jit import kernel
+from sledenv.programs.jit import by_type, kernel
 from sledenv.programs.trace import scalar
 
 
@@ -109,18 +107,5 @@ def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
     return read
 
 
-def by_bodies(one: Callable[..., Body], own: Callable[..., Body]) -> Callable[..., Body]:
-    """Return a function of one Body for all lanes, or of a table of them: one of two, chosen when it is compiled.
-
-    A batch of one body, kept in registers, then takes no longer because others have more.
-    """
-
-    def choice(*given: Any) -> Body:
-        return (own if isinstance(given[0], np.ndarray) else one)(*given)
-
-    overload(choice, strict=False)(lambda *given: own if isinstance(given[0], types.Array) else one)
-    return choice
-
-
-Bodies = Body | np.ndarray  # one for all lanes, or their fields, shape (N, 5)
-body_of = by_bodies(lambda bodies, lane: bodies, reader(Body))  # the body of a lane
+Bodies = Body | np.ndarray  # one for all lanes, kept in registers, or their fields, shape (N, 5)
+body_of: Callable[..., Body] = by_type(0, {np.ndarray: reader(Body)}, lambda bodies, lane: bodies)  # the body of a lane

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 import numba
+import numpy as np
 from numba import config
 from numba.extending import overload, register_jitable
 
@@ -31,7 +32,7 @@ def part(function: _F) -> _F:
 
 
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that the type of the tuple at a place of its arguments chooses, when it is compiled.
+    """Return a function that the type of the tuple or array at a place of its arguments chooses, when it is compiled.
 
     All kernels have the same names of arguments.
     """
@@ -43,5 +44,5 @@ def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Cal
         return chosen(type(given[place]))(*given)
 
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
-        overload(choice, strict=False)(lambda *given: chosen(given[place].instance_class))
+        overload(choice, strict=False)(lambda *given: chosen(getattr(given[place], "instance_class", np.ndarray)))
     return choice
