@@ -6,20 +6,21 @@ time: series.py. One that does not is the first of two, of which the second one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sledenv.kernel import normal
 from sledenv.kernel.pair import branch_of, couples, hold, locking, pick, points, unturned
-from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking
+from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking, product
 from sledenv.kernel.state import clear, copy
 from sledenv.programs import rows
 from sledenv.programs.jit import kernel
-from sledenv.programs.rows import element, repeated, side_by_side
+from sledenv.programs.rows import element, repeated, shuffled, side_by_side
 from sledenv.programs.trace import straight
 from sledenv.programs.values import equal, fma, where
+
+_DERIVED = np.array([1.0, 1.0, -1.0, -1.0])  # signs of what sines and cosines become when they are derived
 
 
 def _write_common(space: Any, x: list[Any], phi: list[Any], omega: list[Any], moment: list[Any]) -> None:
@@ -91,12 +92,17 @@ def _still(space: Any) -> None:
         setattr(space, name, rows.of(numbers))
 
 
-def _dot(p: Sequence[Any], q: Sequence[Any]) -> Any:
-    """Sum of the products of the numbers of two lists."""
-    total = p[0] * q[0]
-    for a, b in zip(p[1:], q[1:], strict=True):
-        total = fma(a, b, total)
-    return total
+def _four(low: Any, high: Any) -> Any:
+    """Vector of two pairs."""
+    return shuffled(low, high, range(4))
+
+
+def _low(four: Any) -> Any:
+    return shuffled(four, None, (0, 1))
+
+
+def _high(four: Any) -> Any:
+    return shuffled(four, None, (2, 3))
 
 
 def _turning(space: Any) -> None:
@@ -110,56 +116,62 @@ def _turning(space: Any) -> None:
     at_gap, at_gap_2 = (equal(point.gap_rate, 0.0) for point in (contact, second))
     at_slip, at_slip_2 = (equal(point.slip, 0.0) for point in (contact, second))
     h, r, mu, rho = (_both(space, name) for name in ("h", "r", "mu", "rho"))
-    sines, cosines = ([side_by_side(getattr(step, n), getattr(space.second_step, n))] for n in ("sine", "cosine"))
+    # Reach of the point whose gap rate is locked, and of the one whose slip is; 0 of the other.
+    lifted, swept = (
+        h * side_by_side(pick(one_locked, two_locked, 1.0, 0.0), pick(one_locked, two_locked, 0.0, 1.0))
+        for one_locked, two_locked in ((at_gap, at_gap_2), (at_slip, at_slip_2))
+    )
+    # Sines of both, and cosines of both; their products with the spin, of order k; pushes and forces of both.
+    sine, cosine = (side_by_side(getattr(step, n), getattr(space.second_step, n)) for n in ("sine", "cosine"))
+    trig = [_four(sine, cosine)]
     x, phi, omega = [contact.x], [contact.phi], [contact.omega]
     gap, v_n, v_t = ([_both(space, name)] for name in ("gap", "v_n", "v_t"))
     u: Any = contact.v_t - one.b * contact.omega
-    spins = [repeated(contact.omega, 2)]
-    turn, along = sines[0] * spins[0], cosines[0] * spins[0]  # products with the spin, of order k
-    pushes: list[Any] = []
-    forces: list[Any] = []
+    spins = [repeated(contact.omega, 4)]
+    turned = trig[0] * spins[0]
+    acting: list[Any] = []
     for k in range(ORDER):
-        w = unit / (k + 1)
+        w, per_w = unit / (k + 1), (k + 1) / unit
         twice = repeated(w, 2)
         x.append(u * w)
         phi.append(omega[k] * w)
         gap.append(v_n[k] * twice)
-        sines.append(along * twice)
-        cosines.append(-turn * twice)
+        trig.append(shuffled(turned, None, (2, 3, 0, 1)) * (repeated(w, 4) * _DERIVED))
         pressed = [
             normal.force(point, element(gap[k], i), element(v_n[k], i)) for i, point in enumerate((contact, second))
         ]
         push = where(gaps, np.zeros(2), side_by_side(*pressed))
         # Products as far as they are known before the locked forces and the next coefficient of the spin.
-        turn, along = _dot(sines[1:], spins[::-1]), _dot(cosines[1:], spins[::-1])
-        pushes.append(push)
-        forces.append(mu * push)
-        arms = r * forces[k] - h * (_dot(sines[:-1], pushes[::-1]) + _dot(cosines[:-1], forces[::-1]))
-        rate_u, rate_v = _summed(forces[k]) * per_mass, _summed(push) * per_mass
+        known = product(trig[1:], spins, k, 0)
+        acting.append(_four(push, mu * push))
+        levers = product(trig, acting, k, 0)
+        arms = r * (mu * push) - h * (_low(levers) + _high(levers))
+        rate_u, rate_v = _summed(mu * push) * per_mass, _summed(push) * per_mass
         if k == 0:
             rate_u, rate_v = rate_u + contact.downhill, rate_v - contact.inward
         spin = _summed(arms + rho * push) * per_mass * contact.ratio
-        lift, sweep = h * turn, h * along
         pushing, force = locking(
             held,
-            pick(at_gap, at_gap_2, element(lift, 0), element(lift, 1)) / w,
-            pick(at_slip, at_slip_2, element(sweep, 0), element(sweep, 1)) / w,
+            _summed(lifted * _low(known)) * per_w,
+            _summed(swept * _high(known)) * per_w,
             rate_u,
             rate_v,
             spin,
         )
-        pushes[k] = where(gaps, repeated(pushing, 2), push)
-        forces[k] = where(slips, repeated(force, 2), mu * pushes[k])
+        push = where(gaps, repeated(pushing, 2), push)
+        acting[k] = _four(push, where(slips, repeated(force, 2), mu * push))
         u = w * (rate_u + held.n_u * pushing + held.s_u * force)
         v = repeated(w * (rate_v + held.n_v * pushing), 2)
         omega.append(w * (spin + held.n_w * pushing + held.s_w * force))
-        spins.append(repeated(omega[k + 1], 2))
-        turn, along = fma(sines[0], spins[k + 1], turn), fma(cosines[0], spins[k + 1], along)
-        v_n.append(where(gaps, np.zeros(2), v - h * turn))
-        v_t.append(where(slips, np.zeros(2), repeated(u, 2) + r * spins[k + 1] - h * along))
+        spins.append(repeated(omega[k + 1], 4))
+        turned = fma(trig[0], spins[k + 1], known)
+        v_n.append(where(gaps, np.zeros(2), v - h * _low(turned)))
+        slip = repeated(u, 2) + r * repeated(omega[k + 1], 2) - h * _high(turned)
+        v_t.append(where(slips, np.zeros(2), slip))
     _write_common(space, x, phi, omega, [])
     space.second_step.phi = rows.of([second.phi, *phi[1:]])
-    _write_both(space, gap=gap, v_n=v_n, v_t=v_t, normal=pushes, force=forces, sines=sines, cosines=cosines)
+    normals, forces, sines, cosines = ([half(p) for p in of] for of in (acting, trig) for half in (_low, _high))
+    _write_both(space, gap=gap, v_n=v_n, v_t=v_t, normal=normals, force=forces, sines=sines, cosines=cosines)
 
 
 def _stand_by(space: Any) -> None:

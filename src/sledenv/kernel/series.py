@@ -32,7 +32,7 @@ def _plus_product(a: Any, b: Any, rest: Any) -> Any:
     return a * b if rest is None else fma(a, b, rest)
 
 
-def _product(p: Sequence[Any], q: Sequence[Any], k: int, first: int) -> Any:
+def product(p: Sequence[Any], q: Sequence[Any], k: int, first: int) -> Any:
     """Terms of coefficient ``k`` of a product, from ``first`` on at either end; None if there are none.
 
     The newest coefficients, towards the ends, come last, and the terms are summed in two chains: little waits for them.
@@ -101,7 +101,7 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
         else:
             if not gap_locked:
                 load.append(normal.load(contact, gap[k - 1], k * per_unit * gap[k]))
-            inner = _product(left, right, k, 2)
+            inner = product(left, right, k, 2)
             known = None if inner is None else shuffled(inner, None, (0, 1))
             # The newest coefficient of the spin: the forces before, each with the levers.
             rest = None
