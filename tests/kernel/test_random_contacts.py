@@ -124,10 +124,12 @@ def chosen(contacts: Contacts, lanes: np.ndarray) -> Contacts:
     return Contacts(body, laws[lanes], slopes[lanes], states[lanes], speeds[lanes], max_time)
 
 
-def assert_as_close_as_the_entry_allows(contacts: Contacts, found: np.ndarray, other: np.ndarray, error: float) -> None:
-    """The results differ by 100 errors, or by 100 times what such an error of the entry changes."""
+def assert_as_close_as_the_entry_allows(
+    contacts: Contacts, found: np.ndarray, other: np.ndarray, error: float, most: np.ndarray | float = 100.0
+) -> None:
+    """The results differ by so many errors at most, or by 100 times what such an error of the entry changes."""
     apart = distances(contacts, found, other)
-    far = np.flatnonzero(~(apart <= 100.0 * error))
+    far = np.flatnonzero(~(apart <= most * error))
     if len(far):
         some = chosen(contacts, far)
         worst = apart[far] / (100.0 * spreads(some, error))
@@ -152,9 +154,15 @@ def test_every_contact_ends(bodies: int, lanes: int) -> None:
 
 @pytest.mark.parametrize(("bodies", "lanes"), SURVEYS)
 def test_a_contact_does_not_depend_on_the_tolerance(bodies: int, lanes: int) -> None:
-    """Oracle: the same contact with longer steps, which find their events in other places."""
+    """Oracle: the same contact with longer steps, which find their events in other places.
+
+    The tolerance is that of a step. A body that swings on its corner makes hundreds of them, and nothing damps what
+    their errors add up to.
+    """
     for contacts in random_contacts(bodies * lanes, lanes, seed=2):
-        assert_as_close_as_the_entry_allows(contacts, outcomes(contacts), outcomes(contacts, LOOSE), LOOSE)
+        loose = outcomes(contacts, LOOSE)
+        most = np.maximum(100.0, 2.0 * loose["steps"])
+        assert_as_close_as_the_entry_allows(contacts, outcomes(contacts), loose, LOOSE, most)
 
 
 ENDINGS = {

@@ -24,7 +24,7 @@ from sledenv.programs.values import absolute, equal, larger, less, not_more, whe
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
 MOST_TURNING = 1e4  # times that, of the speed by a spin that counts as none where the gap rates are equal
-TOUCHING = 1e-9  # of the size: gap of the second point where it starts to touch
+AT_SURFACE = 1e-9  # of the size: gap of the second point where it starts to touch
 UNITS = 0.7  # of time of a point alone in that of both: springs side by side are stiffer
 
 _OWN = tuple(name for name in CONTACT.names or () if name not in (*SUMS, *PEAKS, "filling"))
@@ -86,7 +86,7 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
     second["feature"] = records.NOSE if phi > 0.0 else records.TAIL
     second["at_edge"] = 0.0
     progress.tell_feature(body, second)
-    if not abs(gap + apart) <= TOUCHING * contact["size"]:
+    if not abs(gap + apart) <= AT_SURFACE * contact["size"]:
         return False
     theta_2 = second["phi"] + second["shift"]
     flat = abs(apart) <= normal.ROUNDING * contact["size"]
@@ -108,7 +108,7 @@ def _part(body: Body, first_stays: bool, contact: np.void, second: np.void) -> N
     _add(contact, second)
     if not first_stays:
         _take(contact, second)
-    contact["paired"] = 0.0
+    contact["paired"], contact["parted"] = 0.0, 1.0
     progress.tell_feature(body, contact)
 
 
@@ -122,7 +122,11 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     orient(contact, step)
     orient(second, second_step)
     if contact["undecided"] != 0.0:
-        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second))
+        turn = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0)
+        if turn > 0:  # what has been released may have been so by rounding
+            progress.forget_zeros(contact)
+            progress.forget_zeros(second)
+        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), turn)
         progress.take_branch(branch, contact)
         progress.take_branch(other, second)
         rigid = contact["k_closing"] == math.inf
@@ -170,8 +174,10 @@ def complete_both(limits: Limits, space: np.void) -> int:
     """Complete a step of both points, as long as its series hold; return what ``bound_step`` does."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     bounded = progress.bound_step(limits, progress.MOST_UNITS, contact, step)
-    if math.isfinite(step["length"]):
+    if bounded != records.NON_FINITE:
         bounded = progress.bound_step(limits, step["length"], second, second_step)
+    if bounded == records.NON_FINITE:
+        return bounded
     step["length"] = second_step["length"]
     step["event"] = events.NOTHING
     complete(contact, step)

@@ -33,7 +33,6 @@ from sledenv.kernel.trajectory import (
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.trace import copy_into_callers
 
-TRIALS = 27  # last events without any progress in time, in which every branch is tried
 SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
 # A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
 NO_LOAD = 1e-9
@@ -57,7 +56,7 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     contact["inward"], contact["downhill"], contact["length"] = slope.inward, slope.downhill, slope.length
     contact["tolerance"] = limits.tolerance
     progress.forget_branch(contact)
-    contact["at_edge"], contact["undecided"] = 0.0, 1.0
+    contact["at_edge"], contact["parted"], contact["undecided"] = 0.0, 0.0, 1.0
     progress.tell_feature(body, contact)
 
 
@@ -108,7 +107,7 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
     """Choose the branch that a contact follows from here on, and write what depends on it."""
     branch = _resolved(body, contact, step)
     stalled = int(contact["stalled"])
-    if stalled >= progress.MOST_STALLED - TRIALS and contact["k_closing"] < math.inf:
+    if stalled >= progress.MOST_STALLED - progress.TRIALS and contact["k_closing"] < math.inf:
         branch = _trial(progress.MOST_STALLED - stalled, contact)
     progress.take_branch(branch, contact)
 

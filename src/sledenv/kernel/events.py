@@ -100,8 +100,11 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     """Time at which the corner on the other side comes down."""
     other, reach, height = contact["other"], contact["other_sine"], contact["other_cosine"]
     gap, length = step["gap"], step["length"]
-    _sum(step["sines"], reach, step["cosines"], height, other, step["scratch"])
-    at = sum_root(step["scratch"], 1.0, gap, 1.0, 0.0, 0, TURN_ROUNDING * (abs(reach) + abs(height)), step)
+    above = step["scratch"]
+    _sum(step["sines"], reach, step["cosines"], height, other, above)
+    leaves = contact["parted"] != 0.0 and above[1] + gap[1] > 0.0  # by rounding it may not be above the surface yet
+    noise = TURN_ROUNDING * (abs(reach) + abs(height))
+    at = sum_root(above, 1.0, gap, 1.0, 0.0, 1 if leaves else 0, noise, step)
     if 0.0 < at < math.inf:
         # The step is chosen for the velocities: sine and cosine may converge less.
         for _ in range(MOST_POLISHED):

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sledenv.kernel import normal
-from sledenv.kernel.friction import TIE, Branch, beyond, in_turn
+from sledenv.kernel.friction import CLEAR, TIE, Branch, beyond, excluded, in_turn
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import scalar
 from sledenv.programs.values import absolute, equal, larger, less, not_more, sign, smaller, where
@@ -204,14 +204,6 @@ def _judge(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Br
     return ((missed + turned) / larger(contact.inward / per_mass, absolute(found.normal_1 + found.normal_2)),)
 
 
-def _fits(signs: Branch, branch: Branch, rigid: Any) -> Any:
-    """Mask of whether velocities of some signs can follow a branch."""
-    fit = ~(rigid & less(branch.gap_rate, 0.0))
-    for velocity, free in zip(signs, branch, strict=True):
-        fit = fit & (equal(velocity, 0.0) | less(0.0, velocity * free))
-    return fit
-
-
 def _turns(locked: Any, free: Any, velocity: Any, side: Any) -> Any:
     """Mask of whether a velocity, locked at one point of a body that turns, may do this at the other, where it is free.
 
@@ -221,8 +213,8 @@ def _turns(locked: Any, free: Any, velocity: Any, side: Any) -> Any:
     return ~equal(locked, 0.0) | (~equal(free, 0.0) & may)
 
 
-def _admit(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
-    """1 if one body can do what two branches say, and both fit the signs of the velocities; else 0.
+def _go_together(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
+    """1 if one body can do what two branches say, else 0.
 
     A spin that starts gives the second point a gap rate beyond that of the first, by the difference of the arms, and a
     slip by that of the gaps. Where the gaps are equal they soon differ, by the turning itself.
@@ -242,30 +234,48 @@ def _admit(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Br
         & _turns(other.slip, branch.slip, signs.slip, -slips)
     )
     still = equal(branch.spin, 0.0)
-    rigid = equal(contact.k_closing, math.inf)
-    fit = _fits(signs, branch, rigid) & _fits(signs_2, other, rigid)
-    return (where(fit & ((still & alike) | (~still & apart)), 1.0, 0.0),)
+    return (where((still & alike) | (~still & apart), 1.0, 0.0),)
 
 
-_admitted, _violation = scalar(_admit), scalar(_judge)
+_together, _violation = scalar(_go_together), scalar(_judge)
 
 
 @kernel
-def resolve_pair(space: np.void, signs: Branch, signs_2: Branch) -> tuple[Branch, Branch, float]:
+def _fits(signs: Branch, branch: Branch, rigid: bool) -> bool:
+    """Whether velocities of some signs can follow a branch."""
+    return not (
+        excluded(signs.gap_rate, branch.gap_rate)
+        or excluded(signs.slip, branch.slip)
+        or excluded(signs.spin, branch.spin)
+        or (rigid and branch.gap_rate < 0)
+    )
+
+
+@kernel
+def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, turn: int) -> tuple[Branch, Branch, float]:
     """Choose the branches of two points that touch at once, by the box rule, and tell their violation, the least.
 
     Those with more locks are listed first; of equal violations the first is taken. ``signs`` are those of the
-    velocities of both, as in :func:`sledenv.kernel.friction.resolve`.
+    velocities of both, as in :func:`sledenv.kernel.friction.resolve`. Of several without a clear violation, all but one
+    may end at once: if ``turn`` is not 0, the one whose turn it is is taken, counted from 1.
     """
     best, best_2 = Branch(0, 0, 0), Branch(0, 0, 0)
-    least = 1e300
+    rigid, least = space["contact"]["k_closing"] == math.inf, 1e300
     for number in range(27):
         branch = Branch(in_turn(number % 3), in_turn(number // 3 % 3), in_turn(number // 9))
+        if not _fits(signs, branch, rigid):
+            continue
         for number_2 in range(9):
             other = Branch(in_turn(number_2 % 3), in_turn(number_2 // 3), branch.spin)
-            if _admitted(space, signs, signs_2, branch, other)[0] > 0.0:
+            if _fits(signs_2, other, rigid) and _together(space, signs, signs_2, branch, other)[0] > 0.0:
                 violation = _violation(space, signs, signs_2, branch, other)[0]
                 # A branch without forces (NaN) compares false and is never chosen.
                 if violation < least - TIE:
                     best, best_2, least = branch, other, violation
+                if turn == 0 and violation == 0.0:
+                    return best, best_2, least  # which none of those behind it can beat
+                if turn > 0 and violation <= CLEAR:
+                    turn -= 1
+                    if turn == 0:
+                        return branch, other, violation
     return best, best_2, least

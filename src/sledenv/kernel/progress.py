@@ -20,6 +20,7 @@ from sledenv.programs.values import equal, less, root, where
 MOST_UNITS = 2.0  # length of a step
 UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
+TRIALS = 27  # last of these, in which branches are tried in turn
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
 
 
@@ -47,7 +48,7 @@ def speed_scale(slope: Incline, size: float, v_n: float, v_t: float, omega: floa
 
 
 @kernel
-def _forget_zeros(contact: np.void) -> None:
+def forget_zeros(contact: np.void) -> None:
     """Let no velocity be zero by construction, nor just released."""
     contact["gap_zeros"] = contact["slip_zeros"] = contact["spin_zeros"] = 0.0
     contact["gap_left"] = contact["slip_left"] = contact["spin_left"] = 0.0
@@ -57,7 +58,7 @@ def _forget_zeros(contact: np.void) -> None:
 def forget_branch(contact: np.void) -> None:
     """Put the branch of a contact at its beginning, before any has been chosen."""
     contact["gap_rate"] = contact["slip"] = contact["spin"] = contact["stalled"] = 0.0
-    _forget_zeros(contact)
+    forget_zeros(contact)
 
 
 @kernel
@@ -133,7 +134,7 @@ def _time_passes(before: float, contact: np.void, step: np.void) -> bool:
     contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
     if not step["length"] * step["unit"] > 0.0:
         return False
-    _forget_zeros(contact)
+    forget_zeros(contact)
     return True
 
 
@@ -185,7 +186,7 @@ def move_on(contact: np.void, step: np.void) -> bool:
     copy_into_callers()
     before = contact["time"]
     advance(contact, step)
-    contact["at_edge"] = 0.0
+    contact["at_edge"] = contact["parted"] = 0.0
     passed = False
     if _time_passes(before, contact, step):
         # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
