@@ -1,4 +1,7 @@
-"""The work that is timed: the reference descent, known to 32 digits, with the error of an answer; random launches."""
+"""The work that is timed: the reference descent, known to 32 digits, with the error of an answer; random launches.
+
+Besides, bodies with corners, dropped onto the slope of the scenario brake_mat.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,13 @@ TIMES: Floats = np.array([float(row["time"]) for row in _RECORD["rebounds_from_d
 FEW, MANY = 5, 20  # rebounds; the seventh of the many settles and rolls for .59 s
 
 
+SHALLOW, THREE_QUARTERS = (
+    sledenv.circular_segment(100.0, radius, math.radians(half)) for radius, half in ((0.9, 35.0), (0.5, 110.0))
+)
+MAT = sledenv.ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.4, rolling_arm=0.005)
+MAT_SLOPE = sledenv.Slope(math.radians(10.0), length=10.0)
+
+
 def launches(lanes: int, seed: int = 0) -> Floats:
     """Random launches of the reference's disc, shape (lanes, 6)."""
     rng = np.random.default_rng(seed)
@@ -46,6 +56,29 @@ def launches(lanes: int, seed: int = 0) -> Floats:
             rng.uniform(0.0, 3.0, lanes),
             rng.uniform(-1.0, 0.0, lanes),
             rng.uniform(-8.0, 8.0, lanes),
+        ],
+        axis=-1,
+    )
+
+
+def drops(body: sledenv.Body, lanes: int, phi: tuple[float, float] = (-math.pi, math.pi), seed: int = 0) -> Floats:
+    """Random launches of a body with corners, shape (lanes, 6), at orientations [rad] within some bounds."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(*phi, lanes)
+    local = angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi))
+    along = body.eccentricity - body.radius * math.cos(body.half_angle)
+    across = body.radius * math.sin(body.half_angle)
+    on_corner = across * np.abs(np.sin(local)) - along * np.cos(local)
+    on_arc = body.radius - body.eccentricity * np.cos(local)
+    lowest = np.where(np.abs(local) <= body.half_angle, on_arc, on_corner)
+    return np.stack(
+        [
+            np.zeros(lanes),
+            lowest + rng.uniform(0.1, 1.5, lanes),
+            angle,
+            rng.uniform(1.0, 6.0, lanes),
+            np.zeros(lanes),
+            np.zeros(lanes) if phi[1] - phi[0] <= 1.0 else rng.uniform(-8.0, 8.0, lanes),
         ],
         axis=-1,
     )

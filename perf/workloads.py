@@ -12,6 +12,7 @@ import importlib
 import itertools
 import json
 import logging
+import math
 import os
 import runpy
 import subprocess
@@ -27,6 +28,8 @@ _FEWEST = 2  # slices
 _LOOPED = 64  # copies of the reference descent in a compiled loop
 _LANES = {"compliant": 1_000, "rigid": 10_000}  # random launches of a batch, ...
 _FEWER = 300  # ... and of a loop over rigid bodies
+_DROPS = 500  # launches of bodies with corners
+_NEAR = 0.002  # [rad] from lying flat: both ends of the chord touch
 _ENV, _SCENARIO, _ENV_LANES = "sledenv/SledLaunch-v0", "brake_mat", 1024
 _SAMPLES = 16_384  # of one short training run
 _PPO: dict[str, Any] = {"n_steps": 16, "batch_size": 2048, "n_epochs": 10, "gamma": 0.0, "seed": 0, "device": "cpu"}
@@ -127,6 +130,27 @@ def _batch(solver: str) -> Callable[[], Prepared]:
     return prepare
 
 
+def _drops(body: str, solver: str, phi: tuple[float, float] | None = None) -> Callable[[], Prepared]:
+    """Prepare descents of a body with corners; with bounds of the orientation [rad], up to the first rebound."""
+
+    def prepare() -> Prepared:
+        import numba
+
+        import sledenv
+
+        numba.set_num_threads(1)
+        work = _work()
+        launches = work["drops"](work[body], _DROPS, *(() if phi is None else (phi,)))
+        options: dict[str, Any] = {"solver": solver, "max_rebounds": 200 if phi is None else 1}
+
+        def run() -> Any:
+            return sledenv.simulate_batch(work[body], work["MAT"], work["MAT_SLOPE"], launches, **options)
+
+        return _timed(run, _DROPS)
+
+    return prepare
+
+
 def _env() -> Prepared:
     import gymnasium as gym
     import numba
@@ -205,6 +229,27 @@ WORKLOADS: dict[str, Workload] = {
     ),
     "compliant-batch": Workload(f"simulate_batch, {_LANES['compliant']:,} random launches", "hop", _batch("compliant")),
     "rigid-batch": Workload(f"the same, rigid solver, {_LANES['rigid']:,} launches", "hop", _batch("rigid")),
+    "sled": Workload(
+        f"simulate_batch, {_DROPS} descents of a shallow segment, half-angle 35 degrees, radius .9 m, on the slope of"
+        f" {_SCENARIO}",
+        "descent",
+        _drops("SHALLOW", "compliant"),
+        rate=True,
+    ),
+    "sled-rigid": Workload("the same, rigid solver", "descent", _drops("SHALLOW", "rigid"), rate=True),
+    "mat": Workload(
+        f"{_DROPS} descents of the body of {_SCENARIO}, half-angle 110 degrees, radius .5 m",
+        "descent",
+        _drops("THREE_QUARTERS", "compliant"),
+        rate=True,
+    ),
+    "mat-rigid": Workload("the same, rigid solver", "descent", _drops("THREE_QUARTERS", "rigid"), rate=True),
+    "arc-hop": Workload("the same body, one hop on its arc", "hop", _drops("THREE_QUARTERS", "compliant", (-0.5, 0.5))),
+    "chord-hop": Workload(
+        "one hop on its chord, both ends of which touch",
+        "hop",
+        _drops("THREE_QUARTERS", "compliant", (math.pi - _NEAR, math.pi + _NEAR)),
+    ),
     "env": Workload(f"native vector env of {_ENV} on {_SCENARIO}, {_ENV_LANES:,} lanes", "step", _env, rate=True),
     "ppo": Workload(f"PPO of stable-baselines3 on it, {_SAMPLES:,} samples", "sample", _ppo, rate=True),
     "warm": Workload("first gym.make, reset and step of a new process, kernels in the cache", "start", _warm),
