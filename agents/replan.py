@@ -35,7 +35,7 @@ class Agent:
 
     def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
         self._model = Problem(problem.scenario, control=problem.control, solver="rigid")
-        self._grid = settings["orientations"], settings["spins"]
+        self._grid = {"orientation": settings["orientations"], "spin": settings["spins"]}
         self._trims = np.linspace(-1.0, 1.0, settings["trims"])
         self._trials = TRIALS if self._model.noisy else 1
         self.descents = 0

@@ -78,14 +78,14 @@ def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
     """Oracle: launches a full turn apart are the same, so the grid has each once; a row agrees with the simulator."""
     problem = Problem("ice_drop")
     contexts = problem.contexts("test", 2)
-    one = jam_map(problem, contexts, (12, 5))[1]
+    one = jam_map(problem, contexts, {"orientation": 12, "spin": 5})[1]
     assert one.rewards.shape == (12, 5)
     assert one.launches[0][0] == -1.0
     assert one.launches[0][-1] < 1.0 == one.launches[1][-1]
     launch = np.array([[one.launches[0][7], one.launches[1][2]]])
     assert problem.descend(contexts[1:], launch).jam.reward[0] == one.rewards[7, 2]
     table = map_table(problem, contexts[:1])
-    assert len(table) == GRID[0] * GRID[1]
+    assert len(table) == GRID["orientation"] * GRID["spin"]
     assert (
         problem.descend(contexts[:1], table[["orientation", "spin"]].to_numpy()[99:100]).jam.reward[0]
         == table["reward"].iloc[99]
@@ -96,7 +96,7 @@ def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
 def test_no_cell_is_refined_twice(control):
     """Where a grid has few cells, neighbours are refined once there is nothing else."""
     problem = Problem("ice_drop", control=control)
-    shape = {"both": GRID, "orientation": GRID[:1], "spin": GRID[1:]}[control]
+    shape = tuple(GRID[name] for name in problem.task.controlled)
     rewards = np.random.default_rng(0).random(shape)
     starts = _maxima(problem, rewards, 24, 1)
     assert len(set(starts.tolist())) == 24

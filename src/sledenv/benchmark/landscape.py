@@ -19,7 +19,7 @@ from sledenv.envs.task import Contexts
 from sledenv.plot.style import INK
 from sledenv.scenario import CONTROLS, Scenario, ScenarioError
 
-_GRID: Final = tuple(control.drawn for control in CONTROLS.values())
+_GRID: Final = {name: control.drawn for name, control in CONTROLS.items()}
 
 
 class Landscape(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -18,7 +19,7 @@ from sledenv.envs.task import Contexts
 from sledenv.files import replacing
 from sledenv.scenario import CONTROLS, Context, Split
 
-GRID: Final = tuple(control.searched for control in CONTROLS.values())  # launches of the dense search
+GRID: Final = {name: control.searched for name, control in CONTROLS.items()}  # launches of the dense search
 FINE: Final = 32  # cells for each of these on the bounds of the box, where many optima lie, or if one alone is chosen
 STARTS: Final = 36  # local maxima of the grid that are refined, and as many of the bounds together
 KEPT: Final = 8  # of these, after half of the levels
@@ -36,11 +37,13 @@ class JamMap(NamedTuple):
     rewards: NDArray[np.float64]  # an axis for each of these
 
 
-def jam_map(problem: Problem, contexts: Contexts, grid: tuple[int, ...] = GRID, split: Split = "test") -> list[JamMap]:
+def jam_map(
+    problem: Problem, contexts: Contexts, grid: Mapping[str, int] = GRID, split: Split = "test"
+) -> list[JamMap]:
     """Try a grid of launches in each context of an array of shape (n, 8).
 
-    ``grid`` says how many values of each of ``CONTROLS`` are tried, if it is chosen, both bounds among them, but of
-    orientations a full turn apart only one. Launch noise is that of a split.
+    ``grid`` says how many values are tried of each control that is chosen, both bounds among them, but of orientations
+    a full turn apart only one. Launch noise is that of a split.
     """
     axes = _axes(problem, grid)
     points = _points(axes)
@@ -193,10 +196,9 @@ def _turns(problem: Problem, axis: int) -> bool:
     return problem.turns and problem.task.controlled[axis] == "orientation"
 
 
-def _axes(problem: Problem, grid: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
-    counts = dict(zip(CONTROLS, grid, strict=True))
+def _axes(problem: Problem, grid: Mapping[str, int]) -> tuple[NDArray[np.float64], ...]:
     return tuple(
-        np.linspace(-1.0, 1.0, counts[name], endpoint=not _turns(problem, i))
+        np.linspace(-1.0, 1.0, grid[name], endpoint=not _turns(problem, i))
         for i, name in enumerate(problem.task.controlled)
     )
 
@@ -205,7 +207,8 @@ def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int,
     """Return the grids that are searched: axes, how many maxima are refined, and how many cells they keep apart."""
     chosen = len(problem.task.controlled)
     finer = round(FINE ** (1.0 / max(chosen - 1, 1)))  # along each axis of a bound
-    fine, apart = _axes(problem, tuple(finer * count for count in GRID)), finer // 2  # half a coarse cell
+    fine = _axes(problem, {name: finer * count for name, count in GRID.items()})
+    apart = finer // 2  # half a coarse cell
     if chosen == 1:
         return [(fine, STARTS, apart)]
     bounds = [(i, np.array([bound])) for i in range(chosen) if not _turns(problem, i) for bound in (-1.0, 1.0)]

@@ -1,8 +1,8 @@
 """Both ends of the chord touch at once: how the second point joins the first, a step of both, and how they part.
 
-The point that touched first is ``space["contact"]``, the other ``space["second"]``: a contact with an orientation of
-its own, a turn away, so that the two are mirror images of each other where the chord lies flat. Time, place, spin and
-what the body is subject to are the same in both. Each adds up impulses and losses, put together when they part.
+The point that touched first is ``space["contact"]``, the other ``space["second"]``. The orientation of the second
+differs by a whole turn, so that the two are mirror images of each other where the chord lies flat. Time, place, spin
+and what the body is subject to are the same in both. Impulses and losses are summed for each, and added when they part.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from sledenv.programs.trace import of_step, straight
 from sledenv.programs.values import absolute, equal, larger, less, not_more, where
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
-MOST_TURNING = 1e4  # times that, of the speed by a spin that counts as none where the gap rates are equal
+MOST_TURNING = 1e4  # times that: a slower rim counts as no spin where the gap rates are equal
 AT_SURFACE = 1e-9  # of the size: gap of the second point where it starts to touch
-UNITS = 0.7  # of time of a point alone in that of both: springs side by side are stiffer
+UNITS = 0.7  # unit of time of a step of both points over that of one: two springs are stiffer
 
 _OWN = tuple(name for name in CONTACT.names or () if name not in (*SUMS, *PEAKS, "filling"))
 _take = of_step(lambda contact, second: copy(second, contact, _OWN))
@@ -42,14 +42,14 @@ def _adding(contact: Any, second: Any) -> None:
 def _agreeing(contact: Any, second: Any) -> None:
     """Program that makes the velocities of both points those of one body, where some are zero or nearly so.
 
-    Each point follows its own. By rounding, what is to be zero at one then is not quite so at the other, and a slip
-    that is all due to the turning, as the other point sticks, would be lost.
+    Each is integrated by itself, so rounding makes of a zero at one point a small number at the other. If one point
+    sticks, the slip of the other becomes what the spin makes of the difference of the gaps.
     """
     small, omega = SAME_RATE * contact.scale, contact.omega
     apart = contact.gap - second.gap
     rests, second_rests = equal(contact.v_t, 0.0), equal(second.v_t, 0.0)
     settled = equal(contact.v_n, 0.0) | equal(second.v_n, 0.0)
-    # Where the points are above each other both gap rates are the same in spite of a spin.
+    # If both points have the same arm a, their gap rates are equal whatever the spin.
     slow = not_more(absolute(omega) * contact.size, MOST_TURNING * small)
     alike = settled & slow & not_more(absolute(contact.v_n - second.v_n), small)
     stuck = rests & second_rests & not_more(absolute(omega) * contact.size, small)
@@ -65,7 +65,7 @@ def _agreeing(contact: Any, second: Any) -> None:
     rate = where(settled, 0.0, contact.v_n)
     contact.v_n, second.v_n = where(still, rate, contact.v_n), where(still, rate, second.v_n)
     contact.omega, second.omega = where(still, 0.0, omega), where(still, 0.0, second.omega)
-    # What held both alike lets both go.
+    # A lock that both points share is released at both.
     second.slip_left = where(still & equal(contact.spin, 0.0), contact.slip_left, second.slip_left)
     second.spin_left = contact.spin_left
 
@@ -75,7 +75,7 @@ _add, _agree = of_step(_adding), of_step(_agreeing)
 
 @kernel
 def join(body: Body, contact: np.void, second: np.void) -> bool:
-    """Let the corner on the other side touch too; say whether it is there."""
+    """Let the corner on the other side touch too; False if it is not at the surface."""
     phi, omega, gap = contact["phi"], contact["omega"], contact["gap"]
     _take(second, contact)
     _start(second)
@@ -122,18 +122,18 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     orient(contact, step)
     orient(second, second_step)
     if contact["undecided"] != 0.0:
-        turn = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0)
-        if turn > 0:  # what has been released may have been so by rounding
+        trial = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0)
+        if trial > 0:  # recent releases may be due to rounding
             progress.forget_zeros(contact)
             progress.forget_zeros(second)
-        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), turn)
+        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), trial)
         progress.take_branch(branch, contact)
         progress.take_branch(other, second)
         rigid = contact["k_closing"] == math.inf
         if rigid and (violation > CLEAR or (branch.gap_rate > 0 and other.gap_rate > 0)):
             if not contact["inward"] > 0.0:
                 return records.SEPARATED
-            # Friction turns the body over the corner ahead, faster than any finite force could let it.
+            # Friction tips the body over the corner ahead, and no finite force prevents it: an impact there follows.
             _part(body, contact["v_t"] * contact["h"] * step["sine"] < 0.0, contact, second)
             return records.INCONSISTENT
         if rigid and (branch.gap_rate > 0 or other.gap_rate > 0):
@@ -162,7 +162,7 @@ def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
 
 @part
 def prepare_both(slope: Incline, space: np.void) -> None:
-    """Tell a step of both points what its series need, and what locked normal forces are held against."""
+    """Tell a step of both points what its series need, and the bounds of locked normal forces."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     step["unit"] = second_step["unit"] = _unit(slope, contact, second)
     step["largest"], step["least"] = normal.bounds(contact, 0.0)
@@ -187,7 +187,10 @@ def complete_both(limits: Limits, space: np.void) -> int:
 
 @kernel
 def feel_both(body: Body, contact: np.void, second: np.void, step: np.void, second_step: np.void) -> int:
-    """Move the second point on too, and let both feel what happens at the end of a step; return the status."""
+    """Move the second point on too, and apply what happens to both at the end of a step; return the status.
+
+    SEPARATED says that both points have left. Where one has, the contact goes on with the other.
+    """
     if progress.move_on(second, second_step) or second_step["event"] != events.NOTHING:
         contact["undecided"] = 1.0
     status, other = progress.follow_event(body, contact, step), progress.follow_event(body, second, second_step)

@@ -33,14 +33,14 @@ from sledenv.kernel.trajectory import (
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.trace import copy_into_callers
 
-SOUGHT = 1.1  # a root is sought if it is expected within so many lengths of the step
+SOUGHT = 1.1  # the expected root is sought if the guess lies within so many lengths of the step
 # A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
 NO_LOAD = 1e-9
 
 
 @part
 def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None:
-    """Write what does not change during a contact; its orientation becomes one within a turn."""
+    """Set up a contact at its start; its orientation becomes one within a turn."""
     turns = whole_turns(contact["phi"])
     contact["phi"] -= turns
     # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
@@ -92,7 +92,7 @@ def _trial(number: int, contact: np.void) -> Branch:
     """One of the branches that the velocities of a contact admit.
 
     The box rule sees the forces of an instant. Where they and the drives grow from zero together it may choose a branch
-    that ends at once; the right one is then the one that gets anywhere.
+    that ends at once; the right one is then the one in which time advances.
     """
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     return Branch(
@@ -127,7 +127,7 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
 
 @part
 def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
-    """Tell a step what its series need, and what a locked normal force is held against."""
+    """Tell a step what its series need, and the bounds of a locked normal force."""
     begin_step(contact, step)
     step["largest"], step["least"] = normal.bounds(contact, 0.0)
     if contact["gap_rate"] == 0.0:
@@ -245,7 +245,10 @@ def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: n
 
 @part
 def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
-    """Go up to what ends a step; return what ``bound_step`` does, or INCONSISTENT."""
+    """Find the series of a step and its first event; return what ``bound_step`` does, or INCONSISTENT.
+
+    The contact itself stays where it is.
+    """
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     paired = contact["paired"] != 0.0
     if paired:
@@ -272,7 +275,7 @@ def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
 
 @part
 def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
-    """Let a contact of one point feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+    """Apply to a contact of one point what happens at the end of a step; return its status, RUNNING if it goes on."""
     status = progress.follow_event(body, contact, step)
     if status == records.BOTH_CORNERS and contact["k_closing"] < math.inf:
         return records.RUNNING if join(body, contact, second) else records.BURIED
@@ -300,16 +303,16 @@ def follow(
     flight : record of OUTCOME
         Whose contact it is; its steps and its rows of the trajectory are counted.
     space : record of SPACE
-        Its ``contact`` holds the state at touchdown and how the surfaces meet (the fields of
-        :mod:`sledenv.kernel.normal` to ``most_normal``), overwritten by the state at the end; impulses and losses are
-        added up. Rigid surfaces start at rest, without gap or gap rate, ``paired`` if they touch with two points.
+        Its ``contact`` holds the state at touchdown, overwritten by that at the end, and how the surfaces meet: the
+        fields of CONTACT from those of :mod:`sledenv.kernel.normal` to ``most_normal``. Impulses and losses are added
+        up. Rigid surfaces start at rest, without gap or gap rate, ``paired`` if they touch with two points.
     trajectory : ndarray of TRAJECTORY
         Rows are added while there is room; length 0 records nothing.
 
     Returns
     -------
     int
-        SEPARATED, PAUSED, INCONSISTENT, or of rigid surfaces BOTH_CORNERS; or the status with which the descent ends.
+        SEPARATED, PAUSED, of rigid surfaces INCONSISTENT or BOTH_CORNERS; or the status with which the descent ends.
     """
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     if space["stage"] != TOUCHING:
@@ -318,7 +321,7 @@ def follow(
             join(body, contact, second)
     space["stage"] = FLYING
     while True:
-        if space["row"] == 0.0:  # or the step has been made, and rows of it are left
+        if space["row"] == 0.0:  # no rows of the last step are left to write
             if space["work"] >= space["most_work"]:
                 space["stage"] = TOUCHING
                 return records.PAUSED

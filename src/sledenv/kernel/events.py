@@ -106,7 +106,8 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     noise = TURN_ROUNDING * (abs(reach) + abs(height))
     at = sum_root(above, 1.0, gap, 1.0, 0.0, 1 if leaves else 0, noise, step)
     if 0.0 < at < math.inf:
-        # The step is chosen for the velocities: sine and cosine may converge less.
+        # The step is as long as the series of the velocities hold. Those of sine and cosine may be less exact, so the
+        # root is improved by Newton's method.
         for _ in range(MOST_POLISHED):
             theta = step["theta"] - contact["phi"] + horner(step["phi"], at)
             sine, cosine = math.sin(theta), math.cos(theta)
@@ -151,7 +152,7 @@ def gap_events(contact: np.void, step: np.void) -> None:
 
 @kernel
 def _before_separation(step: np.void) -> float:
-    """Time before which a locked force must reach its bound: by then all bounds vanish, and rounding must not count."""
+    """Time up to which a release counts. At the separation all bounds are zero: one just before it is rounding."""
     copy_into_callers()
     return float(step["length"] * (1.0 - 1e-10)) if step["event"] == SEPARATION else math.inf
 
@@ -200,7 +201,8 @@ def corner_events(body: Body, contact: np.void, step: np.void) -> None:
     elif contact["other"] < math.inf and not step["safe_other"] > 0.0:
         at = _chord_down(contact, step)
         if at < math.inf and on_arc and contact["other_sine"] * horner(step["phi"], at) < 0.0:
-            # By then the other end of the arc is further away: that one is heeded from the middle on.
+            # By then phi has changed its sign, and the further end of the arc is the other one: watch that from the
+            # middle on.
             side = 1.0 if contact["other_sine"] > 0.0 else -1.0
             happens(series_root(step["phi"], side, 0, step), MIDDLE_PASSED, step)
         else:
@@ -218,7 +220,7 @@ def slope_event(contact: np.void, step: np.void) -> None:
 
 @kernel
 def _passes_flat(contact: np.void, second: np.void, step: np.void, second_step: np.void, slip: float) -> float:
-    """Time at which the chord lies flat, while one point sticks and the second has over it a slip of this sign.
+    """Time at which the chord lies flat, while one point sticks and the second slips with this sign relative to it.
 
     That slip is the difference of the gaps times the spin, too small to be looked for by itself.
     """
@@ -265,7 +267,7 @@ def first_event(body: Body, space: np.void) -> None:
     settled = paired and contact["gap_rate"] == 0.0 and second["gap_rate"] == 0.0
     load = step["normal"]
     step["released"] = 0.0
-    if held:  # what holds both is held against the sum of what bounds it
+    if held:  # locks that both points share are limited by the sum of both normal forces
         load = space["together"]
         _sum(step["normal"], 1.0, second_step["normal"], 1.0, 0.0, load)
         step["safe_moment"] = step["safe_moment_back"] = 0.0

@@ -12,7 +12,7 @@ from numba.extending import overload
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw
-from sledenv.kernel.progress import begin_with_lower
+from sledenv.kernel.progress import begin_with_approaching
 from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.state import TOUCHING
@@ -31,7 +31,7 @@ def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.vo
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     contact["most_normal"] = math.inf
-    begin_with_lower(body, contact)
+    begin_with_approaching(body, contact)
     return RUNNING
 
 

@@ -67,6 +67,15 @@ def force(contact: Any, gap: Any, rate: Any) -> Any:
     return -(contact.stiffness * load(contact, gap, rate))
 
 
+def keep_peaks(contact: Any) -> None:
+    """In a program, at the end of a step: keep the largest normal force [N] and penetration [m] so far.
+
+    While the gap closes or opens neither has an extreme but at its ends.
+    """
+    contact.peak_force = larger(contact.peak_force, force(contact, contact.gap, contact.v_n))
+    contact.peak_penetration = larger(contact.peak_penetration, -contact.gap)
+
+
 @kernel
 def load_series(contact: np.void, step: np.void) -> np.ndarray:
     """Series of the load [m]: the surfaces separate where it becomes zero. It may lie in ``step["scratch"]``."""

@@ -26,8 +26,9 @@ class Point(NamedTuple):
 
     a: Any  # [m] arms
     b: Any  # [m]
-    lift: Any  # [m/s^2] what the turning of the arms alone takes off the rate of its gap rate,
-    sweep: Any  # [m/s^2] and off that of its slip
+    # Centrifugal terms [m/s^2]: dv_n/dt = dv/dt - a domega/dt - lift,
+    lift: Any
+    sweep: Any  # dv_t/dt = du/dt + b domega/dt - sweep
     friction: Any  # [-]
     arm: Any  # [m] of its rolling resistance
     closing: Any  # [N] normal force while the gap closes,
@@ -37,17 +38,17 @@ class Point(NamedTuple):
 class Held(NamedTuple):
     """How a turning body answers the forces of its locked velocities; zeros stand for what is not locked."""
 
-    # Rates of u, v and omega under a unit normal force where the gap rate is locked,
+    # Rates of u, v and omega under a unit normal force where the gap rate is locked, its friction and moment included,
     n_u: Any
     n_v: Any
     n_w: Any
     # and of u and omega under a unit tangential force where the slip is.
     s_u: Any
     s_w: Any
-    # Arms [m] of the one and of the other.
+    # Arm a [m] of the point whose gap rate is locked, arm b of the one whose slip is.
     a: Any
     b: Any
-    # Inverse of what both forces do to both locked velocities.
+    # Inverse of the matrix from both forces to the rates of both locked velocities.
     nn: Any
     ns: Any
     sn: Any
@@ -62,14 +63,14 @@ class Forces(NamedTuple):
     tangential_1: Any  # [N]
     tangential_2: Any
     moment: Any  # [N m]
-    excess: Any  # [N m] by which it is more than rolling resistance bears, of a body that does not turn
+    excess: Any  # [N m] by which it exceeds the rolling resistance of a body that does not turn
     u: Any  # [m/s^2]
     v: Any  # [m/s^2]
     omega: Any  # [rad/s^2]
 
 
 def pick(at_first: Any, at_second: Any, first: Any, second: Any) -> Any:
-    """What belongs to the one of two points where a mask is true; 0 if it is true at neither."""
+    """``first`` where the first mask is true, else ``second`` where the second one is, else 0."""
     return where(at_first, first, where(at_second, second, 0.0))
 
 
@@ -79,7 +80,7 @@ def branch_of(contact: Any) -> Branch:
 
 
 def points(space: Any) -> tuple[Point, Point]:
-    """Both points at the start of a step, for the box rule: where the forces vanish their ratio is kept."""
+    """Both points at the start of a step. Normal forces that are nearly zero become larger, both in the same ratio."""
     shallow = normal.NO_DEPTH * space.contact.size
     within = [normal.bounds_of(point, 0.0) for point in (space.contact, space.second)]
     least, largest = shallow * space.contact.k_closing, larger(within[0][0], within[1][0])
@@ -97,7 +98,7 @@ def points(space: Any) -> tuple[Point, Point]:
 
 
 def hold(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) -> Held:
-    """How a turning body is held; NaN where a locked gap would need surfaces that pull each other."""
+    """How a turning body is held; NaN where a locked gap rate would need surfaces that pull each other."""
     gap_1, gap_2 = equal(branch.gap_rate, 0.0), equal(other.gap_rate, 0.0)
     slip_1, slip_2 = equal(branch.slip, 0.0), equal(other.slip, 0.0)
     per_mass = contact.per_mass
@@ -116,12 +117,12 @@ def hold(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) ->
 
 
 def locking(held: Held, lift: Any, sweep: Any, u: Any, v: Any, omega: Any) -> tuple[Any, Any]:
-    """Normal and tangential force [N] that keep a turning body in place, which has these rates without them."""
+    """Normal and tangential force [N] that keep the locked velocities at zero; the rates are those without them."""
     miss_n, miss_s = lift - v + held.a * omega, sweep - u - held.b * omega
     return held.nn * miss_n + held.ns * miss_s, held.sn * miss_n + held.ss * miss_s
 
 
-def _turning(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) -> Forces:
+def _turned(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) -> Forces:
     """Forces on a body that turns."""
     gap_1, gap_2 = equal(branch.gap_rate, 0.0), equal(other.gap_rate, 0.0)
     slip_1, slip_2 = equal(branch.slip, 0.0), equal(other.slip, 0.0)
@@ -144,9 +145,10 @@ def _turning(contact: Any, one: Point, two: Point, branch: Branch, other: Branch
 
 
 def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any, Any, Any, Any]:
-    """What keeps a body from turning whose slip is locked at both points: moments [N m] and what each is held against.
+    """Two conditions for a body not to turn whose slip is locked at both points: moments [N m], each with its bound.
 
-    The force may all act at one point, and friction at the other one then helps rolling resistance: once so, once so.
+    First all of the tangential force acts at the second point, and friction at the first one may act against it there:
+    a couple that helps rolling resistance. Then the points are exchanged. The body does not turn if both hold.
     """
     turning, load = one.a * n_1 + two.a * n_2, one.arm * n_1 + two.arm * n_2
     couple = absolute(one.b - two.b) * one.friction
@@ -156,9 +158,9 @@ def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any
 def unturned(contact: Any, one: Point, two: Point, branch: Branch) -> Forces:
     """Forces on a body that does not turn: both points do the same.
 
-    Locked loads balance each other and the tangential force without a rolling moment, as far as their bounds allow. A
-    locked tangential force is shared in proportion to the loads; but the shares may be others, within their bounds, if
-    rolling resistance is not enough to keep the body from turning.
+    Locked normal forces are such that no rolling moment is needed, as far as their bounds allow. A locked tangential
+    force is shared in proportion to them. Whether the body turns is judged by the shares within the bounds of friction
+    that keep it best from turning.
     """
     mass = 1.0 / contact.per_mass
     locked, sticks = equal(branch.gap_rate, 0.0), equal(branch.slip, 0.0)
@@ -181,7 +183,7 @@ def unturned(contact: Any, one: Point, two: Point, branch: Branch) -> Forces:
 
 
 def _missed(point: Point, signs: Branch, branch: Branch, push: Any, force: Any, found: Forces, per_mass: Any) -> Any:
-    """How far one point is from what its branch wants, as a force."""
+    """By how much one point breaks the conditions of its branch, as a force."""
     outside = larger(push - point.closing, point.opening - push)
     rate_n = found.v - point.a * found.omega - point.lift
     rate_t = found.u + point.b * found.omega - point.sweep
@@ -191,11 +193,11 @@ def _missed(point: Point, signs: Branch, branch: Branch, push: Any, force: Any, 
 
 
 def _judge(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
-    """How far a branch of both points is from what it wants, relative to the normal force; NaN if it has no forces."""
+    """By how much a branch of both points breaks its conditions, over the normal force; NaN if it has no forces."""
     contact = space.contact
     one, two = points(space)
     still = equal(branch.spin, 0.0)
-    both = zip(unturned(contact, one, two, branch), _turning(contact, one, two, branch, other), strict=True)
+    both = zip(unturned(contact, one, two, branch), _turned(contact, one, two, branch, other), strict=True)
     found = Forces(*(where(still, p, q) for p, q in both))
     per_mass = contact.per_mass
     missed = _missed(one, signs, branch, found.normal_1, found.tangential_1, found, per_mass)
@@ -205,25 +207,26 @@ def _judge(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Br
 
 
 def _turns(locked: Any, free: Any, velocity: Any, side: Any) -> Any:
-    """Mask of whether a velocity, locked at one point of a body that turns, may do this at the other, where it is free.
+    """Mask of whether the other point of a body that turns may have the sign ``free``.
 
-    ``velocity`` is its sign there, and ``side`` the one that it gets by the turning.
+    It may, if the velocity is not ``locked`` to zero at this point. If it is, that of the other must be free too, with
+    the sign ``side`` that the turning gives it, unless it had a sign before, or the turning gives none.
     """
     may = equal(absolute(velocity), 1.0) | equal(side, 0.0) | equal(free, side)
     return ~equal(locked, 0.0) | (~equal(free, 0.0) & may)
 
 
-def _go_together(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
+def _compatible(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
     """1 if one body can do what two branches say, else 0.
 
-    A spin that starts gives the second point a gap rate beyond that of the first, by the difference of the arms, and a
-    slip by that of the gaps. Where the gaps are equal they soon differ, by the turning itself.
+    When a spin starts, the gap rate of the second point exceeds that of the first by the difference of their arms a
+    times the spin, and the slip by the difference of their gaps. Equal gaps differ as soon as the body has turned.
     """
     contact, second = space.contact, space.second
     along = contact.h * space.step.sine - second.h * space.second_step.sine
     across = contact.gap - second.gap
     equal_gaps = not_more(absolute(across), normal.NO_DEPTH * contact.size)
-    spinning = equal(absolute(signs.spin), 1.0)  # the rates are to tell
+    spinning = equal(absolute(signs.spin), 1.0)  # the velocities themselves tell
     opens = where(spinning, 0.0, branch.spin * sign(along))
     slips = where(equal_gaps, -sign(along), where(spinning, 0.0, branch.spin * sign(across)))
     alike = equal(branch.gap_rate, other.gap_rate) & equal(branch.slip, other.slip)
@@ -237,7 +240,7 @@ def _go_together(space: Any, signs: Branch, signs_2: Branch, branch: Branch, oth
     return (where((still & alike) | (~still & apart), 1.0, 0.0),)
 
 
-_together, _violation = scalar(_go_together), scalar(_judge)
+_may_be, _violation = scalar(_compatible), scalar(_judge)
 
 
 @kernel
@@ -252,12 +255,14 @@ def _fits(signs: Branch, branch: Branch, rigid: bool) -> bool:
 
 
 @kernel
-def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, turn: int) -> tuple[Branch, Branch, float]:
+def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, trial: int) -> tuple[Branch, Branch, float]:
     """Choose the branches of two points that touch at once, by the box rule, and tell their violation, the least.
 
-    Those with more locks are listed first; of equal violations the first is taken. ``signs`` are those of the
-    velocities of both, as in :func:`sledenv.kernel.friction.resolve`. Of several without a clear violation, all but one
-    may end at once: if ``turn`` is not 0, the one whose turn it is is taken, counted from 1.
+    Branches with a locked spin come first, of these those with a locked slip, of these those with a locked gap rate;
+    of equal violations the first is taken.
+    ``signs`` are those of the velocities of both, as in :func:`sledenv.kernel.friction.resolve`. Several branches may
+    have no clear violation, and all but one end at once: ``trial`` = n > 0 takes the n-th of them, or if there are
+    fewer, the one of least violation.
     """
     best, best_2 = Branch(0, 0, 0), Branch(0, 0, 0)
     rigid, least = space["contact"]["k_closing"] == math.inf, 1e300
@@ -267,15 +272,15 @@ def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, turn: int) -> t
             continue
         for number_2 in range(9):
             other = Branch(in_turn(number_2 % 3), in_turn(number_2 // 3), branch.spin)
-            if _fits(signs_2, other, rigid) and _together(space, signs, signs_2, branch, other)[0] > 0.0:
+            if _fits(signs_2, other, rigid) and _may_be(space, signs, signs_2, branch, other)[0] > 0.0:
                 violation = _violation(space, signs, signs_2, branch, other)[0]
                 # A branch without forces (NaN) compares false and is never chosen.
                 if violation < least - TIE:
                     best, best_2, least = branch, other, violation
-                if turn == 0 and violation == 0.0:
+                if trial == 0 and violation == 0.0:
                     return best, best_2, least  # which none of those behind it can beat
-                if turn > 0 and violation <= CLEAR:
-                    turn -= 1
-                    if turn == 0:
+                if trial > 0 and violation <= CLEAR:
+                    trial -= 1
+                    if trial == 0:
                         return branch, other, violation
     return best, best_2, least

@@ -17,8 +17,8 @@ from sledenv.programs.jit import kernel
 from sledenv.programs.trace import copy_into_callers, straight
 from sledenv.programs.values import equal, less, root, where
 
-MOST_UNITS = 2.0  # length of a step
-UNIT_ANGLE = 1.5  # of the contact oscillation in a unit of time
+MOST_UNITS = 2.0  # [units] longest step
+UNIT_ANGLE = 1.5  # [rad] of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # last of these, in which branches are tried in turn
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
@@ -34,8 +34,8 @@ def sign_of(value: float) -> int:
 def _leading_zeros(velocity: np.ndarray, sign: float) -> int:
     """Number of leading coefficients to be passed over in a search for where a released velocity returns to zero.
 
-    An acceleration that vanishes by construction does so up to the error of the time of release. If it opposes ``sign``
-    it is passed over, but kept: the release came early by that much, and the motion is right once it has caught up.
+    It starts without acceleration, but for the error of the time of release. Two coefficients are passed over if what
+    is left opposes ``sign``, else one. It stays in the series: it makes up for a release that came a little early.
     """
     return 1 if sign * velocity[1] > 0.0 else 2
 
@@ -85,8 +85,8 @@ def _taking(contact: Any, branch: Branch) -> None:
     jumps = sum(
         where(equal(getattr(contact, sign), to), 0.0, 1.0) for (_, sign, _), to in zip(_VELOCITIES, branch, strict=True)
     )
-    # What has just left the bound of its force starts without acceleration too, if no other force has jumped. Of two
-    # points, what one releases may leave the other without acceleration.
+    # A released velocity starts without acceleration, so with two zeros, unless another force jumps too. Of two points
+    # there may be two in any case; bound_step looks.
     both = less(0.0, contact.paired)
     leaving, starting = where(equal(jumps, 1.0) | both, 2.0, 1.0), where(both, 2.0, 1.0)
     for (velocity, sign, name), to in zip(_VELOCITIES, branch, strict=True):
@@ -105,13 +105,16 @@ _take = straight(_taking)
 
 @kernel
 def take_branch(branch: Branch, contact: np.void) -> None:
-    """Write what the velocities do from here on, and what that makes of friction."""
+    """Write a branch: signs of the velocities and their leading zeros, friction, stiffness and unit of time."""
     _take(contact, branch)
 
 
 @kernel
 def bound_step(limits: Limits, most: float, contact: np.void, step: np.void) -> int:
-    """Find how long the series of a step hold, up to ``most``; return a status, TIMEOUT if the time ends with it."""
+    """Find how long the series of a step hold, up to ``most``, once the leading zeros of the velocities are settled.
+
+    Returns RUNNING, TIMEOUT if the time ends with the step, or NON_FINITE.
+    """
     if contact["gap_zeros"] == 2.0:
         contact["gap_zeros"] = _leading_zeros(step["v_n"], contact["gap_rate"])
     if contact["slip_zeros"] == 2.0:
@@ -130,7 +133,10 @@ def bound_step(limits: Limits, most: float, contact: np.void, step: np.void) -> 
 
 @kernel
 def _time_passes(before: float, contact: np.void, step: np.void) -> bool:
-    """Count the steps without any progress since the time ``before``; say whether this one had a length."""
+    """Count the steps without any progress since the time ``before``; say whether this one had a length.
+
+    If it had, no velocity is any longer one that has just been released.
+    """
     contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
     if not step["length"] * step["unit"] > 0.0:
         return False
@@ -149,7 +155,7 @@ def _stop_or_release(contact: np.void, step: np.void) -> None:
 
 
 def _pacing(contact: Any, moved: Any) -> None:
-    """Program of the units of time of a step, of surfaces that move a mass [1/kg] as movable as this."""
+    """Program of the units of time while the gap closes and opens; ``moved`` is the mobility of the point [1/kg]."""
     for name, closing in (("pace_closing", 1.0), ("pace_opening", 0.0)):
         stiff = normal.stiffness(contact, less(0.0, closing))
         setattr(contact, name, where(less(0.0, stiff), UNIT_ANGLE / root(stiff * moved), math.inf))
@@ -168,7 +174,7 @@ def tell_feature(body: Body, contact: np.void) -> None:
     contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
     if contact["paired"] != 0.0:  # the other corner is down
         contact["other"], contact["other_sine"], contact["other_cosine"] = math.inf, 0.0, 0.0
-    # The spring moves less than the mass where it turns the body.
+    # The largest mobility of the point: a spring that turns the body moves less than its mass.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
     _tell_paces(contact, moved)
 
@@ -213,7 +219,7 @@ def _change_feature(body: Body, contact: np.void) -> None:
 
 @kernel
 def follow_event(body: Body, contact: np.void, step: np.void) -> int:
-    """Let the contact feel what happens at the end of a step; return its status, RUNNING if it goes on."""
+    """Apply what happens at the end of a step to the contact; return its status, RUNNING if it goes on."""
     copy_into_callers()
     event = int(step["event"])
     if event == events.NOTHING:
@@ -260,8 +266,8 @@ def change_corner(body: Body, corner: int, contact: np.void) -> None:
 
 
 @kernel
-def begin_with_lower(body: Body, contact: np.void) -> None:
-    """Let a chord that comes down flat begin with the corner that approaches, if the one that it would does not."""
+def begin_with_approaching(body: Body, contact: np.void) -> None:
+    """Let a chord that lands flat begin with the other corner, if the one chosen moves away."""
     feature = int(contact["feature"])
     if contact["v_n"] > 0.0 and feature != records.ARC:
         change_corner(body, records.NOSE if feature == records.TAIL else records.TAIL, contact)

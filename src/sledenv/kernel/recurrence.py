@@ -1,7 +1,7 @@
 """The power series of a step in any branch, of one point or two: docs/physics.md (5.5)-(5.9), (8.4).
 
-Two points go side by side, as vectors of two. One that turns has programs of its own, which take a fraction of the
-time: series.py. One that does not is the first of two, of which the second one has no part in the motion.
+Two points are computed together, as vectors of two. One point of a body that turns has faster programs in series.py.
+One point of a body that does not turn is computed as the first of two, the second of which has no forces.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from sledenv.programs.rows import element, repeated, shuffled, side_by_side
 from sledenv.programs.trace import straight
 from sledenv.programs.values import equal, fma, where
 
-_DERIVED = np.array([1.0, 1.0, -1.0, -1.0])  # signs of what sines and cosines become when they are derived
+_DERIVED = np.array([1.0, 1.0, -1.0, -1.0])  # signs of cosines and sines in the derivatives of sines and cosines
 
 
 def _write_common(space: Any, x: list[Any], phi: list[Any], omega: list[Any], moment: list[Any]) -> None:
-    """Write the series that both points have in common; a rolling moment counts for the first."""
+    """Write the series that both points have in common; the rolling moment of both is booked at the first."""
     for step in (space.step, space.second_step):
         step.x, step.phi, step.omega = rows.of(x), rows.of(phi), rows.of(omega)
     space.step.moment, space.second_step.moment = rows.of(moment), rows.of([])
@@ -116,12 +116,13 @@ def _turning(space: Any) -> None:
     at_gap, at_gap_2 = (equal(point.gap_rate, 0.0) for point in (contact, second))
     at_slip, at_slip_2 = (equal(point.slip, 0.0) for point in (contact, second))
     h, r, mu, rho = (_both(space, name) for name in ("h", "r", "mu", "rho"))
-    # Reach of the point whose gap rate is locked, and of the one whose slip is; 0 of the other.
+    # Distance h of the point whose gap rate is locked, and 0 for the other point; the same of the slip.
     lifted, swept = (
         h * side_by_side(pick(one_locked, two_locked, 1.0, 0.0), pick(one_locked, two_locked, 0.0, 1.0))
         for one_locked, two_locked in ((at_gap, at_gap_2), (at_slip, at_slip_2))
     )
-    # Sines of both, and cosines of both; their products with the spin, of order k; pushes and forces of both.
+    # Vectors of four: trig holds the sines and the cosines of both points, turned those times the spin, and acting the
+    # normal and the tangential forces of both.
     sine, cosine = (side_by_side(getattr(step, n), getattr(space.second_step, n)) for n in ("sine", "cosine"))
     trig = [_four(sine, cosine)]
     x, phi, omega = [contact.x], [contact.phi], [contact.omega]
@@ -141,7 +142,7 @@ def _turning(space: Any) -> None:
             normal.force(point, element(gap[k], i), element(v_n[k], i)) for i, point in enumerate((contact, second))
         ]
         push = where(gaps, np.zeros(2), side_by_side(*pressed))
-        # Products as far as they are known before the locked forces and the next coefficient of the spin.
+        # Products without the terms that need the locked forces or the next coefficient of the spin.
         known = product(trig[1:], spins, k, 0)
         acting.append(_four(push, mu * push))
         levers = product(trig, acting, k, 0)
@@ -175,7 +176,7 @@ def _turning(space: Any) -> None:
 
 
 def _stand_by(space: Any) -> None:
-    """Program of a second point that has no part in what the first does, at whose place it is."""
+    """Program of a second point at the place of the first, without forces."""
     second, second_step = space.second, space.second_step
     copy(space.contact, second, ("h", "r", "friction", "size", "per_mass"))
     clear(second, ("mu", "rho", "arm", "k_closing", "k_opening", "stiffness", "gap", "v_n", "v_t", "omega", "phi"))
@@ -190,7 +191,7 @@ _expand_still, _expand_turning, _stand = straight(_still), straight(_turning), s
 def expand(space: np.void) -> None:
     """Fill the series of a step with the motion of a contact in its branch, of one point or two.
 
-    At least one of gap rate, slip and spin is free. ``unit``, ``sine`` and ``cosine`` of each step are given.
+    Any of gap rate, slip and spin may be locked. ``unit``, ``sine`` and ``cosine`` of each step are given.
     """
     contact, step = space["contact"], space["step"]
     gap_locked, slip_locked, turning = contact["gap_rate"] == 0.0, contact["slip"] == 0.0, contact["spin"] != 0.0

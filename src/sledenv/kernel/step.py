@@ -189,10 +189,7 @@ def _progress(contact: Any, step: Any) -> None:
     lost = normal.ease(contact, step, equal(step.event, events.SEPARATION))
     contact.hysteresis = contact.hysteresis + lost
     contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
-    # While the gap closes or opens neither has an extreme but at its ends.
-    pushed = -(contact.stiffness * normal.load(contact, contact.gap, contact.v_n))
-    contact.peak_force = larger(contact.peak_force, pushed)
-    contact.peak_penetration = larger(contact.peak_penetration, -contact.gap)
+    normal.keep_peaks(contact)
     impulse = step.normal_impulse
     contact.normal_impulse = contact.normal_impulse + impulse
     contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * impulse, step.force_impulse)
