@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -191,7 +192,11 @@ def test_an_interrupt_is_not_a_traceback(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-def test_a_killed_run_leaves_nothing(tmp_path: Path, number: signal.Signals, status: int) -> None:
+def test_a_killed_run_leaves_nothing(
+    tmp_path: Path, request: pytest.FixtureRequest, number: signal.Signals, status: int
+) -> None:
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     command = [sys.executable, "-m", "sledenv.cli", "reproduce", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
