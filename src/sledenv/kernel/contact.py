@@ -56,7 +56,7 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     contact["inward"], contact["downhill"], contact["length"] = slope.inward, slope.downhill, slope.length
     contact["tolerance"] = limits.tolerance
     progress.forget_branch(contact)
-    contact["at_edge"], contact["parted"], contact["undecided"] = 0.0, 0.0, 1.0
+    contact["at_edge"], contact["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
     progress.tell_feature(body, contact)
 
 

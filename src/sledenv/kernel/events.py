@@ -102,7 +102,7 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     gap, length = step["gap"], step["length"]
     above = step["scratch"]
     _sum(step["sines"], reach, step["cosines"], height, other, above)
-    leaves = contact["parted"] != 0.0 and above[1] + gap[1] > 0.0  # by rounding it may not be above the surface yet
+    leaves = contact["other_left"] != 0.0 and above[1] + gap[1] > 0.0  # by rounding it may not be above the surface yet
     noise = TURN_ROUNDING * (abs(reach) + abs(height))
     at = sum_root(above, 1.0, gap, 1.0, 0.0, 1 if leaves else 0, noise, step)
     if 0.0 < at < math.inf:

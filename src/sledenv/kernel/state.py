@@ -144,7 +144,7 @@ CONTACT: Final = record(
     ("gap_left", "f8"),  # signs with which velocities have just been released, or 0
     ("slip_left", "f8"),
     ("spin_left", "f8"),
-    ("parted", "f8"),  # 1 if the other corner has just left
+    ("other_left", "f8"),  # 1 if the other corner has just left
     ("at_edge", "f8"),  # 1 if the contact has just passed from one feature to another
     ("stalled", "f8"),  # events in a row without any progress in time
 )

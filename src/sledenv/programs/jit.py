@@ -7,7 +7,7 @@ from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
-from numba import config
+from numba import config, types
 from numba.extending import overload, register_jitable
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -34,7 +34,7 @@ def part(function: _F) -> _F:
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that the type of the tuple or array at a place of its arguments chooses, when it is compiled.
 
-    All kernels have the same names of arguments.
+    It is called without keywords.
     """
 
     def chosen(kind: type) -> Callable[..., Any]:
@@ -44,5 +44,10 @@ def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Cal
         return chosen(type(given[place]))(*given)
 
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
-        overload(choice, strict=False)(lambda *given: chosen(getattr(given[place], "instance_class", np.ndarray)))
+
+        def compiled(*given: Any) -> Any:
+            kind = given[place]
+            return chosen(np.ndarray if isinstance(kind, types.Array) else kind.instance_class)
+
+        overload(choice, strict=False)(compiled)
     return choice
