@@ -130,8 +130,8 @@ def _batch(solver: str) -> Callable[[], Prepared]:
     return prepare
 
 
-def _drops(body: str, solver: str, phi: tuple[float, float] | None = None) -> Callable[[], Prepared]:
-    """Prepare descents of a body with corners; with bounds of the orientation [rad], up to the first rebound."""
+def _drops(body: str, solver: str, per: str, phi: tuple[float, float] = (-math.pi, math.pi)) -> Callable[[], Prepared]:
+    """Prepare descents of a body with corners from orientations within bounds [rad]; of a hop, up to the rebound."""
 
     def prepare() -> Prepared:
         import numba
@@ -140,13 +140,14 @@ def _drops(body: str, solver: str, phi: tuple[float, float] | None = None) -> Ca
 
         numba.set_num_threads(1)
         work = _work()
-        launches = work["drops"](work[body], _DROPS, *(() if phi is None else (phi,)))
-        options: dict[str, Any] = {"solver": solver, "max_rebounds": 200 if phi is None else 1}
+        launches = work["drops"](work[body], _DROPS, phi, 0.0 if per == "hop" else work["SPIN"])
+        options: dict[str, Any] = {"solver": solver, "max_rebounds": 1 if per == "hop" else 200}
 
         def run() -> Any:
             return sledenv.simulate_batch(work[body], work["MAT"], work["MAT_SLOPE"], launches, **options)
 
-        return _timed(run, _DROPS)
+        ends = run().outcomes
+        return _timed(run, float(ends["rebounds"].sum() if per == "hop" else len(ends)))
 
     return prepare
 
@@ -230,25 +231,27 @@ WORKLOADS: dict[str, Workload] = {
     "compliant-batch": Workload(f"simulate_batch, {_LANES['compliant']:,} random launches", "hop", _batch("compliant")),
     "rigid-batch": Workload(f"the same, rigid solver, {_LANES['rigid']:,} launches", "hop", _batch("rigid")),
     "sled": Workload(
-        f"simulate_batch, {_DROPS} descents of a shallow segment, half-angle 35 degrees, radius .9 m, on the slope of"
-        f" {_SCENARIO}",
+        f"simulate_batch, {_DROPS} descents of a shallow segment, half-angle 35 degrees, radius .9 m, on a slope as"
+        f" in {_SCENARIO}; trees whose descents end elsewhere do other work",
         "descent",
-        _drops("SHALLOW", "compliant"),
+        _drops("SHALLOW", "compliant", "descent"),
         rate=True,
     ),
-    "sled-rigid": Workload("the same, rigid solver", "descent", _drops("SHALLOW", "rigid"), rate=True),
+    "sled-rigid": Workload("the same, rigid solver", "descent", _drops("SHALLOW", "rigid", "descent"), rate=True),
     "mat": Workload(
-        f"{_DROPS} descents of the body of {_SCENARIO}, half-angle 110 degrees, radius .5 m",
+        f"the same of the body of {_SCENARIO}, half-angle 110 degrees, radius .5 m",
         "descent",
-        _drops("THREE_QUARTERS", "compliant"),
+        _drops("MAT_BODY", "compliant", "descent"),
         rate=True,
     ),
-    "mat-rigid": Workload("the same, rigid solver", "descent", _drops("THREE_QUARTERS", "rigid"), rate=True),
-    "arc-hop": Workload("the same body, one hop on its arc", "hop", _drops("THREE_QUARTERS", "compliant", (-0.5, 0.5))),
+    "mat-rigid": Workload("the same, rigid solver", "descent", _drops("MAT_BODY", "rigid", "descent"), rate=True),
+    "arc-hop": Workload(
+        "the same body, one hop on its arc", "hop", _drops("MAT_BODY", "compliant", "hop", (-0.5, 0.5))
+    ),
     "chord-hop": Workload(
         "one hop on its chord, both ends of which touch",
         "hop",
-        _drops("THREE_QUARTERS", "compliant", (math.pi - _NEAR, math.pi + _NEAR)),
+        _drops("MAT_BODY", "compliant", "hop", (math.pi - _NEAR, math.pi + _NEAR)),
     ),
     "env": Workload(f"native vector env of {_ENV} on {_SCENARIO}, {_ENV_LANES:,} lanes", "step", _env, rate=True),
     "ppo": Workload(f"PPO of stable-baselines3 on it, {_SAMPLES:,} samples", "sample", _ppo, rate=True),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "agents", "perf", "tests", "configs", "examples")
 PAGES = ["docs/architecture.md", *(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "decisions").glob("*.md"))]
+OTHERS = {"b9c4d6e"}  # a commit
 
 
 def words(text: str) -> set[str]:
@@ -17,21 +20,34 @@ def words(text: str) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def known() -> set[str]:
-    """All words of the code, and the names of its files and folders."""
-    files = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml")]
-    files += [ROOT / "Makefile", ROOT / "pyproject.toml"]
-    here = Path(__file__)
-    found = set().union(*(words(path.read_text(encoding="utf-8")) for path in files if path != here))
-    return found | {part for path in files for part in words(str(path.relative_to(ROOT)))} | {"docs", "md", "id"}
+def files() -> list[Path]:
+    return [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".yaml")]
+
+
+@pytest.fixture(scope="module")
+def known(files: list[Path]) -> set[str]:
+    """All names and texts of the code, without its comments and docstrings, and the names of its files."""
+    found = {part for path in files for part in words(str(path.relative_to(ROOT)))} | OTHERS
+    for path in [*files, ROOT / "Makefile", ROOT / "pyproject.toml"]:
+        text = path.read_text(encoding="utf-8")
+        if path.suffix != ".py":
+            found |= words(text)
+            continue
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.NAME or (token.type == tokenize.STRING and '"""' not in token.string):
+                found |= words(token.string)
+    return found
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str]) -> None:
-    """Oracle: the words of the code. Blocks of text, such as the dataflow, are looked at for words with underscores."""
+def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], files: list[Path]) -> None:
+    """Oracle: the tokens of the code and its files. Blocks of text are looked at for words with underscores."""
     text = (ROOT / page).read_text(encoding="utf-8")
     drawn = "".join(re.findall(r"^```text\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
     prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    names = set(re.findall(r"`([A-Za-z_][\w.]*)`", prose)) | {word for word in words(drawn) if "_" in word}
-    assert names
-    assert sorted(name for name in names if not words(name) <= known) == []
+    spans = set(re.findall(r"`([^`\n]+)`", prose))
+    paths = {span for span in spans if re.fullmatch(r"[\w/]+\.(py|yaml|md)|[\w/]+/", span)}
+    there = [f"/{path.relative_to(ROOT)}" for path in [*files, *(ROOT / "docs").rglob("*.md")]]
+    assert [path for path in sorted(paths) if not any(f"/{path}" in one for one in there)] == []
+    names = {word for span in spans - paths for word in words(span)} | {word for word in words(drawn) if "_" in word}
+    assert sorted(names - known) == []
