@@ -122,13 +122,13 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     orient(contact, step)
     orient(second, second_step)
     if contact["undecided"] != 0.0:
-        compliant = contact["k_closing"] < math.inf
-        trial = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0) if compliant else 0
-        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), trial)
-        if compliant and (trial > 0 or violation > CLEAR):  # recent releases may be due to rounding
+        trial = 0
+        if contact["k_closing"] < math.inf:
+            trial = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0)
+        if trial > 0:  # recent releases may be due to rounding
             progress.forget_zeros(contact)
             progress.forget_zeros(second)
-            branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), trial)
+        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), trial)
         progress.take_branch(branch, contact)
         progress.take_branch(other, second)
         rigid = contact["k_closing"] == math.inf

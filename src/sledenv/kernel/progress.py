@@ -192,10 +192,9 @@ def move_on(contact: np.void, step: np.void) -> bool:
     copy_into_callers()
     before = contact["time"]
     advance(contact, step)
-    contact["at_edge"] = 0.0
+    contact["at_edge"] = contact["other_left"] = 0.0
     passed = False
     if _time_passes(before, contact, step):
-        contact["other_left"] = 0.0
         # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
         if contact["gap_rate"] * contact["v_n"] < 0.0:
             contact["v_n"], passed = 0.0, True
