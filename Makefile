@@ -37,9 +37,9 @@ test: $(STAMP) ## run the fast tests
 test-slow: $(STAMP) ## run the slow tests
 	$(BIN)/python -m pytest -q -m slow
 
-test-nojit: $(STAMP) ## run the kernel as plain Python and measure its coverage
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel -m "not jit_only and not slow" \
-		--cov=src/sledenv/kernel --cov-report=term-missing
+test-nojit: $(STAMP) ## run kernel and programs as plain Python and measure their coverage
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/programs -m "not jit_only and not slow" \
+		--cov=src/sledenv/kernel --cov=src/sledenv/programs --cov-report=term-missing
 
 $(BENCH_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,bench]'

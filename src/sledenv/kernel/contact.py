@@ -18,7 +18,6 @@ from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
-from sledenv.kernel.roots import horner, locate
 from sledenv.kernel.state import FLYING, TOUCHING
 from sledenv.kernel.step import begin_step, complete, expect, orient
 from sledenv.kernel.trajectory import (
@@ -31,6 +30,7 @@ from sledenv.kernel.trajectory import (
     write_slip,
 )
 from sledenv.programs.jit import kernel, part
+from sledenv.programs.roots import horner, locate
 from sledenv.programs.trace import copy_into_callers
 
 SOUGHT = 1.1  # the expected root is sought if the guess lies within so many lengths of the step

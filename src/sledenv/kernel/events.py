@@ -14,9 +14,9 @@ from sledenv.kernel import normal
 from sledenv.kernel.geometry import has_corners
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
-from sledenv.kernel.roots import first_root, horner
 from sledenv.programs import rows
 from sledenv.programs.jit import kernel, part
+from sledenv.programs.roots import first_root, horner
 from sledenv.programs.rows import EIGHT, element, repeated
 from sledenv.programs.trace import copy_into_callers, scalar, write_series
 from sledenv.programs.values import fma

@@ -11,7 +11,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from sledenv.entries import entry
-from sledenv.kernel import roots
+from sledenv.programs import roots
 from sledenv.programs.rows import TERMS, WIDTH
 
 first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
