@@ -38,8 +38,9 @@ test-slow: $(STAMP) ## run the slow tests
 	$(BIN)/python -m pytest -q -m slow
 
 test-nojit: $(STAMP) ## run kernel and programs as plain Python and measure their coverage
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/programs -m "not jit_only and not slow" \
-		--cov=src/sledenv/kernel --cov=src/sledenv/programs --cov-report=term-missing
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/programs tests/test_euler.py \
+		-m "not jit_only and not slow" --cov=src/sledenv/kernel --cov=src/sledenv/programs \
+		--cov-report=term-missing
 
 $(BENCH_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,bench]'

@@ -28,11 +28,11 @@ from sledenv.checks import (
     touching_law,
 )
 from sledenv.entries import entry, parallel_entry
+from sledenv.euler import descend_euler
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.kernel import params
 from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
-from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, TRAJECTORY, Energy, Status
 from sledenv.kernel.state import CONTACT, new
