@@ -16,7 +16,7 @@ from sledenv import Body, ContactLaw, Slope, State
 from sledenv.checks import touching_law
 from sledenv.entries import entry
 from sledenv.kernel.descend import SPACE, descend
-from sledenv.kernel.flight import tell_body, tell_place, touchdown, touchdowns
+from sledenv.kernel.flight import begin_search, search, tell_body, tell_place, touchdowns
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
@@ -75,7 +75,9 @@ def _one_by_one(body: Body, inward: float, launches: np.ndarray, times: np.ndarr
     for i in range(launches.shape[0]):
         z = launches[i]
         at["y"], at["phi"], at["v"], at["omega"] = z[1], z[2], z[4], z[5]
-        times[i] = touchdown(body, at)
+        begin_search(body, at)
+        search(body, np.inf, at)
+        times[i] = at["touchdown"]
 
 
 @entry

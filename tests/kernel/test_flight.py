@@ -47,7 +47,9 @@ def land_each(body: Body, flights: np.ndarray, hops: np.ndarray, found: np.ndarr
         row = flights[i]
         hop["inward"], hop["y"], hop["phi"] = row[0], row[1], row[2]
         hop["v"], hop["omega"], hop["horizon"] = row[3], row[4], row[5]
-        found[i] = flight.touchdown(body, hop)
+        flight.begin_search(body, hop)
+        flight.search(body, math.inf, hop)
+        found[i] = hop["touchdown"]
 
 
 def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:

@@ -104,8 +104,24 @@ def _lift(hop: np.void) -> float:
 
 
 @kernel
+def begin_search(body: Body, hop: np.void) -> None:
+    """Go straight for the touchdown of the flight in ``hop``. If that is in doubt, :func:`search` goes on.
+
+    The gap obeys ``gap'' >= -(pull + h omega^2)``, which often proves of a root that it is the first.
+    """
+    _take_off(body, hop)
+    while hop["phase"] == ballistics.FALLING:
+        _fall(body, hop)
+
+
+@kernel
 def search(body: Body, most: float, hop: np.void) -> float:
-    """Go on with a search in steps that pass no root, up to ``most`` of them; return their number."""
+    """Go on with a search in steps that pass no root, up to ``most`` of them; return their number.
+
+    Each goes to the first root of the parabola with the curvature of that bound, so it cannot pass a root, a grazing
+    one included, and converges quadratically to a plain one. Once LANDED, ``hop["touchdown"]`` is the first time [s] at
+    which the body meets the slope: docs/physics.md (7.1); inf if it does not up to ``hop["horizon"]``.
+    """
     steps = 0.0
     while hop["phase"] != ballistics.LANDED and steps < most:
         steps += 1.0
@@ -116,38 +132,6 @@ def search(body: Body, most: float, hop: np.void) -> float:
         else:
             _march(body, hop)
     return steps
-
-
-@kernel
-def begin_search(body: Body, hop: np.void) -> None:
-    """Go straight for the touchdown of a flight: see :func:`touchdown`. If that is in doubt, :func:`search` goes on."""
-    _take_off(body, hop)
-    while hop["phase"] == ballistics.FALLING:
-        _fall(body, hop)
-
-
-@kernel
-def touchdown(body: Body, hop: np.void) -> float:
-    """First time [s] at which the body meets the slope in free flight: docs/physics.md (7.1).
-
-    The gap obeys ``gap'' >= -(pull + h omega^2)``. That often proves of a root that it is the first. Where it does
-    not, each step goes to the first root of the parabola with that curvature, so it cannot pass a root, a grazing one
-    included, and converges quadratically to a plain one.
-
-    Parameters
-    ----------
-    body : Body
-    hop : record of HOP
-        Told of the body and of the flight.
-
-    Returns
-    -------
-    float
-        Time of touchdown, inf if there is none up to ``hop["horizon"]``; also ``hop["touchdown"]``.
-    """
-    begin_search(body, hop)
-    search(body, math.inf, hop)
-    return float(hop["touchdown"])
 
 
 @kernel
@@ -169,7 +153,7 @@ def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
 
 @kernel
 def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
-    """Find the touchdowns of the first ``count`` flights of a pack, each that of :func:`touchdown` bit for bit.
+    """Find the touchdowns of the first ``count`` flights of a pack, each as :func:`search` finds it, bit for bit.
 
     Each place has been told its body. All have corners or none has, as ``body`` tells; ``hop`` is a work space.
     """
