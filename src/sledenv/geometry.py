@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.entries import entry
 from sledenv.kernel import geometry
+from sledenv.kernel.params import Bodies, body_of
 
 arms = entry(geometry.arms)
-directions = entry(geometry.directions)
 feature_at = entry(geometry.feature_at)
 feature_geometry = entry(geometry.feature_geometry)
 has_corners = entry(geometry.has_corners)
 lowest_support = entry(geometry.lowest_support)
 support_height = entry(geometry.support_height)
-support_heights = entry(geometry.support_heights)
 whole_turns = entry(geometry.whole_turns)
+
+
+@entry
+def support_heights(bodies: Bodies, phi: np.ndarray) -> np.ndarray:
+    """Support height [m] at each of many orientations [rad], shape (N,), of one body or of one a row."""
+    heights = np.empty(phi.shape[0])
+    for i in range(phi.shape[0]):
+        heights[i] = geometry.support_height(body_of(bodies, i), phi[i])
+    return heights
+
+
+@entry
+def directions(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine of many angles [rad], shapes (N,): the same whatever N is, NaN where an angle is infinite."""
+    cosine, sine = np.empty(phi.shape[0]), np.empty(phi.shape[0])
+    for i in range(phi.shape[0]):
+        cosine[i], sine[i] = math.cos(phi[i]), math.sin(phi[i])
+    return cosine, sine
 
 
 def within_a_turn(phi: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,15 +10,16 @@ import numpy as np
 from sledenv.entries import entry
 from sledenv.geometry import within_a_turn
 from sledenv.kernel.descend import contact_mode
-from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, collide
-from sledenv.kernel.records import PHASE, Mode
+from sledenv.kernel.flight import tell_body
+from sledenv.kernel.geometry import arms, feature_at, whole_turns
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.records import ARC, PHASE, Mode
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 
 _CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
-_collide = entry(collide)
 
 
 class Phase(NamedTuple):
@@ -62,6 +63,24 @@ class RigidImpact:
     loss_rolling: float
 
 
+@entry
+def collide(
+    body: Body, law: ContactLaw, state: State, restitution: float, hypothesis: int, hops: np.ndarray, phases: np.ndarray
+) -> int:
+    """Follow the impact of a body in some state, as the kernel does. ``hops``, of HOP, has one record, overwritten."""
+    hop = hops[0]
+    tell_body(body, hop)
+    local = state.phi - whole_turns(state.phi)
+    feature = feature_at(body, local)
+    a, b = arms(body, feature, local)
+    hop["a"], hop["b"] = a, b
+    hop["friction"], hop["restitution"] = law.friction, restitution
+    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    hop["v_t_landing"] = hop["v_t"] = state.u + b * state.omega
+    hop["v_n"], hop["omega"] = state.v - a * state.omega, state.omega
+    return impact(hypothesis, hop, phases)
+
+
 def rigid_impact(
     body: Body,
     law: ContactLaw,
@@ -103,7 +122,7 @@ def rigid_impact(
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
-    count = _collide(body, law, touching, e, _CODES[hypothesis], hops, rows)
+    count = collide(body, law, touching, e, _CODES[hypothesis], hops, rows)
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
     hop = {name: float(hops[name][0]) for name in PACK.names or ()}

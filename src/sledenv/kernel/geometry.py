@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.params import Bodies, Body, Incline, Slope, body_of
+from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import scalar
@@ -94,24 +94,6 @@ def support_height(body: Body, phi: float) -> float:
     """Height [m] of the mass centre above the slope when the lowest point of the body touches it."""
     local = phi - whole_turns(phi)
     return arms(body, feature_at(body, local), local)[1]
-
-
-@kernel
-def support_heights(bodies: Bodies, phi: np.ndarray) -> np.ndarray:
-    """Support height [m] at each of many orientations [rad], shape (N,), of one body or of one a row."""
-    heights = np.empty(phi.shape[0])
-    for i in range(phi.shape[0]):
-        heights[i] = support_height(body_of(bodies, i), phi[i])
-    return heights
-
-
-@kernel
-def directions(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine of many angles [rad], shapes (N,): the same whatever N is, NaN where an angle is infinite."""
-    cosine, sine = np.empty(phi.shape[0]), np.empty(phi.shape[0])
-    for i in range(phi.shape[0]):
-        cosine[i], sine[i] = math.cos(phi[i]), math.sin(phi[i])
-    return cosine, sine
 
 
 @kernel

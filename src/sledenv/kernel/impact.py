@@ -13,11 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.kernel.flight import tell_body
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates_of, resolve
-from sledenv.kernel.geometry import arms, feature_at, whole_turns
-from sledenv.kernel.params import Body, ContactLaw, State
-from sledenv.kernel.records import ARC
 from sledenv.kernel.state import change
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import copy_into_callers, straight
@@ -222,21 +218,3 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
                     phase["restitution"] = 1 if hop["opening"] > 0.0 else 0
             count += 1
     return count if hop["going"] == 0.0 else MOST_PHASES + 1
-
-
-@kernel
-def collide(
-    body: Body, law: ContactLaw, state: State, restitution: float, hypothesis: int, hops: np.ndarray, phases: np.ndarray
-) -> int:
-    """Follow the impact of a body in some state: see :func:`impact`. ``hops``, of HOP, has one record, overwritten."""
-    hop = hops[0]
-    tell_body(body, hop)
-    local = state.phi - whole_turns(state.phi)
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
-    hop["a"], hop["b"] = a, b
-    hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
-    hop["v_t_landing"] = hop["v_t"] = state.u + b * state.omega
-    hop["v_n"], hop["omega"] = state.v - a * state.omega, state.omega
-    return impact(hypothesis, hop, phases)
