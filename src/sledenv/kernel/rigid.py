@@ -12,8 +12,9 @@ from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, sof
 from sledenv.kernel.params import Body, Incline, RigidLaw
 from sledenv.kernel.progress import arms_now, change_corner
 from sledenv.kernel.records import ARC, INCONSISTENT, NOSE, RUNNING, SEPARATED, STEP_BUDGET, TAIL
+from sledenv.kernel.state import SUMS, add, copy
 from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers, scalar
+from sledenv.programs.trace import copy_into_callers, scalar, straight
 from sledenv.programs.values import where
 
 MOST_STRIKES = 10000  # impacts without a flight between them
@@ -22,6 +23,8 @@ JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings a
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 _softened = scalar(lambda restitution, speed, v_n, pressing: (softened(restitution, speed, v_n, pressing),))
+_bring = straight(lambda source, target: copy(source, target, ("v_t", "v_n", "omega")))
+_book = straight(lambda hop, contact: add(hop, contact, SUMS))
 _lies_flat = scalar(lambda phi, across, size: (where(lies_flat(phi, across, size), 1.0, 0.0),))
 
 
@@ -44,15 +47,10 @@ def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void
     hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
     hop["arm"] = law.rolling_arm if contact["feature"] == ARC else law.corner_rolling_arm
-    hop["v_t"], hop["omega"], hop["v_n"] = contact["v_t"], contact["omega"], contact["v_n"]
+    _bring(contact, hop)
     count = impact(ENERGETIC, hop, None)
-    contact["v_t"], contact["omega"], contact["v_n"] = hop["v_t"], hop["omega"], hop["v_n"]
-    contact["normal_impulse"] += hop["normal_impulse"]
-    contact["tangential_impulse"] += hop["tangential_impulse"]
-    contact["rolling_impulse"] += hop["rolling_impulse"]
-    contact["hysteresis"] += hop["hysteresis"]
-    contact["sliding"] += hop["sliding"]
-    contact["rolling"] += hop["rolling"]
+    _bring(hop, contact)
+    _book(hop, contact)
     return count
 
 
