@@ -12,7 +12,7 @@ from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, 
 from sledenv.kernel.geometry import arms, feature_at, incline_of, whole_turns
 from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, Slope, State
 from sledenv.kernel.records import ARC, CHORD, FINISH, LOG_FULL, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
-from sledenv.kernel.trajectory import next_row, write_corner, write_forces, write_motion, write_slip
+from sledenv.kernel.trajectory import next_row, write_corner, write_forces, write_slip
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import straight
 
@@ -193,9 +193,6 @@ def descend_euler(
         if trajectory.shape[0] > 0 and (flight["steps"] % stride == 0 or status != RUNNING):
             row = next_row(trajectory, flight)
             work += ROW_WORK
-            x, y, phi = flight["x"], flight["y"], flight["phi"]
-            write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
-            write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
             if inside:
                 _write_contact(law, contact, lowest, other, row)
         if status != RUNNING:

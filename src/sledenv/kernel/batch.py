@@ -182,7 +182,7 @@ def _hop_from(like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, t
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
     body = _told(lanes.bodies, lane, at)
-    tell_flight(slope, limits, flight, at)
+    tell_flight(at, slope, limits, flight)
     at["touchdown"] = pack["touchdown"][k]
     space["stage"] = FLYING
     hop(body, law, slope, limits, flight, log, space, trajectory)

@@ -34,7 +34,7 @@ from sledenv.kernel.state import (
     copy,
     record,
 )
-from sledenv.kernel.trajectory import next_row, rows_to_write, write_forces, write_motion
+from sledenv.kernel.trajectory import next_row, rows_to_write
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.rows import WIDTH
 from sledenv.programs.trace import copy_into_callers, straight
@@ -211,10 +211,9 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, space: np.v
     rows = max(1.0, np.ceil(duration / limits.sample_interval))
     first, last = rows_to_write(rows, flight, space, trajectory)
     for i in range(first, last):
-        go_on(duration * i / rows, at)
+        go_on(at, duration * i / rows)
         row = next_row(trajectory, flight)
         _come(at, row)
-        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @kernel
@@ -271,25 +270,13 @@ def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, 
     copy_into_callers()
     at = space["hop"]
     if space["stage"] < SEEKING:
-        tell_flight(slope, limits, flight, at)
+        tell_flight(at, slope, limits, flight)
         begin_search(body, at)
         space["stage"] = SEEKING
     if space["stage"] == SEEKING:
         space["work"] += search(body, space["most_work"] - space["work"], at)
         if at["phase"] == LANDED:
             space["stage"] = FLYING
-
-
-@kernel
-def _write_end(flight: np.void, touching: bool, space: np.void, trajectory: np.ndarray) -> None:
-    """Add the last row of a descent, with the forces of a contact that goes on."""
-    row = next_row(trajectory, flight)
-    x, y, phi = flight["x"], flight["y"], flight["phi"]
-    write_motion(row, flight["t"], x, y, phi, flight["u"], flight["v"], flight["omega"])
-    if touching:
-        write_contact(space, space["step"]["length"], row)
-    else:
-        write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @part
@@ -342,7 +329,9 @@ def hop(
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
     flight["status"] = status
     if status != RUNNING and trajectory.shape[0] > 0:
-        _write_end(flight, touched and status != LOG_FULL and contact["held"] != 0.0, space, trajectory)
+        row = next_row(trajectory, flight)
+        if touched and status != LOG_FULL and contact["held"] != 0.0:  # a contact that goes on
+            write_contact(space, space["step"]["length"], row)
 
 
 @kernel

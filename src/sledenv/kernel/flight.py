@@ -14,7 +14,7 @@ import numpy as np
 
 from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
-from sledenv.kernel.params import Body, Incline, Limits
+from sledenv.kernel.params import Body, Incline
 from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.trace import LANES, packed, scalar, straight
@@ -41,7 +41,8 @@ _take_off, _take_off_all = for_bodies(ballistics.take_off, straight), for_bodies
 _fall, _fall_all = for_bodies(ballistics.fall, straight), for_bodies(ballistics.fall, packed)
 _march, _march_all = for_bodies(ballistics.march, straight), for_bodies(ballistics.march, packed)
 _arrive = for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, corners), straight)
-_begin, _move = straight(ballistics.begin_flight), straight(lambda hop: ballistics.move(hop, hop.duration))
+# Write where a flight starts, from a record of OUTCOME, and what it is subject to; where it is after some time [s].
+tell_flight, go_on = straight(ballistics.begin_flight), straight(ballistics.move)
 _finish = scalar(lambda hop: (motion.finish_of(hop),))
 _drawn = scalar(lambda hop: (motion.pull(hop, hop.v), *motion.jerks(hop)))
 # Write whose hop that at place ``k`` of a pack is: that of a hop, which has been told the body.
@@ -58,12 +59,6 @@ def tell_body(body: Body, hop: np.void) -> None:
     hop["furthest"] = max(h, math.hypot(along, across)) if has_corners(body) else h
     hop["size"] = body.radius + body.eccentricity
     hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
-
-
-@part
-def tell_flight(slope: Incline, limits: Limits, flight: np.void, hop: np.void) -> None:
-    """Write where a flight starts, from a record of OUTCOME, and what it is subject to."""
-    _begin(hop, slope, limits, flight)
 
 
 @kernel
@@ -173,13 +168,6 @@ def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
 def finish_time(hop: np.void) -> float:
     """First time [s] > 0 at which a flight reaches the end of the slope, inf if never."""
     return _finish(hop)[0] if hop["length"] < math.inf else math.inf
-
-
-@part
-def go_on(duration: float, hop: np.void) -> None:
-    """Follow a flight for some time [s]: fill in where it then is."""
-    hop["duration"] = duration
-    _move(hop)
 
 
 @part

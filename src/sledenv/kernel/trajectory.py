@@ -7,25 +7,26 @@ from typing import Final
 import numpy as np
 
 from sledenv.kernel.records import FLIGHT_LOSSES, NOSE, TAIL
-from sledenv.kernel.state import copy
+from sledenv.kernel.state import MOTION, copy
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import straight
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
 MOST_ROWS: Final = 1e18  # up to which they are counted
 
-_tell_losses = straight(lambda flight, row: copy(flight, row, FLIGHT_LOSSES))
+_tell_flight = straight(lambda flight, row: copy(flight, row, (*MOTION, *FLIGHT_LOSSES)))
 
 
 @kernel
 def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
-    """Count a row and return it, to be filled; where there is no room left, one that nobody will read.
+    """Count a row and return it, that of a flight as it is; where there is no room left, one that nobody will read.
 
     ``trajectory`` has at least one row. If ``flight["samples"]`` is more than its length in the end, it was too short.
     """
     row: np.void = trajectory[min(flight["samples"], trajectory.shape[0] - 1)]
     flight["samples"] += 1
-    _tell_losses(flight, row)
+    _tell_flight(flight, row)
+    write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
     return row
 
 
@@ -49,13 +50,8 @@ def rows_to_write(rows: float, flight: np.void, space: np.void, trajectory: np.n
 @kernel
 def write_motion(row: np.void, t: float, x: float, y: float, phi: float, u: float, v: float, omega: float) -> None:
     """Fill the time and the motion of a row."""
-    row["t"] = t
-    row["x"] = x
-    row["y"] = y
-    row["phi"] = phi
-    row["u"] = u
-    row["v"] = v
-    row["omega"] = omega
+    row["t"], row["x"], row["y"], row["phi"] = t, x, y, phi
+    row["u"], row["v"], row["omega"] = u, v, omega
 
 
 @kernel
@@ -63,14 +59,10 @@ def write_forces(
     row: np.void, normal: float, tangential: float, rolling: float, feature: int, slip: int, spin: int
 ) -> None:
     """Fill the contact forces of a row: forces [N], moment [N m], what touches, signs of slip and spin."""
-    row["normal"] = normal
-    row["tangential"] = tangential
-    row["rolling"] = rolling
+    row["normal"], row["tangential"], row["rolling"] = normal, tangential, rolling
+    row["feature"], row["slip"], row["spin"] = feature, slip, spin
     row["slip_velocity"] = row["friction_ratio"] = 0.0
     row["normal_tail"] = row["tangential_tail"] = row["normal_nose"] = row["tangential_nose"] = 0.0
-    row["feature"] = feature
-    row["slip"] = slip
-    row["spin"] = spin
 
 
 @kernel
