@@ -100,18 +100,14 @@ _go_together = by_law(_find_touchdowns, _bounce_all)
 
 
 @kernel
-def _keep_law(pack: np.void, law: ContactLaw, k: int) -> None:
-    """Leave a law alone that packs do not need."""
-
-
-@kernel
 def _tell_law(pack: np.void, law: RigidLaw, k: int) -> None:
     pack["friction"][k], pack["law_restitution"][k] = law.friction, law.restitution
     pack["arc_arm"][k], pack["corner_arm"][k] = law.rolling_arm, law.corner_rolling_arm
     pack["settle_speed"][k] = law.settle_speed
 
 
-_tell_law_of = by_law(_keep_law, _tell_law)
+# Packs need the law of rigid bodies alone.
+_tell_law_of = by_law(lambda pack, law, k: None, _tell_law)
 
 
 def _boarding(pack: Any, k: Any, slope: Any, limits: Any, flight: Any) -> None:
@@ -157,50 +153,25 @@ def _alight(k: int, pack: np.void, flight: np.void) -> None:
 
 
 @kernel
-def _log_bounce(body: Body, k: int, pack: np.void, contact: np.void, log: np.ndarray) -> None:
-    """Record the rebound at place ``k`` of a pack, as an ordinary impact has left it."""
-    _tell_impact(pack, k, contact)
-    rebound = log[min(int(pack["rebounds"][k]), log.shape[0]) - 1]
-    write_rebound(body, rebound, contact, pack["a"][k], pack["b"][k])
-
-
-@kernel
 def _log_bounces(count: int, lanes: Lanes, space: np.void) -> None:
-    """Record the ordinary bounces of a pack."""
-    pack = space["pack"]
+    """Record the rebounds of a pack that ordinary impacts have left."""
+    pack, contact = space["pack"], space["contact"]
     for k in range(count):
         if pack["fine"][k] > 0.0:
             lane = int(pack["lane"][k])
-            _log_bounce(body_of(lanes.bodies, lane), k, pack, space["contact"], lanes.logs[lane])
+            _tell_impact(pack, k, contact)
+            rebound = lanes.logs[lane][min(int(pack["rebounds"][k]), lanes.logs.shape[1]) - 1]
+            write_rebound(body_of(lanes.bodies, lane), rebound, contact, pack["a"][k], pack["b"][k])
 
 
 @kernel
-def _hop_from(like: Law, lanes: Lanes, limits: Limits, k: int, space: np.void, trajectory: np.ndarray) -> None:
-    """Follow the contact at place ``k`` of a pack by itself, from the touchdown that has been found."""
-    pack, at = space["pack"], space["hop"]
-    lane = int(pack["lane"][k])
-    flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
-    law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
-    body = _told(lanes.bodies, lane, at)
-    tell_flight(at, slope, limits, flight)
-    at["touchdown"] = pack["touchdown"][k]
-    space["stage"] = FLYING
-    hop(body, law, slope, limits, flight, log, space, trajectory)
-
-
-@kernel
-def _follow_singly(
-    like: Law, lanes: Lanes, limits: Limits, lane: int, once: bool, space: np.void, trajectory: np.ndarray
-) -> None:
-    """Follow one lane by itself: see :func:`follow_lanes`."""
+def _hop_alone(like: Law, lanes: Lanes, limits: Limits, lane: int, space: np.void, trajectory: np.ndarray) -> None:
+    """Follow a hop of one lane by itself, from its touchdown if that is found already."""
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
     body = _told(lanes.bodies, lane, space["hop"])
-    while flight["status"] == RUNNING and space["work"] < limits.most_work:
-        find_touchdown(body, slope, limits, flight, space)
-        hop(body, law, slope, limits, flight, log, space, trajectory)
-        if once:
-            break
+    find_touchdown(body, slope, limits, flight, space)
+    hop(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -208,14 +179,16 @@ def _end_hop(
     like: Law, lanes: Lanes, limits: Limits, k: int, once: bool, space: np.void, trajectory: np.ndarray
 ) -> bool:
     """End a hop at place ``k`` of a pack, the lane's last one or no ordinary one; say whether the lane stays there."""
-    pack = space["pack"]
+    pack, at = space["pack"], space["hop"]
     lane = int(pack["lane"][k])
     flight = lanes.flights[lane]
     _alight(k, pack, flight)
     if pack["fine"][k] > 0.0:
         flight["status"] = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
         return False
-    _hop_from(like, lanes, limits, k, space, trajectory)
+    tell_flight(at, _incline_at(lanes.inclines, lane), limits, flight)
+    at["touchdown"], space["stage"] = pack["touchdown"][k], FLYING
+    _hop_alone(like, lanes, limits, lane, space, trajectory)
     if once or flight["status"] != RUNNING:
         return False
     _board(like, lanes, limits, lane, k, space)
@@ -270,8 +243,12 @@ def follow_lanes(
                         _board(like, lanes, limits, lane, k, space)
         for k in range(count):
             lane = int(pack["lane"][k])
-            _alight(k, pack, lanes.flights[lane])
-            _follow_singly(like, lanes, limits, lane, once, space, trajectory)
+            flight = lanes.flights[lane]
+            _alight(k, pack, flight)
+            while flight["status"] == RUNNING and space["work"] < limits.most_work:
+                _hop_alone(like, lanes, limits, lane, space, trajectory)
+                if once:
+                    break
 
 
 @kernel
