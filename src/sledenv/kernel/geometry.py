@@ -99,10 +99,8 @@ def support_height(body: Body, phi: float) -> float:
 @kernel
 def lowest_support(body: Body) -> float:
     """Smallest support height [m] over all orientations, from which the supplied energy is counted."""
-    lowest = body.radius - body.eccentricity
-    if has_corners(body):
-        lowest = min(lowest, corner_lengths(body)[0])  # on the chord
-    return lowest
+    on_arc = body.radius - body.eccentricity
+    return min(on_arc, corner_lengths(body)[0]) if has_corners(body) else on_arc
 
 
 @kernel

@@ -146,17 +146,6 @@ _pass_energetic, _pass_poisson, _pass_newton = _pass_by(ENERGETIC), _pass_by(POI
 
 
 @kernel
-def _pass(hypothesis: int, hop: np.void) -> None:
-    copy_into_callers()
-    if hypothesis == POISSON:
-        _pass_poisson(hop)
-    elif hypothesis == NEWTON:
-        _pass_newton(hop)
-    else:
-        _pass_energetic(hop)
-
-
-@kernel
 def choose_signs(
     w: Mobility, friction: float, arm: float, size: float, slip: float, spin: float
 ) -> tuple[float, float, float, float]:
@@ -208,7 +197,12 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
                 w, hop["friction"], hop["arm"], hop["size"], hop["slip"], hop["spin"]
             )
         start, slip, spin = hop["normal_impulse"], hop["slip"], hop["spin"]
-        _pass(hypothesis, hop)
+        if hypothesis == POISSON:
+            _pass_poisson(hop)
+        elif hypothesis == NEWTON:
+            _pass_newton(hop)
+        else:
+            _pass_energetic(hop)
         if hop["span"] > 0.0:
             if phases is not None:  # noqa: SIM102 - numba drops a branch on this alone when it compiles
                 if count < phases.shape[0]:

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 
+from sledenv.kernel.params import State
+
 # Kernels use the plain integers (an enum member would not be a compile-time constant); the enums below name them.
 RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BURIED = range(9)
 # How a contact may end without ending the descent.
@@ -174,13 +176,7 @@ OUTCOME = np.dtype(
         ("rebounds", "i4"),  # rows of the log that were filled
         ("samples", "i8"),  # rows of the trajectory that were needed (more than its length: it was too short)
         ("steps", "i8"),  # integration steps in contact
-        ("t", "f8"),
-        ("x", "f8"),
-        ("y", "f8"),
-        ("phi", "f8"),
-        ("u", "f8"),
-        ("v", "f8"),
-        ("omega", "f8"),
+        *((name, "f8") for name in ("t", *State._fields)),
         ("t_on_chord", "f8"),  # [s] when the body first lay on its chord with both ends settled; inf if never
         ("x_on_chord", "f8"),  # [m] and where
         ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body
