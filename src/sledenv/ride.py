@@ -25,7 +25,7 @@ from sledenv.checks import (
 from sledenv.descent import FIRST_TRAJECTORY, WORK, Descent, DescentBatch, Record, descent_of, fields_of, state_of
 from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
-from sledenv.kernel.batch import Trims, hop_batch
+from sledenv.kernel.batch import hop_batch
 from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, new
@@ -294,7 +294,8 @@ class RideBatch:
             self._slopes,
             self._launches,
             self._limits,
-            Trims(spins, self.rotor_inertia or 1.0),
+            spins,
+            self.rotor_inertia or 1.0,
             self._flights,
             self._touched,
             new(SPACE, numba.get_num_threads()),

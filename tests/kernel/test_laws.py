@@ -48,8 +48,8 @@ def _choose(scale: float, given: Any) -> float:
 
 
 @entry
-def _again(like: Any, row: np.ndarray) -> Any:
-    return law_of_row(like, row)
+def _again(like: Any, laws: np.ndarray) -> Any:
+    return law_of_row(like, laws, 0)
 
 
 @pytest.mark.parametrize(
@@ -64,6 +64,6 @@ def test_the_type_of_a_tuple_chooses_the_kernel(given: Any, expected: float) -> 
 def test_a_row_becomes_a_law_of_any_number_of_fields(kind: Any) -> None:
     """Oracle: the fields."""
     row = np.arange(1.0, len(kind._fields) + 1.0) / 8.0  # which all laws accept
-    made = _again(kind._make(np.zeros_like(row).tolist()), row)
+    made = _again(kind._make(np.zeros_like(row).tolist()), row[np.newaxis])
     assert type(made) is kind
     assert tuple(made) == tuple(row)

@@ -14,19 +14,7 @@ from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meet
 from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touchdowns
 from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
-from sledenv.kernel.params import (
-    Bodies,
-    Body,
-    ContactLaw,
-    Incline,
-    Limits,
-    RigidLaw,
-    Slope,
-    State,
-    body_of,
-    reader,
-    row_of,
-)
+from sledenv.kernel.params import Bodies, Body, Incline, Limits, RigidLaw, Slope, State, body_of, reader, row_of
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
 from sledenv.programs.jit import by_type, kernel
@@ -41,13 +29,6 @@ class Lanes(NamedTuple):
     inclines: np.ndarray  # fields of Incline, shape (N or 1, fields)
     flights: np.ndarray  # of OUTCOME, shape (N,)
     logs: np.ndarray  # of REBOUND, shape (N or 1, any); that of one row is never read
-
-
-class Trims(NamedTuple):
-    """What the rider's rotor does in each lane, see :func:`sledenv.kernel.descend.trim`."""
-
-    spins: np.ndarray  # [rad/s] that it lends to the body, shape (N,)
-    rotor_inertia: float  # [kg m^2]
 
 
 _slope_at, _incline_at, _launch_at = reader(Slope), reader(Incline), reader(State)
@@ -83,7 +64,7 @@ def block_size(lanes: int) -> int:
 
 
 @kernel
-def _find_touchdowns(body: Body, like: ContactLaw, count: int, space: np.void) -> None:
+def _find_touchdowns(body: Body, like: Law, count: int, space: np.void) -> None:
     """Find the touchdowns of a pack; every contact is left to be followed by itself."""
     touchdowns(body, count, space["pack"], space["hop"])
     for k in range(count):
@@ -139,7 +120,7 @@ def _board(like: Law, lanes: Lanes, limits: Limits, lane: int, k: int, space: np
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
     _told(lanes.bodies, lane, at)
     tell_place(at, pack, k)
-    _tell_law_of(pack, law_of_row(like, row_of(lanes.laws, lane)), k)
+    _tell_law_of(pack, law_of_row(like, lanes.laws, lane), k)
     pack["lane"][k] = lane
     _put_aboard(pack, k, slope, limits, flight)
     pack["rebounds"][k] = flight["rebounds"]
@@ -168,7 +149,7 @@ def _log_bounces(count: int, lanes: Lanes, space: np.void) -> None:
 def _hop_alone(like: Law, lanes: Lanes, limits: Limits, lane: int, space: np.void, trajectory: np.ndarray) -> None:
     """Follow a hop of one lane by itself, from its touchdown if that is found already."""
     flight, slope = lanes.flights[lane], _incline_at(lanes.inclines, lane)
-    law, log = law_of_row(like, row_of(lanes.laws, lane)), row_of(lanes.logs, lane)
+    law, log = law_of_row(like, lanes.laws, lane), row_of(lanes.logs, lane)
     body = _told(lanes.bodies, lane, space["hop"])
     find_touchdown(body, slope, limits, flight, space)
     hop(body, law, slope, limits, flight, log, space, trajectory)
@@ -197,14 +178,7 @@ def _end_hop(
 
 @kernel
 def follow_lanes(
-    like: Law,
-    lanes: Lanes,
-    limits: Limits,
-    first: int,
-    last: int,
-    once: bool,
-    space: np.void,
-    trajectory: np.ndarray,
+    like: Law, lanes: Lanes, limits: Limits, first: int, last: int, once: bool, space: np.void, trajectory: np.ndarray
 ) -> None:
     """Follow a hop, if ``once``, or all hops in the lanes ``first`` to ``last - 1`` that have not ended.
 
@@ -314,7 +288,8 @@ def hop_batch(
     slopes: np.ndarray,
     launches: np.ndarray,
     limits: Limits,
-    trims: Trims,
+    spins: np.ndarray,
+    rotor_inertia: float,
     flights: np.ndarray,
     rebounds: np.ndarray,
     spaces: np.ndarray,
@@ -325,8 +300,9 @@ def hop_batch(
     ----------
     bodies, like, laws, slopes, launches, limits, spaces
         As for :func:`descend_batch`.
-    trims : Trims
-        What the riders do in this hop.
+    spins, rotor_inertia
+        What the rider's rotor lends to each body in this hop [rad/s], shape (N,); as for
+        :func:`sledenv.kernel.descend.trim`.
     flights : ndarray of OUTCOME, shape (N,)
         Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
         whose status is not RUNNING are left alone.
@@ -337,7 +313,6 @@ def hop_batch(
     size = block_size(count)
     inclines = _inclines_of(slopes)
     logs = rebounds.reshape((count, 1))
-    spins, rotor_inertia = trims.spins, trims.rotor_inertia
     for block in prange((count + size - 1) // size):
         first, last = block * size, min((block + 1) * size, count)
         lanes, trajectory = Lanes(bodies, laws, inclines, flights, logs), np.empty(0, TRAJECTORY)

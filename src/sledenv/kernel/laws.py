@@ -11,13 +11,12 @@ from numba.extending import overload
 
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
-from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw
+from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader, row_of
 from sledenv.kernel.progress import begin_with_approaching
 from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.state import TOUCHING
 from sledenv.programs.jit import by_type, kernel, part
-from sledenv.programs.trace import scalar
 
 Law = CompliantLaw | RigidLaw
 _Law = TypeVar("_Law", bound=Law)
@@ -62,18 +61,16 @@ def touch(
     return status
 
 
-def law_of_row(like: _Law, row: np.ndarray) -> _Law:
-    """Return a law of the same kind as ``like`` with the fields of an array of one dimension."""
-    return type(like)(*row)
+def law_of_row(like: _Law, laws: np.ndarray, lane: int) -> _Law:
+    """Return a law of the same kind as ``like`` with the fields that a lane has in a table of laws."""
+    return type(like)(*row_of(laws, lane))
 
 
 @overload(law_of_row)
-def _law_of_row(like: Any, row: Any) -> Callable[..., Any]:
-    kind = like.instance_class
-    places = range(len(kind._fields))
-    fields = scalar(lambda row: tuple(row[i] for i in places))
+def _law_of_row(like: Any, laws: Any, lane: Any) -> Callable[..., Any]:
+    read = reader(like.instance_class)
 
-    def build(like: Any, row: Any) -> Any:
-        return kind(*fields(row))
+    def build(like: Any, laws: Any, lane: Any) -> Any:
+        return read(laws, lane)
 
     return build
