@@ -42,10 +42,10 @@ def _plain_name(symbol: str) -> str:
 
 def _write_map() -> None:
     """Write /tmp/perf-PID.map: address, size and name of every function in the library of the descent."""
-    from sledenv.descent import _descend
+    from sledenv.descent import run_descent
 
     entries = []
-    versions = _descend._versions.values()  # type: ignore[attr-defined]
+    versions = run_descent._versions.values()  # type: ignore[attr-defined]
     for overload in (overload for version in versions for overload in version.overloads.values()):
         library = overload.library
         with tempfile.NamedTemporaryFile(suffix=".o") as file:

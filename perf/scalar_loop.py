@@ -40,7 +40,7 @@ def _loop(
     for i in range(launches.shape[0]):
         z = launches[i]
         launch = State(z[0], z[1], z[2], z[3], z[4], z[5])
-        descend(body, law, slope, launch, limits, log, spaces, trajectory, outcomes[i : i + 1])
+        descend(body, law, slope, launch, limits, log, spaces, trajectory, outcomes[i : i + 1], False)
 
 
 def scalar_loop(

@@ -937,7 +937,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("_descend", "_descend_batch", "_descend_euler"):
+    for loop in ("run_descent", "_descend_batch", "_descend_euler"):
         monkeypatch.setattr(descent_module, loop, run)
 
 

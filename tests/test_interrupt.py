@@ -80,7 +80,7 @@ def test_a_descent_in_many_calls_is_that_in_one(
     options = OPTIONS[solver] | record
     set_work(monkeypatch, 1e18)
     whole = simulate(*CASES[name], **options)
-    calls = counted(monkeypatch, "_descend_euler" if solver == "euler" else "_descend")
+    calls = counted(monkeypatch, "_descend_euler" if solver == "euler" else "run_descent")
     for work in (1.0, 13.0, 100.0):
         set_work(monkeypatch, work)
         calls.clear()
@@ -98,7 +98,7 @@ def test_the_cases_do_what_they_are_for(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(descents["bounces"].rebounds) > 5
     assert (descents["chord"].rebounds["feature"] == Feature.CHORD).any()
     set_work(monkeypatch, 100.0)
-    calls = counted(monkeypatch, "_descend")
+    calls = counted(monkeypatch, "run_descent")
     simulate(*CASES["search"])
     assert sum(steps == 0 for steps, _ in calls) > 10
 
@@ -106,7 +106,7 @@ def test_the_cases_do_what_they_are_for(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_flight_and_a_step_of_many_rows_are_written_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: rows in each call, while the descent makes no step; a body that slides at rest takes long steps."""
     set_work(monkeypatch, 1000.0)
-    calls = counted(monkeypatch, "_descend")
+    calls = counted(monkeypatch, "run_descent")
     sliding = SEGMENT, ContactLaw(1e7, 0.3, 0.01, 0.0), Slope(0.3, 5.0), State(0.0, SEGMENT.radius, 0.0, 0.0, 0.0)
     flying = DISC, LAW, Slope(0.0, 1.0, 0.0), State(0.0, 1.0, 0.0, 1.0)
     for given in (flying, sliding):
@@ -119,7 +119,7 @@ def test_a_flight_and_a_step_of_many_rows_are_written_in_parts(monkeypatch: pyte
 
 def test_rows_without_room_are_counted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: a descent of 1e300 rows is counted in as many calls as one of a few; their number is out of all reach."""
-    calls = counted(monkeypatch, "_descend")
+    calls = counted(monkeypatch, "run_descent")
     for interval in (1e-9, 1e-300):
         calls.clear()
         with pytest.raises(MemoryError, match=rf"sample_interval = {interval}: the \d+ rows of this trajectory take"):
@@ -136,7 +136,7 @@ def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.Mo
     ride = Ride(*CASES["chord"], **options)
     ride.hop()
     before = ride.descent()
-    hop, calls = ride_module._hop, 0
+    hop, calls = ride_module.run_descent, 0
 
     def interrupted(*arguments: Any) -> Any:
         nonlocal calls
@@ -146,7 +146,7 @@ def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.Mo
         return hop(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(ride_module, "_hop", interrupted)
+        patch.setattr(ride_module, "run_descent", interrupted)
         with pytest.raises(KeyboardInterrupt):
             ride.hop()
     same(ride.descent(), before)
@@ -207,7 +207,7 @@ def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     descent.WORK, descent._EULER_STEPS = 1e4, 1e5
-    descent._descend, descent._descend_euler = map(told, (descent._descend, descent._descend_euler))
+    descent.run_descent, descent._descend_euler = map(told, (descent.run_descent, descent._descend_euler))
     body, law = sledenv.Body(1.0, 0.1, 0.0, 5e-3), sledenv.ContactLaw(1e6, 0.0, 0.0, 0.0)
     try:
         while True:

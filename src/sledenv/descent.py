@@ -51,7 +51,7 @@ _BLOCK = 8192  # lanes of a batch that are simulated together
 WORK = 1e5  # steps in contact, hops and rows
 _EULER_STEPS = 2e6
 
-_descend, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
+run_descent, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,9 +248,10 @@ def simulate(
 
     def run() -> None:
         space = new(CONTACT if euler else SPACE)
-        follow: Any = _descend_euler if euler else _descend
+        follow: Any = _descend_euler if euler else run_descent
+        once = () if euler else (False,)
         while True:
-            follow(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes)
+            follow(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes, *once)
             if outcome["status"] != RUNNING:
                 return
 

@@ -22,17 +22,42 @@ from sledenv.checks import (
     launched,
     touching_law,
 )
-from sledenv.descent import FIRST_TRAJECTORY, WORK, Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.descent import (
+    FIRST_TRAJECTORY,
+    WORK,
+    Descent,
+    DescentBatch,
+    Record,
+    descent_of,
+    fields_of,
+    run_descent,
+    state_of,
+)
 from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
 from sledenv.kernel.batch import hop_batch
-from sledenv.kernel.descend import SPACE, embark, hop_once, trim_once
+from sledenv.kernel.descend import SPACE, begin, close_books, trim
+from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.kernel.state import MOTION, new
+from sledenv.kernel.state import MOTION, TAKING_OFF, new
 from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked
 from sledenv.room import new_log, new_logs, new_trajectory
 
-_embark, _trim, _hop, _hop_batch = entry(embark), entry(trim_once), entry(hop_once), parallel_entry(hop_batch)
+_hop_batch = parallel_entry(hop_batch)
+
+
+@entry
+def _embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
+    """Put a descent at its launch, and open its books."""
+    begin(launch, flights[0])
+    close_books(body, incline_of(slope), launch, flights[0])
+
+
+@entry
+def _trim(body: Body, slope: Slope, launch: State, rotor_inertia: float, flights: np.ndarray, spin: float) -> None:
+    """Trim a descent, and close its books."""
+    trim(body, rotor_inertia, flights[0], spin)
+    close_books(body, incline_of(slope), launch, flights[0])
 
 
 class Ride:
@@ -176,8 +201,8 @@ class Ride:
         """Where the descent is after one hop."""
         body, slope, launch, limits = self.body, self.slope, self.launch, self._limits
         log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
-        while not _hop(body, self._touching, slope, launch, limits, log, space, trajectory, flight):
-            pass  # an interrupt takes effect between two calls
+        while space["stage"][0] != TAKING_OFF:  # an interrupt takes effect between two calls
+            run_descent(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
         return flight
 
     def _check_running(self) -> None:

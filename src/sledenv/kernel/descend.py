@@ -345,10 +345,12 @@ def descend(
     spaces: np.ndarray,
     trajectory: np.ndarray,
     outcomes: np.ndarray,
+    once: bool,
 ) -> None:
-    """Simulate one descent, hop after hop; with ``limits.most_work`` done it is still RUNNING, and to be called again.
+    """Simulate one descent, hop after hop, or a hop of one that has begun; either may be left unfinished.
 
-    It then goes on where it was, for the same arguments, as if it had not returned.
+    With ``limits.most_work`` done the descent is still RUNNING, or the stage of the hop not TAKING_OFF, and to be
+    called again: it then goes on where it was, for the same arguments, as if it had not returned.
 
     Parameters
     ----------
@@ -360,10 +362,12 @@ def descend(
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
     outcomes : ndarray of OUTCOME, shape (1,)
-        Overwritten.
+        Overwritten; where the descent is, if only a hop is to be followed.
+    once : bool
+        Whether to follow a hop, to the next rebound or to the end of the descent.
     """
     space, flight = spaces[0], outcomes[0]
-    if space["stage"] == LAUNCHING:
+    if space["stage"] == LAUNCHING and not once:
         begin(launch, flight)
     incline = incline_of(slope)
     tell_body(body, space["hop"])
@@ -372,47 +376,8 @@ def descend(
         find_touchdown(body, incline, limits, flight, space)
         if space["stage"] > SEEKING:
             hop(body, law, incline, limits, flight, log, space, trajectory)
-    if flight["status"] != RUNNING:
+        if once and space["stage"] == TAKING_OFF:
+            break
+    if flight["status"] != RUNNING and not once:
         space["stage"] = LAUNCHING
     close_books(body, incline, launch, flight)
-
-
-@kernel
-def hop_once(
-    body: Body,
-    law: Law,
-    slope: Slope,
-    launch: State,
-    limits: Limits,
-    log: np.ndarray,
-    spaces: np.ndarray,
-    trajectory: np.ndarray,
-    flights: np.ndarray,
-) -> bool:
-    """Follow one hop of a descent, and close its books; arguments are those of :func:`descend`.
-
-    Returns whether the hop has been finished. If not, the next call goes on with it.
-    """
-    space, flight = spaces[0], flights[0]
-    incline = incline_of(slope)
-    tell_body(body, space["hop"])
-    space["work"], space["most_work"] = 0.0, limits.most_work
-    find_touchdown(body, incline, limits, flight, space)
-    if space["stage"] > SEEKING:
-        hop(body, law, incline, limits, flight, log, space, trajectory)
-    close_books(body, incline, launch, flight)
-    return bool(space["stage"] == TAKING_OFF)
-
-
-@kernel
-def embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
-    """Put a descent at its launch, and open its books."""
-    begin(launch, flights[0])
-    close_books(body, incline_of(slope), launch, flights[0])
-
-
-@kernel
-def trim_once(body: Body, slope: Slope, launch: State, rotor_inertia: float, flights: np.ndarray, spin: float) -> None:
-    """Trim one descent, and close its books: see :func:`trim`."""
-    trim(body, rotor_inertia, flights[0], spin)
-    close_books(body, incline_of(slope), launch, flights[0])
