@@ -491,10 +491,16 @@ def test_random_descents_end_and_create_no_energy(solver: Solver, bodies: int, l
 def test_flat_contacts_do_not_stall(
     radius: float, half_angle: float, law: tuple[float, ...], angle: float, launch: tuple[float, ...]
 ) -> None:
-    """Oracle: no contact of this kind has a reason to end by its steps."""
+    """Oracle: no contact of this kind has a reason to end by its steps, and a mirror image takes the same ones."""
     body = circular_segment(100.0, radius, half_angle)
-    descent = simulate(body, ContactLaw(*law), Slope(angle, 20.0), State(*launch), **OPTIONS)
-    assert descent.status != "step_budget"
+    x, y, phi, u, v, omega = launch
+    slopes = [Slope(angle, 20.0), Slope(-angle, math.inf)]  # the second goes uphill, where no slope ends
+    launches = [launch, (-x, y, -phi, -u, v, -omega)]
+    descents = simulate_batch(body, ContactLaw(*law), slopes, np.array(launches), **OPTIONS)
+    assert "step_budget" not in descents.status
+    if descents.status[0] != "finish":
+        assert descents.status[0] == descents.status[1]
+        assert descents.outcomes["steps"][0] == descents.outcomes["steps"][1]
 
 
 @pytest.mark.parametrize("tolerance", [TOLERANCE, 1e-12, 1e-10])

@@ -23,6 +23,7 @@ from sledenv.programs.trace import of_step, straight
 from sledenv.programs.values import absolute, equal, larger, less, not_more, where
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
+NO_SLIP = 1e-24  # of it: slips that are zero but for rounding
 MOST_TURNING = 1e4  # times that: a slower rim counts as no spin where the gap rates are equal
 AT_SURFACE = 1e-9  # of the size: gap of the second point where it starts to touch
 UNITS = 0.7  # unit of time of a step of both points over that of one: two springs are stiffer
@@ -47,7 +48,8 @@ def _agreeing(contact: Any, second: Any) -> None:
     """
     small, omega = SAME_RATE * contact.scale, contact.omega
     apart = contact.gap - second.gap
-    rests, second_rests = equal(contact.v_t, 0.0), equal(second.v_t, 0.0)
+    quiet = NO_SLIP * contact.scale
+    rests, second_rests = not_more(absolute(contact.v_t), quiet), not_more(absolute(second.v_t), quiet)
     settled = equal(contact.v_n, 0.0) | equal(second.v_n, 0.0)
     # If both points have the same arm a, their gap rates are equal whatever the spin.
     slow = not_more(absolute(omega) * contact.size, MOST_TURNING * small)
@@ -122,13 +124,13 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     orient(contact, step)
     orient(second, second_step)
     if contact["undecided"] != 0.0:
-        trial = 0
-        if contact["k_closing"] < math.inf:
-            trial = max(int(contact["stalled"]) - (progress.MOST_STALLED - progress.TRIALS), 0)
+        trial = progress.trial(contact)
         if trial > 0:  # recent releases may be due to rounding
             progress.forget_zeros(contact)
             progress.forget_zeros(second)
-        branch, other, violation = resolve_pair(space, progress.signs(contact), progress.signs(second), trial)
+        branch, other, violation = resolve_pair(
+            space, progress.signs(contact), progress.signs(second), progress.side(contact), trial
+        )
         progress.take_branch(branch, contact)
         progress.take_branch(other, second)
         rigid = contact["k_closing"] == math.inf

@@ -88,27 +88,27 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
 
 
 @kernel
-def _trial(number: int, contact: np.void) -> Branch:
+def _tried(number: int, contact: np.void) -> Branch:
     """One of the branches that the velocities of a contact admit.
 
     The box rule sees the forces of an instant. Where they and the drives grow from zero together it may choose a branch
     that ends at once; the right one is then the one in which time advances.
     """
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
+    side = progress.side(contact)
+    sense = side if number // 9 != 1 else -side  # it may matter whether a slip is tried before its lock or after that
     return Branch(
         progress.sign_of(v_n) if v_n != 0.0 else number % 3 - 1,
-        progress.sign_of(v_t) if v_t != 0.0 else number // 3 % 3 - 1,
-        progress.sign_of(omega) if omega != 0.0 else number // 9 % 3 - 1,
+        progress.sign_of(v_t) if v_t != 0.0 else sense * (number // 3 % 3 - 1),
+        progress.sign_of(omega) if omega != 0.0 else side * (number // 9 - 1),
     )
 
 
 @part
 def _choose(body: Body, contact: np.void, step: np.void) -> None:
     """Choose the branch that a contact follows from here on, and write what depends on it."""
-    branch = _resolved(body, contact, step)
-    stalled = int(contact["stalled"])
-    if stalled >= progress.MOST_STALLED - progress.TRIALS and contact["k_closing"] < math.inf:
-        branch = _trial(progress.MOST_STALLED - stalled, contact)
+    trial = progress.trial(contact)
+    branch = _tried(progress.TRIALS - trial, contact) if trial > 0 else _resolved(body, contact, step)
     progress.take_branch(branch, contact)
 
 

@@ -27,7 +27,8 @@ RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_END
 
 TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
 MOMENT_ROUNDING = 1e-12  # of a load times the size: rounding error of moments that balance
-MOST_POLISHED = 4  # steps of Newton's method
+MOST_POLISHED = 4  # steps of Newton's method,
+POLISHED = 1e-9  # of the step: the one after a step as small as this would be lost in rounding
 
 
 @kernel
@@ -107,16 +108,20 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     at = sum_root(above, 1.0, gap, 1.0, 0.0, 1 if leaves else 0, noise, step)
     if 0.0 < at < math.inf:
         # The step is as long as the series of the velocities hold. Those of sine and cosine may be less exact, so the
-        # root is improved by Newton's method.
+        # root is improved by Newton's method, as long as the corner is on its way down.
+        falling = at
         for _ in range(MOST_POLISHED):
             theta = step["theta"] - contact["phi"] + horner(step["phi"], at)
             sine, cosine = math.sin(theta), math.cos(theta)
-            left = horner(gap, at) + other + reach * sine + height * cosine
             turning = reach * cosine - height * sine
             rate = step["unit"] * (horner(step["v_n"], at) + turning * horner(step["omega"], at))
             if not rate < 0.0:
+                at = falling
                 break
-            at = max(at - left / rate, 0.0)
+            left = horner(gap, at) + other + reach * sine + height * cosine
+            falling, at = at, max(at - left / rate, 0.0)
+            if abs(at - falling) <= POLISHED * length:
+                break
     return at if at <= length else math.inf
 
 

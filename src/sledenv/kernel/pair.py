@@ -10,6 +10,7 @@ All but the choice itself are programs. The branch of the second point is called
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -192,18 +193,23 @@ def _missed(point: Point, signs: Branch, branch: Branch, push: Any, force: Any, 
     return missed + beyond(signs.slip, branch.slip, slack, rate_t, per_mass)
 
 
-def _judge(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
-    """By how much a branch of both points breaks its conditions, over the normal force; NaN if it has no forces."""
-    contact = space.contact
-    one, two = points(space)
-    still = equal(branch.spin, 0.0)
-    both = zip(unturned(contact, one, two, branch), _turned(contact, one, two, branch, other), strict=True)
-    found = Forces(*(where(still, p, q) for p, q in both))
-    per_mass = contact.per_mass
-    missed = _missed(one, signs, branch, found.normal_1, found.tangential_1, found, per_mass)
-    missed = missed + _missed(two, signs_2, other, found.normal_2, found.tangential_2, found, per_mass)
-    turned = beyond(signs.spin, branch.spin, found.excess, found.omega, per_mass * contact.ratio) / contact.size
-    return ((missed + turned) / larger(contact.inward / per_mass, absolute(found.normal_1 + found.normal_2)),)
+def _judge(still: bool) -> Callable[..., tuple[Any]]:
+    """Return the program that tells by how much a branch of both points breaks its conditions, over the normal force.
+
+    It is NaN if the branch has no forces.
+    """
+
+    def program(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
+        contact = space.contact
+        one, two = points(space)
+        found = unturned(contact, one, two, branch) if still else _turned(contact, one, two, branch, other)
+        per_mass = contact.per_mass
+        missed = _missed(one, signs, branch, found.normal_1, found.tangential_1, found, per_mass)
+        missed = missed + _missed(two, signs_2, other, found.normal_2, found.tangential_2, found, per_mass)
+        turned = beyond(signs.spin, branch.spin, found.excess, found.omega, per_mass * contact.ratio) / contact.size
+        return ((missed + turned) / larger(contact.inward / per_mass, absolute(found.normal_1 + found.normal_2)),)
+
+    return program
 
 
 def _turns(locked: Any, free: Any, velocity: Any, side: Any) -> Any:
@@ -240,13 +246,14 @@ def _compatible(space: Any, signs: Branch, signs_2: Branch, branch: Branch, othe
     return (where((still & alike) | (~still & apart), 1.0, 0.0),)
 
 
-_may_be, _violation = scalar(_compatible), scalar(_judge)
+_may_be = scalar(_compatible)
+_violation_still, _violation_turning = scalar(_judge(still=True)), scalar(_judge(still=False))
 
 
 @kernel
-def _fits(signs: Branch, branch: Branch, rigid: bool) -> bool:
-    """Whether velocities of some signs can follow a branch."""
-    return not (
+def _unfit(signs: Branch, branch: Branch, rigid: bool) -> bool:
+    """Whether velocities of some signs cannot follow a branch."""
+    return (
         excluded(signs.gap_rate, branch.gap_rate)
         or excluded(signs.slip, branch.slip)
         or excluded(signs.spin, branch.spin)
@@ -255,32 +262,42 @@ def _fits(signs: Branch, branch: Branch, rigid: bool) -> bool:
 
 
 @kernel
-def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, trial: int) -> tuple[Branch, Branch, float]:
+def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, side: int, trial: int) -> tuple[Branch, Branch, float]:
     """Choose the branches of two points that touch at once, by the box rule, and tell their violation, the least.
 
     Branches with a locked spin come first, of these those with a locked slip, of these those with a locked gap rate;
     of equal violations the first is taken.
-    ``signs`` are those of the velocities of both, as in :func:`sledenv.kernel.friction.resolve`. Several branches may
-    have no clear violation, and all but one end at once: ``trial`` = n > 0 takes the n-th of them, or if there are
-    fewer, the one of least violation.
+    ``signs`` are those of the velocities of both, as in :func:`sledenv.kernel.friction.resolve`. ``side`` is that to
+    which a spin is tried first, 1 or -1: the opposite one for the mirror image. Several branches may have no clear
+    violation, and all but one end at once: ``trial`` = n > 0 takes the n-th of them, or if there are fewer, the one of
+    least violation.
     """
+    branch, other = Branch(signs.gap_rate, signs.slip, signs.spin), Branch(signs_2.gap_rate, signs_2.slip, signs.spin)
+    if abs(signs.spin * signs.slip * signs_2.slip * signs.gap_rate * signs_2.gap_rate) == 1:
+        return branch, other, 0.0  # no velocity is zero
     best, best_2 = Branch(0, 0, 0), Branch(0, 0, 0)
     rigid, least = space["contact"]["k_closing"] == math.inf, 1e300
-    for number in range(27):
-        branch = Branch(in_turn(number % 3), in_turn(number // 3 % 3), in_turn(number // 9))
-        if not _fits(signs, branch, rigid):
+    for turn in range(27):
+        spin = side * in_turn(turn // 9)
+        sense = spin if spin != 0 else side
+        branch = Branch(in_turn(turn % 3), sense * in_turn(turn // 3 % 3), spin)
+        if _unfit(signs, branch, rigid):
             continue
-        for number_2 in range(9):
-            other = Branch(in_turn(number_2 % 3), in_turn(number_2 // 3), branch.spin)
-            if _fits(signs_2, other, rigid) and _may_be(space, signs, signs_2, branch, other)[0] > 0.0:
-                violation = _violation(space, signs, signs_2, branch, other)[0]
-                # A branch without forces (NaN) compares false and is never chosen.
-                if violation < least - TIE:
-                    best, best_2, least = branch, other, violation
-                if trial == 0 and violation == 0.0:
-                    return best, best_2, least  # which none of those behind it can beat
-                if trial > 0 and violation <= CLEAR:
-                    trial -= 1
-                    if trial == 0:
-                        return branch, other, violation
+        for turn_2 in range(9):
+            other = Branch(in_turn(turn_2 % 3), sense * in_turn(turn_2 // 3), spin)
+            if _unfit(signs_2, other, rigid) or not _may_be(space, signs, signs_2, branch, other)[0] > 0.0:
+                continue
+            if spin == 0:
+                violation = _violation_still(space, signs, signs_2, branch, other)[0]
+            else:
+                violation = _violation_turning(space, signs, signs_2, branch, other)[0]
+            # A branch without forces (NaN) compares false and is never chosen.
+            if violation < least - TIE:
+                best, best_2, least = branch, other, violation
+            if trial == 0 and violation == 0.0:
+                return best, best_2, least  # which none of those behind it can beat
+            if trial > 0 and violation <= CLEAR:
+                trial -= 1
+                if trial == 0:
+                    return branch, other, violation
     return best, best_2, least

@@ -62,6 +62,20 @@ def forget_branch(contact: np.void) -> None:
 
 
 @kernel
+def trial(contact: np.void) -> int:
+    """Number of the trial in which a contact that does not get on is, 1 to TRIALS; 0 if it is in none."""
+    if contact["k_closing"] == math.inf:
+        return 0
+    return max(int(contact["stalled"]) - (MOST_STALLED - TRIALS), 0)
+
+
+@kernel
+def side(contact: np.void) -> int:
+    """Side to which a contact lies, 1 or -1: what is tried in turn is tried in the mirror image's turn there."""
+    return -1 if contact["phi"] < 0.0 else 1
+
+
+@kernel
 def _sign_of(velocity: float, left: float) -> int:
     """Sign of a velocity for the box rule: 2 or -2 where it is zero but has just been released."""
     return sign_of(velocity) if left == 0.0 else 2 * int(left)

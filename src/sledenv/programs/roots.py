@@ -21,16 +21,6 @@ CLOSE = 3e-17  # error of a root [units of the variable] that counts as rounding
 MOST_APPROACHES = 5  # to a root
 
 
-@kernel
-def horner(series: np.ndarray, t: float) -> float:
-    """Value of a power series at ``t``."""
-    keep_apart()
-    value = 0.0
-    for k in range(series.shape[0] - 1, -1, -1):
-        value = value * t + series[k]
-    return value
-
-
 def _value(coefficients: Sequence[Any], s: Any) -> Any:
     """Value of a polynomial, in four chains that run side by side."""
     square = s * s
@@ -43,6 +33,16 @@ def _value(coefficients: Sequence[Any], s: Any) -> Any:
             chain = fma(chain, fourth, term)
         chains.append(chain)
     return fma(fma(chains[3], s, chains[2]), square, fma(chains[1], s, chains[0]))
+
+
+_at = scalar(lambda q, t: (_value([q[k] for k in range(TERMS)], t),))
+
+
+@kernel
+def horner(series: np.ndarray, t: float) -> float:
+    """Value of a power series of TERMS numbers at ``t``, by Horner's rule in four chains."""
+    keep_apart()
+    return _at(series, t)[0]
 
 
 def _approach(q: Any, s: Any) -> tuple[Any, ...]:
