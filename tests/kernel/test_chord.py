@@ -518,6 +518,35 @@ def test_a_corner_that_has_just_left_is_not_down_again(tolerance: float) -> None
     assert list(descent.state) == pytest.approx(list(exact), rel=1e-6, abs=1e-6)
 
 
+GRAZED = [
+    pytest.param(
+        (41.08471118277695, 0.1280821881985839, 0.09177027427792224, 0.2163463318737968, 0.8592219248860955),
+        (40628626593.574974, 0.5237329728455865, 1.970828444838983, 0.0, 0.0),
+        (0.059128395861657745, math.inf, 0.0),
+        (0.0, 0.008129156252609402, math.pi, -0.6837432171752742, -3.0671469512688097, 31.619718277267566),
+        id="it rises and comes down: the first guess of its touch is where it still rises",
+    ),
+    pytest.param(
+        (0.23940978222569032, 0.011360166805379665, 0.008738184327004158, 9.530465334282244e-06, 2.682658939970875),
+        (6939.830622217511, 0.7383577417927348, 0.5711215690152762, 0.003745519611505869, 4.969784864109334e-05),
+        (0.22182210313258, math.inf, 9.81),
+        (0.0, 0.01892286200576805, math.pi, -1.5650815725194742, -0.18976574489157932, 37.708289120315904),
+        id="it leaves at rest",
+    ),
+]
+
+
+@pytest.mark.parametrize(("body", "law", "slope", "launch"), GRAZED)
+def test_a_corner_that_grazes_does_not_touch_for_ever(
+    body: tuple[float, ...], law: tuple[float, ...], slope: tuple[float, ...], launch: tuple[float, ...]
+) -> None:
+    """Oracle: a contact of two springs has few events. These took a million, touching and leaving."""
+    given = Body(*body), ContactLaw(*law), Slope(*slope), np.array([launch])
+    batch = simulate_batch(*given, max_rebounds=1, max_time=0.3)
+    assert batch.status[0] == "log_full"
+    assert batch.outcomes["steps"][0] < 40
+
+
 def same_bits(one: Any, other: Any) -> None:
     """Field by field, for there may be anything between them."""
     for name in one.dtype.names:

@@ -26,6 +26,7 @@ NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
 RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
 
 TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
+SLOPE_ROUNDING = 1e-14  # of the rates of two heights: rounding error of that of their sum
 MOMENT_ROUNDING = 1e-12  # of a load times the size: rounding error of moments that balance
 MOST_POLISHED = 4  # steps of Newton's method,
 POLISHED = 1e-9  # of the step: the one after a step as small as this would be lost in rounding
@@ -103,9 +104,15 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     gap, length = step["gap"], step["length"]
     above = step["scratch"]
     _sum(step["sines"], reach, step["cosines"], height, other, above)
-    leaves = contact["other_left"] != 0.0 and above[1] + gap[1] > 0.0  # by rounding it may not be above the surface yet
+    leaves = 0  # leading coefficients that rounding may make negative
+    if contact["other_left"] != 0.0:
+        slope, rounding = above[1] + gap[1], SLOPE_ROUNDING * (abs(above[1]) + abs(gap[1]))
+        if slope > rounding:
+            leaves = 1
+        elif slope >= -rounding and above[2] + gap[2] > 0.0:
+            leaves = 2
     noise = TURN_ROUNDING * (abs(reach) + abs(height))
-    at = sum_root(above, 1.0, gap, 1.0, 0.0, 1 if leaves else 0, noise, step)
+    at = sum_root(above, 1.0, gap, 1.0, 0.0, leaves, noise, step)
     if 0.0 < at < math.inf:
         # The step is as long as the series of the velocities hold. Those of sine and cosine may be less exact, so the
         # root is improved by Newton's method, as long as the corner is on its way down.
