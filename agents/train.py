@@ -10,7 +10,6 @@ from typing import Any, Final, get_args
 from sledenv import ScenarioError
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.scenario import Control
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "land_flat", "no_trim", "ppo", "random_launch", "random_search", "random_trim", "replan"),
@@ -103,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--algo", choices=ALGORITHMS, default="sac")
     parser.add_argument("--scenario", default="brake_mat", help="name of a shipped scenario or a .yaml file")
     parser.add_argument("--environment", choices=get_args(Environment), default="launch")
-    parser.add_argument("--control", choices=get_args(Control), help="default: what the scenario says")
+    parser.add_argument("--control", help="such as orientation+spin; default: what the scenario says")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, help="budget in environment steps (default: configs/agents/ALGO.yaml)")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="where the folder of the run is made")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 from sledenv import cli
 from sledenv.cli import PICTURES, main
-from sledenv.scenario import scenario_names
+from sledenv.scenario import load_scenario, scenario_names
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -251,6 +252,24 @@ def test_map_draws_a_context_and_tells_its_best_launch(tmp_path: Path, capsys: p
     assert main(["simulate", "track_grade_20", "--seed", "4", f"--spin={spin}"]) == 0
     told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
     assert float(told) == pytest.approx(reward, abs=0.02)  # the spin is told to a thousandth
+
+
+def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the launch that is told earns its reward when it is simulated."""
+    content = load_scenario("talus").model_dump(mode="json", by_alias=True)
+    content["control"] |= {"speed_m_s": [2, 8], "chosen": "all"}
+    pack, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
+    pack.write_text(json.dumps(content))  # JSON is YAML
+    assert main(["map", str(pack), "--out", str(picture)]) == 0
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    words = capsys.readouterr().out.splitlines()[0].split()
+    assert [words[3], words[5], words[7]] == ["deg", "rad/s", "m/s"]
+    launch = [f"--orientation-deg={words[2]}", f"--spin={words[4]}", f"--speed={words[6]}"]
+    assert main(["simulate", str(pack), *launch]) == 0
+    told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
+    assert float(told) == pytest.approx(float(words[9]), abs=0.02)  # the launch is told to a thousandth
 
 
 def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -71,6 +71,7 @@ def scenario() -> Scenario:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
+BOUNDS = "must be a pair [low, high] of numbers in"
 
 
 @pytest.mark.parametrize(
@@ -123,6 +124,17 @@ RANGE = "must be a number, or a pair [low, high] to sample, in"
             "control.orientation_deg = [90, 90]: low must be below high; "
             "must be a pair [low, high] of numbers in [-360, 360] deg",
         ),
+        ("control__speed_m_s", 5, f"control.speed_m_s = 5: {BOUNDS} [0, inf) m/s"),
+        ("control__speed_m_s", [-1, 5], f"control.speed_m_s = [-1, 5]: {BOUNDS} [0, inf) m/s"),
+        ("control__speed_m_s", [5, 5], f"control.speed_m_s = [5, 5]: low must be below high; {BOUNDS} [0, inf) m/s"),
+        ("control__spin_rad_s", None, f"control.spin_rad_s = None: {BOUNDS} (-inf, inf) rad/s"),
+        ("control__spin_rad_s", DELETE, f"control.spin_rad_s: missing; {BOUNDS} (-inf, inf) rad/s"),
+        (
+            "control__chosen",
+            "speed",
+            "control.chosen = 'speed': must be one of 'both', 'orientation', 'spin', 'orientation+spin', 'all'",
+        ),
+        ("control__chosen", ["spin"], "control.chosen = ['spin']: must be text"),
         ("limits__max_time_s", 0, "limits.max_time_s = 0: must be a number in (0, inf) s"),
         ("limits__max_time_s", 10**400, "must be a number in (0, inf) s"),
         ("limits__max_rebounds", 0, "limits.max_rebounds = 0: must be a whole number in [1, 1000000]"),
@@ -183,6 +195,18 @@ def test_restitution_and_asymmetry_exclude_each_other(changes: dict[str, Any], h
     assert problems(changed(**changes)) == [
         f"scenario example: contact: must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}"
     ]
+
+
+def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_given(scenario: Scenario) -> None:
+    """Oracle: the scenario without them; a choice that they allow, and one of which the bounds are wrong."""
+    assert Scenario.model_validate(changed(control__speed_m_s=None)) == scenario
+    assert list(scenario.control_bounds) == ["orientation", "spin"]
+    faster = Scenario.model_validate(changed(control__speed_m_s=[2, 5], control__chosen="orientation+speed"))
+    assert faster.control_bounds["speed"] == (2.0, 5.0)
+    assert faster.hash != scenario.hash
+    assert Scenario.model_validate(faster.model_dump()) == faster
+    (line,) = problems(changed(control__speed_m_s=[5, 2], control__chosen="speed"))
+    assert line.startswith("scenario example: control.speed_m_s = [5, 2]: low must be below high")
 
 
 @pytest.mark.parametrize("content", [None, [], 3, "ice_drop"])
@@ -401,8 +425,11 @@ def test_a_launch_takes_the_disturbance_unless_the_agent_chooses(scenario: Scena
     disturbed, chosen = scenario.launch(context), scenario.launch(context, orientation=0.0, spin=0.0)
     assert (disturbed.phi, disturbed.omega) == (context.orientation, context.spin)
     assert (chosen.phi, chosen.omega) == (0.0, 0.0)
+    assert scenario.launch(context, speed=4.5) == disturbed._replace(u=4.5)
     with pytest.raises(ValueError, match=r"State\.phi = nan"):
         scenario.launch(context, orientation=math.nan)
+    with pytest.raises(ValueError, match=r"State\.u = inf"):
+        scenario.launch(context, speed=math.inf)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -22,7 +22,7 @@ from sledenv.doctor import examine
 from sledenv.files import publish, replacing, write_csv
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
-from sledenv.scenario import CONTROLLED, load_scenario, scenario_names
+from sledenv.scenario import control_words, load_scenario, scenario_names
 from sledenv.text import TRAJECTORY_COLUMNS, story, trajectory_rows
 
 PICTURES = ("strobe.png", "series.png")
@@ -184,6 +184,9 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
         "--spin", type=_within(1e6, "rad/s"), metavar="RAD_S", help="launch spin [rad/s] instead of the drawn one"
     )
     parser.add_argument(
+        "--speed", type=_within(1e6, "m/s"), metavar="M_S", help="launch speed [m/s] instead of the drawn one"
+    )
+    parser.add_argument(
         "--solver",
         choices=get_args(Solver),
         default=_SOLVER,
@@ -314,7 +317,7 @@ def _scenarios(options: argparse.Namespace) -> int:
     table = [("name", "agent chooses", "solver", "what is asked")]
     for name in scenario_names():
         scenario = load_scenario(name)
-        chosen = ", ".join(CONTROLLED[scenario.control.chosen])
+        chosen = ", ".join(control_words(scenario.control_bounds)[scenario.control.chosen])
         table.append((name, chosen, _SOLVER, scenario.question))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:
@@ -340,7 +343,7 @@ def _descend(options: argparse.Namespace, record: Record) -> tuple[str, Descent]
         scenario.body(),
         scenario.law(context),
         scenario.slope(context),
-        scenario.launch(context, orientation, options.spin),
+        scenario.launch(context, orientation, options.spin, options.speed),
         solver=options.solver,
         max_time=scenario.limits.max_time_s,
         max_rebounds=scenario.limits.max_rebounds,

@@ -9,10 +9,12 @@ import os
 import re
 import reprlib
 import sys
+from collections.abc import Collection
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
 
@@ -51,29 +53,7 @@ from sledenv.params import (
 
 Pair = tuple[float, float]
 Split = Literal["train", "validation", "test"]
-Control = Literal["both", "orientation", "spin"]
-
-
-class LaunchControl(NamedTuple):
-    """Something of the launch that an agent may choose, in place of the field of ``Context`` of the same name."""
-
-    key: str  # of ControlSection, holds the bounds
-    unit: str  # of the key
-    form: str  # of a value in this unit, for a reader
-    searched: int  # values on the grid of the oracle
-    drawn: int  # values on the map of one context
-
-
-CONTROLS: Final = {
-    "orientation": LaunchControl("orientation_deg", "deg", "8.2f", 72, 180),
-    "spin": LaunchControl("spin_rad_s", "rad/s", "7.3f", 33, 81),
-}
-# What each word lets an agent choose, in the order of its actions: that of CONTROLS.
-CONTROLLED: Final[dict[Control, tuple[str, ...]]] = {
-    "both": ("orientation", "spin"),
-    "orientation": ("orientation",),
-    "spin": ("spin",),
-}
+BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
 
 _CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
@@ -90,16 +70,18 @@ class _Quantity:
     form: ClassVar[str] = "a number"
 
     def __init__(self, interval: str) -> None:
-        parsed = re.fullmatch(r"([\[(])(\S+), (\S+)([\])]).*", interval)
+        parsed = re.fullmatch(r"([\[(])(\S+), (\S+)([\])]) ?(.*)", interval)
         if parsed is None:
             raise ValueError(f"not an interval: {interval!r}")
         self.allowed = f"{self.form} in {interval}"
+        self.unit = parsed[5]
         self._open = parsed[1] == "(", parsed[4] == ")"
         # An infinite end admits every finite number.
         self._ends = max(float(parsed[2]), -sys.float_info.max), min(float(parsed[3]), sys.float_info.max)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
+        schema = core_schema.no_info_plain_validator_function(self.read)
+        return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
     def read(self, value: Any) -> Any:
         return self.number(value)
@@ -146,6 +128,34 @@ class _Range(_Bounds):
     def compare(self, low: float, high: float) -> None:
         if low > high:
             raise ValueError(f"low must not exceed high; must be {self.allowed}")
+
+
+class LaunchControl(_Bounds):
+    """Marks a key of ``ControlSection`` that holds bounds: what an agent may choose of the launch within them.
+
+    Parameters
+    ----------
+    interval : str
+        Which bounds are allowed, with their unit. Those in deg are radians in a context.
+    name : str
+        Field of ``Context`` in whose place the choice stands.
+    printed : str
+        Format of a value, for a reader.
+    searched : int
+        Values on the grid of the oracle.
+    drawn : int
+        Values along an axis of the map of one context.
+    turn : float
+        Values that differ by this are the same launch; 0 where none are.
+    """
+
+    def __init__(self, interval: str, name: str, *, printed: str, searched: int, drawn: int, turn: float = 0.0) -> None:
+        super().__init__(interval)
+        self.name = name
+        self.printed = printed
+        self.searched = searched
+        self.drawn = drawn
+        self.turn = turn
 
 
 class Section(BaseModel):
@@ -262,7 +272,7 @@ class ContactSection(Section):
 class LaunchSection(Section):
     """How the body is let go."""
 
-    speed_m_s: Annotated[Pair, _Range("[0, inf) m/s")]  # along the slope, downhill
+    speed_m_s: Annotated[Pair, _Range("[0, inf) m/s")]  # along the slope, downhill, unless the agent chooses it
     drop_m: Annotated[Pair, _Range("[0, inf) m")]  # clearance of the lowest point of the body
     fall_m_s: Annotated[Pair, _Range("[0, inf) m/s")] = (0.0, 0.0)  # towards the slope
     orientation_deg: Annotated[Pair, _Range("[-360, 360] deg")] = (0.0, 0.0)  # unless the agent chooses it
@@ -270,13 +280,53 @@ class LaunchSection(Section):
 
 
 class ControlSection(Section):
-    """What an agent may choose of the launch, within which bounds and how exactly."""
+    """What an agent may choose of the launch, within which bounds and how exactly.
 
-    orientation_deg: Annotated[Pair, _Bounds("[-360, 360] deg")]
-    spin_rad_s: Annotated[Pair, _Bounds("(-inf, inf) rad/s")]
-    chosen: Control = "both"  # unless an environment is made with another control
+    A key that is a ``LaunchControl`` is all that there is to a control; its order here is that of the actions. One that
+    is None by default is optional.
+    """
+
+    orientation_deg: Annotated[
+        Pair,
+        LaunchControl("[-360, 360] deg", "orientation", printed="8.2f", searched=72, drawn=180, turn=360.0),
+    ]
+    spin_rad_s: Annotated[
+        Pair,
+        LaunchControl("(-inf, inf) rad/s", "spin", printed="7.3f", searched=33, drawn=81),
+    ]
+    speed_m_s: Annotated[
+        Pair | None,
+        LaunchControl("[0, inf) m/s", "speed", printed="7.3f", searched=9, drawn=81),
+    ] = None
+    chosen: str = "both"  # a word of control_words, unless an environment is made with another
     noise_orientation_deg: Annotated[float, _Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch
     noise_spin_rad_s: Annotated[float, _Quantity("[0, inf) rad/s")] = 0.0
+
+    @field_validator("chosen")
+    @classmethod
+    def _offered(cls, word: str, info: ValidationInfo) -> str:
+        # A key whose bounds are wrong is not in the data; it has its own message.
+        given = [control.name for key, control in cls.controls().items() if info.data.get(key, key) is not None]
+        words = control_words(given)
+        if word not in words:
+            raise ValueError(f"must be one of {', '.join(map(repr, words))}")
+        return word
+
+    @classmethod
+    def controls(cls) -> dict[str, LaunchControl]:
+        """Return the controls by key."""
+        fields = cls.model_fields.items()
+        return {key: mark for key, field in fields for mark in field.metadata if isinstance(mark, LaunchControl)}
+
+
+CONTROLS: Final = {mark.name: mark for mark in ControlSection.controls().values()}
+
+
+def control_words(offered: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return what each word lets an agent choose, in the order of its actions, if ``offered`` of ``CONTROLS`` are."""
+    names = [name for name in CONTROLS if name in offered]
+    several = (each for count in range(1, len(names) + 1) for each in combinations(names, count))
+    return {"both": BOTH} | {"+".join(each): each for each in several} | {"all": tuple(names)}
 
 
 class RiderSection(Section):
@@ -431,7 +481,7 @@ class Scenario(Section):
     @property
     def control_bounds(self) -> dict[str, Pair]:
         """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
-        return _given({name: getattr(self.control, control.key) for name, control in CONTROLS.items()})
+        return _given({control.name: getattr(self.control, key) for key, control in ControlSection.controls().items()})
 
     def body(self) -> Body:
         """Return the body of every context."""
@@ -465,7 +515,13 @@ class Scenario(Section):
         slope = Slope(0.0, section.length_m, section.gravity_m_s2)
         return _rows(Slope, len(contexts), **slope._asdict() | {"angle": contexts[:, 0]})
 
-    def launch(self, context: Context, orientation: float | None = None, spin: float | None = None) -> State:
+    def launch(
+        self,
+        context: Context,
+        orientation: float | None = None,
+        spin: float | None = None,
+        speed: float | None = None,
+    ) -> State:
         """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
 
         Parameters
@@ -476,6 +532,8 @@ class Scenario(Section):
             phi [rad] in place of the context's.
         spin : float, optional
             omega [rad/s] in place of the context's.
+        speed : float, optional
+            u [m/s], along the slope, in place of the context's.
 
         Returns
         -------
@@ -485,11 +543,12 @@ class Scenario(Section):
         Raises
         ------
         TypeError, ValueError
-            If ``orientation`` or ``spin`` is not a finite number.
+            If ``orientation``, ``spin`` or ``speed`` is not a finite number.
         """
         phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
         omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
-        launches = self.launches(np.array([context._replace(orientation=phi, spin=omega)]))
+        u = context.speed if speed is None else checked("State", "u", speed, FINITE)
+        launches = self.launches(np.array([context._replace(orientation=phi, spin=omega, speed=u)]))
         return State(*launches[0].tolist())
 
     def launches(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ import pytest
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
+from sledenv.scenario import Scenario, load_scenario
 
 TURN = 2.0 * np.pi
 
@@ -43,6 +44,20 @@ def test_the_mirror_image_of_a_landing_is_that_of_its_launch():
     there = Landing(turned).launches(contexts, np.stack([-landings[:, 0], -spin], axis=1))
     np.testing.assert_allclose(here[:, 0], launches[:, 0], atol=1e-12)
     np.testing.assert_allclose(there[:, 0], -here[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("control", ["orientation+speed", "all"])
+def test_a_speed_along_the_slope_leaves_the_landing_as_it_is(control):
+    """Oracle: the same launches without a choice of the speed."""
+    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    content["control"]["speed_m_s"] = (2.0, 8.0)
+    problem = Problem(Scenario.model_validate(content), control=control)
+    without = Problem("brake_mat", control=control.removesuffix("+speed"))
+    contexts = problem.contexts("test", 50)
+    landings = np.random.default_rng(2).uniform(-1.0, 1.0, (50, problem.actions))
+    launches = Landing(problem).launches(contexts, landings)
+    np.testing.assert_array_equal(launches[:, :-1], Landing(without).launches(contexts, landings[:, :-1]))
+    np.testing.assert_array_equal(launches[:, -1], landings[:, -1])
 
 
 @pytest.mark.parametrize("control", ["spin", "orientation"])

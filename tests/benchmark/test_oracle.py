@@ -19,7 +19,7 @@ from sledenv.benchmark.oracle import (
 )
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite, find_suite
-from sledenv.scenario import Context
+from sledenv.scenario import Context, Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +101,25 @@ def test_no_cell_is_refined_twice(control):
     starts = _maxima(problem, rewards, 24, 1)
     assert len(set(starts.tolist())) == 24
     assert starts[0] == rewards.argmax()
+
+
+@pytest.mark.parametrize("control", ["speed", "orientation+speed", "all"])
+def test_speeds_are_searched_too(control):
+    """Oracle: the simulator; a random search; the best of both at the speed of the context, which is less free."""
+    content = load_scenario("talus").model_dump(by_alias=True)
+    content["control"]["speed_m_s"] = (2.0, 8.0)
+    problem = Problem(Scenario.model_validate(content), control=control)
+    contexts = problem.contexts("test", 1)
+    table = best_launches(problem, contexts)
+    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 3000, problem.actions))
+    assert problem.expect(contexts, tried, "test").max() <= 1.001 * table["reward"][0]
+    if control == "all":
+        less = best_launches(Problem(problem.scenario, control="both"), contexts)
+        assert table["reward"][0] >= 0.999 * less["reward"][0]
+    cells = map_table(problem, contexts)
+    assert len(cells) == np.prod([GRID[name] for name in problem.task.controlled])
+    assert cells["reward"].max() <= table["reward"][0]
 
 
 def test_what_is_not_chosen_is_not_searched():

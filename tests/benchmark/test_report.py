@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sledenv.benchmark import figures
@@ -97,6 +98,18 @@ def test_jam_maps_mark_the_best_launch_and_every_choice() -> None:
     chosen = judged[(judged["agent"] == "sac") & (judged["context"] == 0) & (judged["noise"] == 0.0)]
     chosen = chosen[chosen["stage"] == "trained"]
     assert marks["o"] == pytest.approx(chosen[["action_0", "action_1"]].to_numpy())
+
+
+def test_a_map_of_three_choices_shows_the_best_of_what_is_not_on_the_axes() -> None:
+    """Oracle: the map of two choices, which one of two speeds equals."""
+    made = make.whole(("brake_mat",), ("launch",), seeds=1, contexts=5)
+    slow, fast = made.maps.assign(speed=-1.0), made.maps.assign(speed=1.0)
+    slow["reward"] *= 0.5
+    plain, three = (figures.plot_maps(made._replace(maps=maps)) for maps in (made.maps, pd.concat([slow, fast])))
+    assert plain is not None
+    assert three is not None
+    cells = [figure.axes[0].collections[0].get_array() for figure in (plain, three)]
+    assert np.array_equal(*cells)
 
 
 def test_a_map_of_one_choice_is_a_curve() -> None:

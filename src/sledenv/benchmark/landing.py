@@ -37,9 +37,10 @@ class Landing:
     def __init__(self, problem: Problem) -> None:
         self._task = problem.task
         self._gravity = problem.scenario.slope_section.gravity_m_s2
-        self._low, high = np.radians(problem.scenario.control.orientation_deg)
-        self._applies = problem.turns
+        self._low, high = self._task.bounds["orientation"]
         self._half = 0.5 * (high - self._low)
+        turning = dict(zip(self._task.controlled, problem.turns, strict=True))
+        self._applies = turning.get("orientation", False)
 
     def launches(self, contexts: Contexts, landings: Floats) -> Floats:
         """Return the launches behind landings.
@@ -58,10 +59,10 @@ class Landing:
         if not self._applies:
             return landings
         chosen = self._task.chosen(contexts, landings)
-        *_, pose, spin = chosen.T
+        pose, spin = (chosen[:, Context._fields.index(name)] for name in ("orientation", "spin"))
         phi = pose - spin * self.flight_time(chosen, pose, lambda _: spin)
-        launches = landings.copy()
-        launches[:, 0] = np.clip(((phi - self._low) / self._half) % 2.0 - 1.0, -1.0, 1.0)
+        launches, column = landings.copy(), self._task.controlled.index("orientation")
+        launches[:, column] = np.clip(((phi - self._low) / self._half) % 2.0 - 1.0, -1.0, 1.0)
         return launches
 
     def actions(self, observations: NDArray[np.float32], landings: NDArray[np.float32]) -> NDArray[np.float32]:

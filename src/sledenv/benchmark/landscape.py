@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,6 @@ from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot.style import INK
 from sledenv.scenario import CONTROLS, Scenario, ScenarioError
-
-_GRID: Final = {name: control.drawn for name, control in CONTROLS.items()}
 
 
 class Landscape(NamedTuple):
@@ -54,14 +52,19 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     chosen = [_choice(problem, context, folder) for folder in runs]
     actions = [f"action_{i}" for i in range(len(problem.task.controlled))]
     results = pd.DataFrame(chosen, columns=["agent", "seed", *actions, "reward"])
-    (one,) = jam_map(problem, context, _GRID)
+    names = problem.task.controlled
+    grid = {name: CONTROLS[name].drawn for name in names[:2]} | {name: CONTROLS[name].searched for name in names[2:]}
+    (one,) = jam_map(problem, context, grid)
     figure = _drawn(problem, one, best.iloc[0], results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, _words(problem, best.iloc[0], results))
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
-    """Draw a map over the first two things that are chosen, in the units of the scenario."""
-    names = problem.task.controlled[:2]
+    """Draw a map over the first two things that are chosen, in the units of the scenario.
+
+    Where more are chosen, a cell is the best of all launches that belong there.
+    """
+    names, others = problem.task.controlled[:2], problem.task.controlled[2:]
     axes = [_physical(problem, name, values) for name, values in zip(names, one.launches, strict=False)]
     labels = [f"{name} at launch [{CONTROLS[name].unit}]" for name in names]
     with style({"figure.constrained_layout.use": True}):
@@ -70,7 +73,7 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
         if len(names) == 2:
             best_there = one.rewards.max(axis=tuple(range(2, one.rewards.ndim)))
             image = ax.pcolormesh(*axes, best_there.T, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
-            figure.colorbar(image, ax=ax, label="reward")
+            figure.colorbar(image, ax=ax, label=f"reward at the best {' and '.join(others)}" if others else "reward")
         else:
             ax.plot(axes[0], one.rewards, color=INK, lw=0.9)
         ax.set(xlabel=labels[0], ylabel=labels[1] if len(names) == 2 else "reward", title=title)
@@ -112,7 +115,7 @@ def _words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
         parts = []
         for i, name in enumerate(problem.task.controlled):
             control, value = CONTROLS[name], _physical(problem, name, row[f"action_{i}"])
-            parts.append(f"{value:{control.form}} {control.unit}")
+            parts.append(f"{value:{control.printed}} {control.unit}")
         return " ".join(parts)
 
     lines = [f"{'best launch':<20} {launch(best)}   reward {best['reward']:.4f}"]

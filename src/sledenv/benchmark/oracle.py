@@ -153,7 +153,7 @@ def _search(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], 
         starts.append(cells[highest])
         heights.append(found[lanes[:, np.newaxis], highest])
     points, values = np.concatenate(starts, axis=1), np.concatenate(heights, axis=1)
-    width = np.array([2.0 / (len(axis) - (not _turns(problem, i))) for i, axis in enumerate(_axes(problem, GRID))])
+    width = np.array([2.0 / (len(axis) - (not problem.turns[i])) for i, axis in enumerate(_axes(problem, GRID))])
     # An even number of points in pairs that mirror each other, so that a mirror image has a mirror-image optimum.
     cloud = 2.0 * qmc.Sobol(problem.actions, scramble=False).random_base2(5)[1 : NEIGHBOURS // 2 + 1] - 1.0
     cloud = np.concatenate([cloud, -cloud])
@@ -191,14 +191,9 @@ def _expect(
     return np.concatenate(parts)
 
 
-def _turns(problem: Problem, axis: int) -> bool:
-    """Whether the bounds of what is chosen are a full turn apart, so that both are the same launch."""
-    return problem.turns and problem.task.controlled[axis] == "orientation"
-
-
 def _axes(problem: Problem, grid: Mapping[str, int]) -> tuple[NDArray[np.float64], ...]:
     return tuple(
-        np.linspace(-1.0, 1.0, grid[name], endpoint=not _turns(problem, i))
+        np.linspace(-1.0, 1.0, grid[name], endpoint=not problem.turns[i])
         for i, name in enumerate(problem.task.controlled)
     )
 
@@ -206,12 +201,13 @@ def _axes(problem: Problem, grid: Mapping[str, int]) -> tuple[NDArray[np.float64
 def _grids(problem: Problem) -> list[tuple[tuple[NDArray[np.float64], ...], int, int]]:
     """Return the grids that are searched: axes, how many maxima are refined, and how many cells they keep apart."""
     chosen = len(problem.task.controlled)
-    finer = round(FINE ** (1.0 / max(chosen - 1, 1)))  # along each axis of a bound
+    # Along each axis of a bound. Of n axes the whole bound has the n-th root of FINE: it has more coarse cells anyhow.
+    finer = round(FINE ** (1.0 / max(chosen - 1, 1) ** 2))
     fine = _axes(problem, {name: finer * count for name, count in GRID.items()})
-    apart = finer // 2  # half a coarse cell
+    apart = max(finer // 2, 1)  # half a coarse cell
     if chosen == 1:
         return [(fine, STARTS, apart)]
-    bounds = [(i, np.array([bound])) for i in range(chosen) if not _turns(problem, i) for bound in (-1.0, 1.0)]
+    bounds = [(i, np.array([bound])) for i in range(chosen) if not problem.turns[i] for bound in (-1.0, 1.0)]
     edges = [(*fine[:i], bound, *fine[i + 1 :]) for i, bound in bounds]
     return [(_axes(problem, GRID), STARTS, 1), *((edge, STARTS // len(edges), apart) for edge in edges)]
 
@@ -224,7 +220,7 @@ def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
 def _inside(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Put launches into the box: a full turn wraps around, everything else stops at its bounds."""
     columns = [
-        (points[..., i] + 1.0) % 2.0 - 1.0 if _turns(problem, i) else np.clip(points[..., i], -1.0, 1.0)
+        (points[..., i] + 1.0) % 2.0 - 1.0 if problem.turns[i] else np.clip(points[..., i], -1.0, 1.0)
         for i in range(points.shape[-1])
     ]
     return np.stack(columns, axis=-1)
@@ -243,7 +239,7 @@ def _maxima(problem: Problem, rewards: NDArray[np.float64], count: int, apart: i
         near = []
         for i, index in enumerate(best):
             cells = index + np.arange(-apart, apart + 1)
-            near.append(cells % left.shape[i] if _turns(problem, i) else np.clip(cells, 0, left.shape[i] - 1))
+            near.append(cells % left.shape[i] if problem.turns[i] else np.clip(cells, 0, left.shape[i] - 1))
         every[best] = -1.0
         left[np.ix_(*near)] = -1.0
     return np.array(chosen)
@@ -254,6 +250,6 @@ def _differences(problem: Problem, rewards: NDArray[np.float64]) -> NDArray[np.f
     parts = []
     for i in range(rewards.ndim):
         parts.append(np.diff(rewards, axis=i).ravel())
-        if _turns(problem, i):
+        if problem.turns[i]:
             parts.append((np.take(rewards, 0, i) - np.take(rewards, -1, i)).ravel())
     return np.concatenate(parts)

@@ -15,7 +15,7 @@ from sledenv.descent import DescentBatch
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
 from sledenv.kernel.records import RUNNING
-from sledenv.scenario import Control, Scenario, Split, check_split
+from sledenv.scenario import CONTROLS, NOISY, Scenario, Split, check_split
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
@@ -72,8 +72,8 @@ class Problem:
     ----------
     noisy : bool
         Whether the launch misses what was chosen.
-    turns : bool
-        Whether the orientation is chosen out of a full turn, so that both bounds are the same launch.
+    turns : tuple of bool
+        For each thing that is chosen whether its bounds are a full turn apart, so that both are the same launch.
 
     Raises
     ------
@@ -85,7 +85,7 @@ class Problem:
         self,
         scenario: str | os.PathLike[str] | Scenario,
         environment: Environment = "launch",
-        control: Control | None = None,
+        control: str | None = None,
         *,
         solver: Solver = "compliant",
     ) -> None:
@@ -101,8 +101,8 @@ class Problem:
         self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
         self.actions: int = self.action_space.shape[0]
         self.noisy = bool(self.task.noise.any())
-        low, high = self.scenario.control.orientation_deg
-        self.turns = "orientation" in self.task.controlled and high - low == 360.0
+        bounds = self.scenario.control_bounds
+        self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
@@ -136,7 +136,7 @@ class Problem:
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
 
     def disturbed(self, contexts: Contexts, level: float) -> Contexts:
-        """Add normal noise to what the agent chooses of the launch, once for each of contexts of shape (n, 8).
+        """Add normal noise to what the agent chooses of ``NOISY``, once for each of contexts of shape (n, 8).
 
         Parameters
         ----------
@@ -149,12 +149,8 @@ class Problem:
         ndarray, shape (n, 10)
             The same whatever the agent.
         """
-        section = self.scenario.control
-        halves = {
-            "orientation": np.ptp(np.radians(section.orientation_deg)) / 2,
-            "spin": np.ptp(section.spin_rad_s) / 2,
-        }
-        extra = [halves[name] if name in self.task.controlled else 0.0 for name in ("orientation", "spin")]
+        task = self.task
+        extra = [np.ptp(task.bounds[name]) / 2 if name in task.controlled else 0.0 for name in NOISY]
         sigma = np.hypot(self.task.noise, level * np.array(extra))
         return np.hstack([contexts, sigma * np.random.default_rng(0).standard_normal((len(contexts), 2))])
 

@@ -60,7 +60,8 @@ _FIGURES: Final = {  # name: what draws it, heading, how to read it
         "Jam maps and choices",
         "Each panel is one context. Colour is the reward of every launch, dark where the sled jams or tumbles; the "
         "star is the best launch found and the other marks are what the agents chose, one a seed. The axes span the "
-        "control range, from -1 to 1. A mark off the star but on equal colour costs nothing.",
+        "control range, from -1 to 1. A mark off the star but on equal colour costs nothing. Where more than two "
+        "things are chosen, the colour is that of the best launch with what the axes say.",
     ),
     "robustness": (
         figures.plot_robustness,

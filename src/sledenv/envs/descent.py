@@ -14,7 +14,7 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
 from sledenv.ride import Ride
-from sledenv.scenario import Control, Scenario, Split
+from sledenv.scenario import Scenario, Split
 
 
 class SledDescent(SledLaunch):
@@ -49,7 +49,7 @@ class SledDescent(SledLaunch):
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control | None = None,
+        control: str | None = None,
         render_mode: str | None = None,
         *,
         solver: Solver = "compliant",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Contexts, Solver, Task, checked_actions, only_lane
-from sledenv.scenario import Context, Control, Scenario, Split
+from sledenv.scenario import Context, Scenario, Split
 from sledenv.text import setting, story
 
 _NOTHING = -1.0  # [s] before any time of a film
@@ -77,7 +77,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control | None = None,
+        control: str | None = None,
         render_mode: str | None = None,
         *,
         solver: Solver = "compliant",

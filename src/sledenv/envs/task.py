@@ -30,14 +30,13 @@ from sledenv.kernel.records import (
 from sledenv.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import (
-    CONTROLLED,
     CONTROLS,
     NOISY,
     Context,
-    Control,
     Scenario,
     Split,
     check_split,
+    control_words,
     load_scenario,
 )
 
@@ -69,8 +68,8 @@ class Task:
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
     control : str, optional
-        Which of the launch the agent chooses, a word of ``CONTROLLED`` in :mod:`sledenv.scenario`; the rest is part of
-        the context. What the scenario says by default.
+        What of the launch the agent chooses, a word of :func:`sledenv.scenario.control_words`; the rest is part of the
+        context. What the scenario says by default.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -81,6 +80,12 @@ class Task:
 
     Attributes
     ----------
+    controlled : tuple of str
+        What the agent chooses, in the order of its actions: of ``CONTROLS`` in :mod:`sledenv.scenario`.
+    control : str
+        The first word for it, so that tasks with the same choice have the same.
+    bounds : dict of ndarray, shape (2,)
+        Lowest and highest value of all that an agent may choose here, in the units of a context.
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
     observation_space, action_space : Box
@@ -99,7 +104,7 @@ class Task:
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario,
-        control: Control | None = None,
+        control: str | None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
@@ -113,8 +118,8 @@ class Task:
             launch_noise = math.radians(section.noise_orientation_deg), section.noise_spin_rad_s
         bounds = {name: np.array(pair) for name, pair in self.scenario.control_bounds.items()}
         bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
-        controls = tuple(word for word, names in CONTROLLED.items() if bounds.keys() >= set(names))
-        for name, value, allowed in (("control", control, controls), ("solver", solver, get_args(Solver))):
+        words = control_words(bounds)
+        for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(Solver))):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
         if split is not None:
@@ -123,11 +128,12 @@ class Task:
             raise ValueError(f"launch_noise = {launch_noise!r}: must be two numbers, of {' and '.join(NOISY)}")
         named = zip(NOISY, launch_noise, strict=True)
         self.noise = np.array([checked("launch_noise", name, sigma, NOT_NEGATIVE) for name, sigma in named])
-        self.control = control
+        self.bounds = bounds
+        self.controlled = words[control]
+        self.control = next(word for word, names in words.items() if names == self.controlled)
         self.solver = solver
         self.split = split
         self.draws = FIELDS + 2 * bool(self.noise.any())
-        self.controlled = CONTROLLED[control]
         self.body = self.scenario.body()
         self._followed: dict[str, Any] = {  # how descents are, by all that simulate them
             "solver": solver,

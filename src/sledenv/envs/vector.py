@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions
 from sledenv.ride import RideBatch
-from sledenv.scenario import Control, Scenario, Split
+from sledenv.scenario import Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
@@ -110,7 +110,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self,
         num_envs: int = 1,
         scenario: str | os.PathLike[str] | Scenario = "brake_mat",
-        control: Control | None = None,
+        control: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
         render_mode: None = None,

@@ -1,0 +1,215 @@
+"""Whatever an agent chooses of the launch: bounds, words, energy, and one answer of all environments."""
+
+from __future__ import annotations
+
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stable_baselines3.common.env_checker import check_env as check_env_sb3
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+import sledenv
+from sledenv import Context, Scenario
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.descent import SledDescent
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.sb3 import make_vec_env
+from sledenv.envs.task import INFO_KEYS, Task
+from sledenv.envs.vector import SledDescentVector, SledLaunchVector
+from sledenv.scenario import CONTROLS, control_words
+
+SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
+NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
+BOUNDS = {"orientation": (-120.0, 150.0), "spin": (-3.0, 7.0), "speed": (2.5, 5.0)}  # in deg, rad/s, m/s
+WORDS = tuple(control_words(BOUNDS))
+COLUMN = {"orientation": 2, "spin": 5, "speed": 3}  # of State
+
+every_word = pytest.mark.parametrize("control", WORDS)
+
+
+def with_bounds(name: str = "brake_mat", length: float = 10.0) -> Scenario:
+    """A shipped scenario in which the speed may be chosen too, all within ``BOUNDS``."""
+    content = sledenv.load_scenario(name).model_dump(mode="json", by_alias=True)
+    keys = {"orientation_deg": "orientation", "spin_rad_s": "spin", "speed_m_s": "speed"}
+    content["control"] |= {key: BOUNDS[name] for key, name in keys.items()}
+    content["slope"]["length_m"] = length
+    return Scenario.model_validate(content)
+
+
+PACK = with_bounds()
+SHORT = with_bounds(length=2.0)
+
+
+def in_context_units(name: str) -> np.ndarray:
+    return np.radians(BOUNDS[name]) if name == "orientation" else np.array(BOUNDS[name])
+
+
+def test_a_word_is_a_combination_in_the_order_of_the_actions():
+    """Oracle: the words by hand; all that a control stands for is a field of the context."""
+    assert tuple(BOUNDS) == tuple(CONTROLS)
+    assert set(CONTROLS) <= set(Context._fields)
+    assert control_words(BOUNDS) == {
+        "both": ("orientation", "spin"),
+        "orientation": ("orientation",),
+        "spin": ("spin",),
+        "speed": ("speed",),
+        "orientation+spin": ("orientation", "spin"),
+        "orientation+speed": ("orientation", "speed"),
+        "spin+speed": ("spin", "speed"),
+        "orientation+spin+speed": ("orientation", "spin", "speed"),
+        "all": ("orientation", "spin", "speed"),
+    }
+    assert tuple(control_words(["spin", "orientation"])) == ("both", "orientation", "spin", "orientation+spin", "all")
+
+
+@given(
+    control=st.sampled_from(WORDS),
+    draws=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=8, max_size=8),
+    action=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3),
+)
+@settings(max_examples=200, deadline=None)
+def test_an_action_scales_to_the_bounds_and_leaves_the_rest_to_the_context(control, draws, action):
+    """Oracle: the bounds by hand; -1 and 1 are the bounds themselves."""
+    task = Task(PACK, control)
+    contexts = PACK.contexts(np.array([draws]))
+    drawn = PACK.launches(contexts)[0]
+    count = len(task.controlled)
+    for values in (action[:count], [-1.0] * count, [1.0] * count):
+        state = task.launches(contexts, np.array([values]))[0]
+        for name, column in COLUMN.items():
+            if name in task.controlled:
+                low, high = in_context_units(name)
+                wanted = low + (high - low) * 0.5 * (values[task.controlled.index(name)] + 1.0)
+                assert state[column] == pytest.approx(wanted, abs=1e-14)
+                assert low <= state[column] <= high
+            else:
+                assert state[column] == drawn[column]
+        assert (state[0], state[4]) == (drawn[0], drawn[4])
+
+
+@given(control=st.sampled_from(WORDS), seed=st.integers(0, 10_000), rng=st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_a_step_is_the_simulated_descent_with_the_chosen_speed_bit_for_bit(control, seed, rng):
+    """Oracle: simulate() of Scenario.launch, by name; retention and energy supplied by hand from that launch."""
+    env = SledLaunch(PACK, control)
+    _, info = env.reset(seed=seed)
+    context = Context(**info["context"])
+    action = np.random.default_rng(rng).uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+    given = {}
+    for name, value in zip(env.task.controlled, action.astype(float), strict=True):
+        low, high = in_context_units(name)
+        given[name] = low + 0.5 * (value + 1.0) * (high - low)
+    body, launch = PACK.body(), PACK.launch(context, **given)
+    descent = sledenv.simulate(
+        body, PACK.law(context), PACK.slope(context), launch,
+        max_time=PACK.limits.max_time_s, max_rebounds=PACK.limits.max_rebounds, end_on_chord=PACK.ends.on_chord,
+    )  # fmt: skip
+    _, reward, _, _, after = env.step(action)
+    assert reward == descent.jam.reward
+    assert after["descent"]["energy"] == descent.energy._asdict()
+    assert after["context"] == context._asdict()  # what was drawn, not what was chosen
+    assert launch.u == given.get("speed", context.speed)
+    if descent.status == "finish":
+        kept = 0.5 * body.mass * max(descent.state.u, 0.0) ** 2
+        assert after["jam"]["retention"] == pytest.approx(kept / descent.outcome["supplied"], rel=1e-12)
+
+
+@every_word
+def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
+    """Oracle: m (u1^2 - u0^2)/2, for two contexts that differ in nothing but the speed, on a level floor."""
+    content = PACK.model_dump(mode="json", by_alias=True)
+    content["slope"]["angle_deg"] = 0.0
+    task = Task(Scenario.model_validate(content), control)
+    contexts = task.scenario.contexts(np.full((2, 8), 0.5))
+    actions = np.full((2, len(task.controlled)), 0.2)
+    if "speed" in task.controlled:
+        actions[:, task.controlled.index("speed")] = -1.0, 1.0
+        speeds = np.array(BOUNDS["speed"])
+    else:
+        contexts[:, 3] = speeds = np.array([1.0, 4.0])
+    launches = task.launches(contexts, actions)
+    assert launches[:, 3].tolist() == speeds.tolist()
+    supplied = task.descend_batch(contexts, launches).outcomes["supplied"]
+    assert np.diff(supplied) == pytest.approx(0.5 * task.body.mass * np.diff(speeds**2), rel=1e-9)
+
+
+@every_word
+def test_what_is_chosen_is_not_observed_and_contexts_are_drawn_as_ever(control):
+    """Oracle: an environment that chooses both, from the same seed; the fields of the context by hand."""
+    env, twin = SledLaunch(PACK, control), SledLaunch(PACK)
+    for seed in (5, None):
+        observation, info = env.reset(seed=seed)
+        assert info == twin.reset(seed=seed)[1]
+        for name in BOUNDS:
+            assert (observation[Context._fields.index(name)] == 0.0) == (name in env.task.controlled)
+        env.step(np.zeros(env.action_space.shape, np.float32))
+        twin.step(np.zeros(2, np.float32))
+
+
+@every_word
+@pytest.mark.parametrize("name", SCALAR)
+def test_both_checkers_pass_without_a_warning(name, control):
+    """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
+    env = SCALAR[name](SHORT, control)
+    check_env(env, skip_render_check=True)
+    check_env_sb3(env)
+
+
+@pytest.mark.parametrize("control", ["all", "orientation+speed"])
+@pytest.mark.parametrize("name", SCALAR)
+def test_lanes_and_the_adapter_agree_with_scalar_environments_in_all_they_return(name, control):
+    """Oracle: SyncVectorEnv and DummyVecEnv of scalar environments, bit for bit, infos included."""
+    lanes, mode = 20, AutoresetMode.SAME_STEP
+    given = {"scenario": SHORT, "control": control, "launch_noise": (0.1, 0.3)}
+    env = NATIVE[name](lanes, autoreset_mode=mode, info=INFO_KEYS, **given)
+    sync = SyncVectorEnv([lambda: SCALAR[name](**given)] * lanes, autoreset_mode=mode)
+    adapter = make_vec_env(name, lanes, 7, env_kwargs=given, info=INFO_KEYS)
+    dummy = DummyVecEnv([lambda: SCALAR[name](**given)] * lanes)
+    dummy.seed(7)
+    assert data_equivalence(env.reset(seed=1), sync.reset(seed=1), exact=True)
+    assert data_equivalence(adapter.reset(), dummy.reset(), exact=True)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+        assert data_equivalence(env.step(action), sync.step(action), exact=True)
+        assert data_equivalence(adapter.step(action), dummy.step(action), exact=True)
+
+
+@pytest.mark.parametrize("control", ["speed", "orientation+speed", "orientation+spin+speed"])
+def test_a_scenario_without_bounds_of_the_speed_has_no_control_of_it(control):
+    """Oracle: the message; "all" is what there is."""
+    allowed = "must be one of 'both', 'orientation', 'spin', 'orientation[+]spin', 'all'$"
+    with pytest.raises(ValueError, match=f"control = '{control.replace('+', '[+]')}': {allowed}"):
+        gym.make(LAUNCH_ID, scenario="brake_mat", control=control)
+    assert Task("brake_mat", "all").controlled == ("orientation", "spin")
+
+
+@pytest.mark.parametrize("control", ["trim", "spin+orientation", "speed+speed", "orientation+", "", "Both"])
+@pytest.mark.parametrize("kind", [*SCALAR.values(), lambda *given: SledLaunchVector(2, *given)])
+def test_a_wrong_word_is_answered_with_the_known_ones(kind, control):
+    with pytest.raises(ValueError, match=r"^control = '.*': must be one of 'both', .*'orientation\+speed', .*'all'$"):
+        kind(PACK, control)
+
+
+def test_words_for_the_same_choice_make_the_same_task():
+    """Oracle: the first word; a snapshot of one is a snapshot of the other."""
+    assert Task(PACK, "orientation+spin").control == Task("brake_mat", "all").control == "both"
+    env, twin = SledLaunch(PACK, "all"), SledLaunch(PACK, "orientation+spin+speed")
+    env.reset(seed=0)
+    twin.restore(pickle.loads(pickle.dumps(env.snapshot())))
+    action = np.full(3, 0.25, np.float32)
+    assert env.step(action)[1] == twin.step(action)[1]
+
+
+def test_the_spec_survives_json_with_any_word(tmp_path):
+    path = tmp_path / "fast.yaml"
+    path.write_text(PACK.model_dump_json(by_alias=True))  # JSON is YAML
+    env = gym.make(LAUNCH_ID, scenario=str(path), control="spin+speed")
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.task.controlled == ("spin", "speed")
