@@ -22,18 +22,16 @@ class Agent:
 
     That is a landing (:class:`sledenv.benchmark.landing.Landing`) with phi_1 = 0, up to whole turns. Where friction
     holds what slides, f > tan(beta), it should not slip: u + s(0) omega = 0, u = speed + g sin(beta) t after a flight
-    of t. Elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for what
-    it controls, as far as the bounds allow; if that is the spin alone, being upright comes first. What it leaves out is
-    a touch in another pose on the way, and all contacts after the first.
+    of t. Elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for the
+    orientation and the spin, as far as it controls them and the bounds allow; of the spin without the orientation,
+    being upright comes first. Whatever else it controls, such as the speed, is in the middle of its bounds. What it
+    leaves out is a touch in another pose on the way, and all contacts after the first.
     """
 
     def __init__(self, problem: Problem) -> None:
         self._task = problem.task
         self._landing = Landing(problem)
         self._gravity = problem.scenario.slope_section.gravity_m_s2
-        control = problem.scenario.control
-        self._orientations = np.radians(control.orientation_deg)
-        self._spins = np.array(control.spin_rad_s)
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -46,25 +44,34 @@ class Agent:
         return cls(problem)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        contexts = self._task.contexts_seen(observations)
+        task = self._task
+        body, names = task.body, task.controlled
+        actions = np.zeros((len(observations), len(names)))
+        contexts = task.chosen(task.contexts_seen(observations), actions)  # all that is chosen in the middle
         angle, friction, _, speed, drop, fall, orientation, spin = contexts.T
-        body, control = self._task.body, self._task.control
+        spins = task.bounds["spin"]
         upright = body.radius - body.eccentricity
         along = self._gravity * np.sin(angle)
 
         def wanted(time: Floats) -> Floats:
             rolling = -(speed + along * time) / upright
-            return np.asarray(np.clip(np.where(friction > np.tan(angle), rolling, 0.0), *self._spins))
+            return np.asarray(np.clip(np.where(friction > np.tan(angle), rolling, 0.0), *spins))
 
-        if control == "spin":
+        solved = {}
+        if "orientation" in names:
+            # The pose decides how far the body falls, and the time that it falls decides the pose.
+            spun = wanted if "spin" in names else lambda _: spin
+            time = self._landing.flight_time(contexts, np.zeros_like(drop), spun)
+            solved = {"orientation": _turned(-spun(time) * time, task.bounds["orientation"]), "spin": spun(time)}
+        elif "spin" in names:
             height = drop + support_heights(body, np.ascontiguousarray(orientation)) - upright
             time = fall_time(height, fall, self._gravity * np.cos(angle))
-            return _scaled((_spin(orientation, time, wanted(time), self._spins), self._spins))
-        # The pose decides how far the body falls, and the time that it falls decides the pose.
-        chosen = wanted if control == "both" else lambda _: spin
-        time = self._landing.flight_time(contexts, np.zeros_like(drop), chosen)
-        pose = _turned(-chosen(time) * time, self._orientations), self._orientations
-        return _scaled(pose, (chosen(time), self._spins)) if control == "both" else _scaled(pose)
+            solved = {"spin": _spin(orientation, time, wanted(time), spins)}
+        for name in names:
+            if name in solved:
+                low, high = task.bounds[name]
+                actions[:, names.index(name)] = 2.0 * (solved[name] - low) / (high - low) - 1.0
+        return np.asarray(np.clip(actions, -1.0, 1.0), np.float32)
 
 
 def _turned(angle: Floats, bounds: Floats) -> Floats:
@@ -81,9 +88,3 @@ def _spin(orientation: Floats, time: Floats, wanted: Floats, bounds: Floats) -> 
         least, most = np.ceil(bounds[0] * time / _TURN - turns), np.floor(bounds[1] * time / _TURN - turns)
         spins = _TURN * (turns + np.clip(nearest, least, np.maximum(least, most))) / time
     return np.where(time > 0.0, np.clip(spins, *bounds), wanted)
-
-
-def _scaled(*columns: tuple[Floats, Floats]) -> NDArray[np.float32]:
-    """Return actions in [-1, 1] of values and their bounds; what lies outside ends there."""
-    scaled = [2.0 * (values - low) / (high - low) - 1.0 for values, (low, high) in columns]
-    return np.asarray(np.clip(np.stack(scaled, axis=-1), -1.0, 1.0), np.float32)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts, Task
+from sledenv.scenario import CONTROLS
 
 Floats = NDArray[np.float64]
 
@@ -25,8 +26,8 @@ def size(task: Task) -> int:
 def actions(task: Task, weights: Floats, observations: NDArray[np.float32]) -> Floats:
     """Return what policies do.
 
-    An orientation is a direction, the angle of two outputs counted from the middle of its bounds: bounds that are a
-    full turn apart have no seam. A spin is one output. Both end at the bounds.
+    What turns round, an orientation, is a direction: the angle of two outputs counted from the middle of its bounds, so
+    that bounds a full turn apart have no seam. All else is one output. Both end at the bounds.
 
     Parameters
     ----------
@@ -41,11 +42,14 @@ def actions(task: Task, weights: Floats, observations: NDArray[np.float32]) -> F
     """
     seen = np.column_stack([np.ones(len(observations)), observations[:, task.varies]])
     outputs = np.einsum("moi,ni->omn", weights.reshape(len(weights), _outputs(task), -1), seen)
-    columns = [outputs[-1]]
-    if "orientation" in task.controlled:
-        low, high = np.radians(task.scenario.control.orientation_deg)
-        angle = np.arctan2(outputs[1], 1.0 + outputs[0])  # without weights: the middle
-        columns = [2.0 * angle / (high - low), *outputs[2:]]
+    left, columns = iter(outputs), []
+    for name in task.controlled:
+        column = next(left)
+        if CONTROLS[name].turn:
+            low, high = task.scenario.control_bounds[name]
+            angle = np.arctan2(next(left), 1.0 + column)  # without weights: the middle
+            column = angle / np.pi * (CONTROLS[name].turn / (high - low))
+        columns.append(column)
     clipped: Floats = np.clip(np.stack(columns, axis=-1), -1.0, 1.0)
     return clipped
 
@@ -110,4 +114,4 @@ class Linear:
 
 
 def _outputs(task: Task) -> int:
-    return len(task.controlled) + ("orientation" in task.controlled)
+    return sum(2 if CONTROLS[name].turn else 1 for name in task.controlled)

@@ -13,6 +13,7 @@ from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.envs.task import FIELDS, Contexts
 from sledenv.jam import descent_jam
+from sledenv.scenario import CONTROLS
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,8 @@ class Agent:
     The launch is the best of a grid, a trim the best of evenly spaced ones. Three things are approximate: the surfaces
     of the simulation are rigid; a state that has been observed has the precision of float32; and the energy supplied
     leaves out what cannot be observed after the launch, its spin, the height of its pose and the work of former trims,
-    so that every trim looks a little too good.
+    so that every trim looks a little too good. Where the agent chooses the speed, or else what gives energy, that has
+    the middle of its bounds in this sum, alike for all trims.
 
     Attributes
     ----------
@@ -35,7 +37,7 @@ class Agent:
 
     def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
         self._model = Problem(problem.scenario, control=problem.control, solver="rigid")
-        self._grid = {"orientation": settings["orientations"], "spin": settings["spins"]}
+        self._grid = {name: -(-control.searched // settings["coarser"]) for name, control in CONTROLS.items()}
         self._trims = np.linspace(-1.0, 1.0, settings["trims"])
         self._trials = TRIALS if self._model.noisy else 1
         self.descents = 0
@@ -82,7 +84,8 @@ class Agent:
     def _predicted(self, contexts: Contexts, states: Floats, lent: Floats, spins: Floats) -> Floats:
         """Return the rewards of descents that go on from rebounds with other trims, shape (n,)."""
         task, scenario = self._model.task, self._model.scenario
-        angle, _, _, speed, drop, fall, *_ = contexts.T
+        middle = np.zeros((len(contexts), len(task.controlled)))
+        angle, _, _, speed, drop, fall, *_ = task.chosen(contexts, middle).T
         mass, inertia, gravity = task.body.mass, task.body.inertia, scenario.slope_section.gravity_m_s2
         states[:, -1] += spins - lent
         outcomes = task.descend_batch(contexts, states).outcomes

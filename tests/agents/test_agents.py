@@ -16,6 +16,7 @@ from agents.train import default_settings, run_folder, train, trained
 from agents.zero import Agent as Zero
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import load_run
+from sledenv.scenario import Scenario, load_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
 
@@ -38,7 +39,7 @@ def quick(monkeypatch):
         if algo == "cma_es":
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
         if algo == "replan":
-            values |= {"orientations": 6, "spins": 3, "trims": 3}
+            values |= {"coarser": 12, "trims": 3}
         return values
 
     monkeypatch.setattr(agents.train, "default_settings", settings)
@@ -55,7 +56,7 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
     assert not np.array_equal(problem.contexts("train", 3, seed=1), problem.contexts("train", 3, seed=2))
 
 
-@pytest.mark.parametrize(
+every_agent = pytest.mark.parametrize(
     ("environment", "algo"),
     [
         *(("launch", algo) for algo in ("best_fixed", "cma_es", "land_flat", "ppo", "random_launch")),
@@ -63,6 +64,9 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
         *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
     ],
 )
+
+
+@every_agent
 def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
     folder = train(algo, Problem("brake_mat", environment), seed=3, folder=tmp_path)
@@ -77,6 +81,25 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
         rewards.append(evaluate(problem, agent, algo, 20).rewards)
     assert np.array_equal(*rewards)
     assert ((rewards[0] >= 0.0) & (rewards[0] <= 1.0)).all()
+
+
+@pytest.mark.parametrize("control", ["speed", "spin+speed", "all"])
+@every_agent
+def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_path):
+    """Oracle: the box; what is chosen, in the middle or not, is what the descent is launched with."""
+    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    content["control"]["speed_m_s"] = (2.0, 5.0)
+    problem = Problem(Scenario.model_validate(content), environment, control)
+    _, agent, _ = load_run(train(algo, problem, seed=3, folder=tmp_path))
+    contexts = problem.contexts("test", 10)
+    batch, launches = problem.judge(agent, contexts)
+    assert launches.shape == (10, len(problem.task.controlled))
+    assert (np.abs(launches) <= 1.0).all()
+    speeds = problem.task.launches(contexts, launches)[:, 3]
+    assert ((speeds >= 2.0) & (speeds <= 5.0)).all()
+    if algo in ("zero", "land_flat"):
+        assert (speeds == 3.5).all()
+    assert ((batch.jam.reward >= 0.0) & (batch.jam.reward <= 1.0)).all()
 
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):

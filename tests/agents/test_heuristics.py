@@ -24,7 +24,7 @@ SEARCHES = {
     ),
 }
 TRIMS = {"n_timesteps": 400, "contexts": 20}
-LOOKAHEAD = {"orientations": 12, "spins": 5, "trims": 5}
+LOOKAHEAD = {"coarser": 6, "trims": 5}
 
 
 def altered(name: str, **sections) -> Scenario:
@@ -105,6 +105,21 @@ def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
     slip = first["u_before"] + (body.radius - body.eccentricity) * first["omega_before"]
     assert (first["omega_before"] < -1.0).all()
     assert np.abs(slip).max() < 1e-4
+
+
+@pytest.mark.parametrize("control", ["all", "orientation+speed", "spin+speed"])
+def test_land_flat_touches_upright_at_the_middle_of_the_speeds(control):
+    """Oracle: the first rebound of the simulator; the middle of the bounds by hand."""
+    launch = {"orientation_deg": [-40, 40], "drop_m": [0.6, 1.5]}
+    scenario = altered("ice_drop", launch=launch, control={"spin_rad_s": [-8, 8], "speed_m_s": [2, 7]})
+    problem = Problem(scenario, control=control)
+    contexts = problem.contexts("test", 40)
+    actions = land_flat.Agent(problem).act(problem.task.observe(contexts)).astype(float)
+    launches = problem.task.launches(contexts, actions)
+    assert (launches[:, 3] == 4.5).all()
+    first = first_touch(problem, contexts, launches)
+    touch = first["t"] - first["duration"]
+    assert np.abs(turned(launches[:, 2] + launches[:, 5] * touch)).max() < 1e-5
 
 
 def test_land_flat_mirrors_with_the_disturbance():
