@@ -13,11 +13,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from sledenv.geometry import lowest_support
+from sledenv.geometry import lowest_support, support_heights
 from sledenv.kernel import params as kernel_params
-from sledenv.params import Body, ContactLaw, Limits, Slope, State, circular_segment
+from sledenv.params import Body, ContactLaw, Limits, Slope, State, circular_segment, sled, sled_rise
 from tests.oracles import segment_by_strips, support
 
+SLED = {"mass": 120.0, "length": 1.2, "rocker_radius": 1.0, "mass_centre_height": 0.14, "gyration_radius": 0.38}
 GOOD: dict[Any, dict[str, float]] = {
     Body: {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9},
     ContactLaw: {
@@ -31,6 +32,7 @@ GOOD: dict[Any, dict[str, float]] = {
     State: {"x": 0.0, "y": 1.0, "phi": 0.5, "u": 1.0, "v": -1.0, "omega": 2.0},
     Limits: {"max_time": 60.0, "tolerance": 1e-14, "sample_interval": 0.01, "step": 1e-6, "printed_sign": 0.0},
     circular_segment: {"mass": 1.0, "radius": 0.1, "half_angle": 1.9},
+    sled: SLED,
 }
 BELOW_ZERO, ABOVE_HALF_TURN = -1e-300, math.nextafter(math.pi, 4.0)
 OUT_OF_RANGE = [
@@ -56,6 +58,11 @@ OUT_OF_RANGE = [
     (circular_segment, "mass", [0.0], "(0, inf)"),
     (circular_segment, "radius", [0.0], "(0, inf)"),
     (circular_segment, "half_angle", [0.0, ABOVE_HALF_TURN], "(0, pi] rad"),
+    (sled, "mass", [0.0], "(0, inf)"),
+    (sled, "length", [0.0, -1.0], "(0, inf)"),
+    (sled, "rocker_radius", [0.0], "(0, inf)"),
+    (sled, "mass_centre_height", [BELOW_ZERO], "[0, inf)"),
+    (sled, "gyration_radius", [0.0], "(0, inf)"),
 ]
 MAY_BE_INFINITE = {(Slope, "length")}
 
@@ -236,3 +243,37 @@ def test_a_restitution_outside_its_range_is_refused_by_name(value: float) -> Non
 def test_the_smallest_restitution_is_accepted() -> None:
     """Oracle: the documented range (0, 1]."""
     assert ContactLaw.from_restitution(1e-9, stiffness=1e6, friction=0.1, rolling_arm=0.0).restitution < 1e-8
+
+
+def test_a_sled_has_the_lengths_it_is_given() -> None:
+    """Oracle: a circle of radius 1 m; its chord of 1.2 m lies .2 m above the arc, a 3-4-5 triangle."""
+    body = sled(**SLED)
+    assert (body.mass, body.radius) == (120.0, 1.0)
+    assert 2.0 * body.radius * math.sin(body.half_angle) == pytest.approx(1.2, rel=1e-15)
+    assert body.radius * (1.0 - math.cos(body.half_angle)) == pytest.approx(0.2, rel=1e-14)
+    assert lowest_support(body) == pytest.approx(0.2 - 0.14, rel=1e-12)  # it lies on its chord
+    assert float(support_heights(body, np.zeros(1))[0]) == pytest.approx(0.14, rel=1e-15)
+    assert math.sqrt(body.inertia / body.mass) == pytest.approx(0.38, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        pytest.param("mass_centre_height", 0.2000001, "[0, 0.2]", id="above the chord"),
+        pytest.param("rocker_radius", 0.5999999, "[length/2, inf) = [0.6, inf)", id="shorter than half the chord"),
+        pytest.param("rocker_radius", 30.0, "mass_centre_height = 0.14: must be a number in [0, 0.0060", id="flat"),
+    ],
+)
+def test_a_sled_whose_chord_does_not_close_it_is_refused(field: str, value: float, allowed: str) -> None:
+    """Oracle: the sagitta of the arc."""
+    with pytest.raises(ValueError, match=f"sled.{field} = {value}|below the chord") as caught:
+        sled(**SLED | {field: value})
+    assert allowed in str(caught.value)
+
+
+@given(st.floats(0.3, 3.0), st.floats(0.5, 50.0), st.floats(0.0, 1.0))
+def test_every_sled_that_is_accepted_is_a_body(length: float, times: float, share: float) -> None:
+    """Oracle: ``Body`` itself, which refuses a mass centre outside the convex hull of arc and chord."""
+    radius = length * times
+    body = sled(100.0, length, radius, share * sled_rise(length, radius), 0.4)
+    assert lowest_support(body) >= -1e-12 * radius

@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv.geometry import lowest_support, support_height
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 
 ROOT = Path(__file__).parents[1]
@@ -63,6 +63,16 @@ def problems(content: Any) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
         Scenario.model_validate(content)
     return str(caught.value).splitlines()
+
+
+SLED = {
+    "kind": "sled",
+    "mass_kg": 120,
+    "length_m": 1.2,
+    "rocker_radius_m": 1,
+    "mass_centre_height_m": 0.14,
+    "gyration_radius_m": 0.38,
+}
 
 
 @pytest.fixture
@@ -111,8 +121,8 @@ BOUNDS = "must be a pair [low, high] of numbers in"
             18.76,
             "body.inertia_kg_m2 = 18.76: must be a number in (0, m (r^2 - h^2)] = (0, 18.75] kg m^2",
         ),
-        ("body__kind", "disk", "body.kind = 'disk': must be one of disc, segment, custom (did you mean 'disc'?)"),
-        ("body__kind", DELETE, "body.kind: missing; must be one of disc, segment, custom"),
+        ("body__kind", "disk", "body.kind = 'disk': must be one of disc, segment, sled, custom (did you mean 'disc'?)"),
+        ("body__kind", DELETE, "body.kind: missing; must be one of disc, segment, sled, custom"),
         (
             "control__spin_rad_s",
             8,
@@ -361,6 +371,7 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="custom", **disc, half_angle_deg=90) == Body(2, 0.5, 0.1, 0.2, math.pi / 2)
     assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == Body(2, 0, 0, 0.2)
     assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
+    assert body(**SLED) == sled(120, 1.2, 1, 0.14, 0.38)
 
 
 @pytest.mark.parametrize(
@@ -391,6 +402,14 @@ def test_each_kind_of_body_is_built() -> None:
             },
             "body: eccentricity_m = 0.1: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
             "[0.25, 0.5] m",
+        ),
+        (
+            SLED | {"rocker_radius_m": 0.5},
+            "body.rocker_radius_m = 0.5: must be a number in [length_m / 2, inf) = [0.6, inf) m",
+        ),
+        (
+            SLED | {"mass_centre_height_m": 0.21},
+            "body.mass_centre_height_m = 0.21: must be a number in [0, 0.2] m: the chord between the runners' ends",
         ),
         (
             {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},

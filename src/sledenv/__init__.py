@@ -4,7 +4,7 @@ from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, sim
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
 from sledenv.kernel.records import Energy, Feature, Mode, Status
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.wheel import WheelImpact, collide_wheel
@@ -36,6 +36,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_blocks",
+    "sled",
 ]
 
 _register()

@@ -49,6 +49,8 @@ from sledenv.params import (
     circular_segment,
     holds_its_mass_centre,
     least_eccentricity,
+    sled,
+    sled_rise,
 )
 
 Pair = tuple[float, float]
@@ -207,6 +209,41 @@ class SegmentBody(Section):
     def build(self) -> Body:
         """Return the body of the simulator."""
         return circular_segment(self.mass_kg, self.radius_m, math.radians(self.half_angle_deg))
+
+
+class SledBody(Section):
+    """A sled with its rider: runners bent to an arc, closed by the chord between their ends."""
+
+    kind: Literal["sled"]
+    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
+    length_m: Annotated[float, _Quantity("(0, inf) m")]
+    rocker_radius_m: Annotated[float, _Quantity("(0, inf) m")]  # of the runners
+    mass_centre_height_m: Annotated[float, _Quantity("[0, inf) m")]  # above the middle of the runners
+    gyration_radius_m: Annotated[float, _Quantity("(0, inf) m")]  # about the mass centre
+
+    @field_validator("rocker_radius_m")
+    @classmethod
+    def _reaches_both_ends(cls, radius: float, info: ValidationInfo) -> float:
+        length = info.data.get("length_m", 0.0)
+        if radius < 0.5 * length:
+            raise ValueError(f"must be a number in [length_m / 2, inf) = [{0.5 * length:g}, inf) m")
+        return radius
+
+    @field_validator("mass_centre_height_m")
+    @classmethod
+    def _mass_centre_inside(cls, height: float, info: ValidationInfo) -> float:
+        if {"length_m", "rocker_radius_m"} <= info.data.keys():
+            rise = sled_rise(info.data["length_m"], info.data["rocker_radius_m"])
+            if height > rise:
+                raise ValueError(
+                    f"must be a number in [0, {rise:g}] m: the chord between the runners' ends closes the body"
+                )
+        return height
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        given = self.length_m, self.rocker_radius_m, self.mass_centre_height_m, self.gyration_radius_m
+        return sled(self.mass_kg, *given)
 
 
 class CustomBody(Section):
@@ -388,7 +425,7 @@ class Scenario(Section):
     sources: str = ""  # where the numbers come from
     tags: tuple[str, ...] = ()
     slope_section: Annotated[SlopeSection, Field(alias="slope")]
-    body_section: Annotated[DiscBody | SegmentBody | CustomBody, Field(alias="body", discriminator="kind")]
+    body_section: Annotated[DiscBody | SegmentBody | SledBody | CustomBody, Field(alias="body", discriminator="kind")]
     contact: ContactSection
     launch_section: Annotated[LaunchSection, Field(alias="launch")]
     control: ControlSection
@@ -628,7 +665,7 @@ _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 
-_BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "custom": CustomBody}
+_BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
 _SECTIONS = (_BODIES | {"rider": RiderSection}) | {
     field.alias or name: field.annotation
     for name, field in Scenario.model_fields.items()
@@ -695,7 +732,7 @@ def _rows(kind: type[Any], rows: int, **fields: Any) -> NDArray[np.float64]:
 
 
 @lru_cache
-def _build(section: DiscBody | SegmentBody | CustomBody) -> Body:
+def _build(section: DiscBody | SegmentBody | SledBody | CustomBody) -> Body:
     return section.build()
 
 
