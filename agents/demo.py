@@ -1,4 +1,4 @@
-"""The whole story in one command: train on brake_mat, judge four agents, draw a launch before and after learning."""
+"""The whole story in one command: train on sled_snow, judge four agents, draw a launch before and after learning."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sledenv.benchmark.runs import load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot import plot_strobe
 
-SCENARIO = "brake_mat"
+SCENARIO = "sled_snow"
 ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
 
 

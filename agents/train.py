@@ -1,4 +1,4 @@
-"""Train one agent on one scenario: ``python -m agents.train --algo sac --scenario brake_mat --seed 0``."""
+"""Train one agent on one scenario: ``python -m agents.train --algo sac --scenario sled_snow --seed 0``."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m agents.train", description=__doc__)
     parser.add_argument("--algo", choices=ALGORITHMS, default="sac")
-    parser.add_argument("--scenario", default="brake_mat", help="name of a shipped scenario or a .yaml file")
+    parser.add_argument("--scenario", default="sled_snow", help="name of a shipped scenario or a .yaml file")
     parser.add_argument("--environment", choices=get_args(Environment), default="launch")
     parser.add_argument("--control", help="such as orientation+spin; default: what the scenario says")
     parser.add_argument("--seed", type=int, default=0)

@@ -49,12 +49,12 @@ def test_every_split_is_uniform_in_the_ranges(split):
 @pytest.mark.parametrize("name", IDS)
 def test_environments_draw_from_their_split_and_an_option_draws_from_another_once(name):
     """Oracle: Scenario.sample with the stream of the same seed."""
-    env = gym.make(name, split="train")
+    env = gym.make(name, scenario="brake_mat", split="train")
     stream = np.random.default_rng(7)  # as Gymnasium seeds
     assert env.reset(seed=7)[1]["context"] == BRAKE.sample(stream, "train")._asdict()
     assert env.reset(options={"split": "test"})[1]["context"] == BRAKE.sample(stream, "test")._asdict()
     assert env.reset()[1]["context"] == BRAKE.sample(stream, "train")._asdict()
-    plain = gym.make(name)
+    plain = gym.make(name, scenario="brake_mat")
     assert plain.reset(seed=7)[1]["context"] == BRAKE.sample(np.random.default_rng(7))._asdict()
 
 

@@ -48,7 +48,7 @@ class SledDescent(SledLaunch):
 
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
         control: str | None = None,
         render_mode: str | None = None,
         *,

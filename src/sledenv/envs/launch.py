@@ -76,7 +76,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
         control: str | None = None,
         render_mode: str | None = None,
         *,

@@ -109,7 +109,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: str | os.PathLike[str] | Scenario = "brake_mat",
+        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
         control: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
