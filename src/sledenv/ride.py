@@ -35,7 +35,7 @@ from sledenv.descent import (
 )
 from sledenv.entries import entry, parallel_entry
 from sledenv.jam import descent_jam
-from sledenv.kernel.batch import hop_batch
+from sledenv.kernel.batch import Trims, hop_batch
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
@@ -319,8 +319,7 @@ class RideBatch:
             self._slopes,
             self._launches,
             self._limits,
-            spins,
-            self.rotor_inertia or 1.0,
+            Trims(spins, self.rotor_inertia or 1.0),
             self._flights,
             self._touched,
             new(SPACE, numba.get_num_threads()),

@@ -21,6 +21,13 @@ from sledenv.programs.jit import by_type, kernel
 from sledenv.programs.trace import LANES, straight
 
 
+class Trims(NamedTuple):
+    """What the rider's rotor does in each lane, see :func:`sledenv.kernel.descend.trim`."""
+
+    spins: np.ndarray  # [rad/s] that it lends to the body, shape (N,)
+    rotor_inertia: float  # [kg m^2]
+
+
 class Lanes(NamedTuple):
     """What the lanes of a batch have of their own; a table of one row serves all lanes."""
 
@@ -288,8 +295,7 @@ def hop_batch(
     slopes: np.ndarray,
     launches: np.ndarray,
     limits: Limits,
-    spins: np.ndarray,
-    rotor_inertia: float,
+    trims: Trims,
     flights: np.ndarray,
     rebounds: np.ndarray,
     spaces: np.ndarray,
@@ -300,9 +306,8 @@ def hop_batch(
     ----------
     bodies, like, laws, slopes, launches, limits, spaces
         As for :func:`descend_batch`.
-    spins, rotor_inertia
-        What the rider's rotor lends to each body in this hop [rad/s], shape (N,); as for
-        :func:`sledenv.kernel.descend.trim`.
+    trims : Trims
+        What the riders do in this hop.
     flights : ndarray of OUTCOME, shape (N,)
         Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
         whose status is not RUNNING are left alone.
@@ -319,7 +324,7 @@ def hop_batch(
         moved = flights["status"][first:last] == RUNNING
         for i in range(first, last):
             if moved[i - first]:
-                trim(body_of(bodies, i), rotor_inertia, flights[i], spins[i])
+                trim(body_of(bodies, i), trims.rotor_inertia, flights[i], trims.spins[i])
         follow_lanes(like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             if moved[i - first]:
