@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import sys
 import warnings
 from pathlib import Path
@@ -17,14 +16,13 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
+from agents.curve import Curve
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
 
-CURVE = "learning_curve.csv"
 _MODEL = "model.zip"
 _BEFORE = "model_before.zip"
-_CHECK_CONTEXTS = 128
 _SCALE_CONTEXTS = 1000
 
 
@@ -36,15 +34,13 @@ class _Validation(BaseCallback):
         self._agent = agent
         self._problem = problem
         self._folder = folder
-        self._contexts = problem.drawn(problem.contexts("validation", _CHECK_CONTEXTS), "validation")
         self._every = every
         self._next = 0
         self._best = -1.0
         self._descents = 0
 
     def _on_training_start(self) -> None:
-        with (self._folder / CURVE).open("w", newline="") as file:
-            csv.writer(file).writerow(["descents", "mean_reward", "finished"])
+        self._curve = Curve(self._problem, self._folder)
         self.model.save(self._folder / _BEFORE)
         self._check()
 
@@ -59,14 +55,10 @@ class _Validation(BaseCallback):
 
     def _check(self) -> None:
         self._next = self.num_timesteps + self._every
-        batch, _ = self._problem.judge(self._agent(self._problem, self.model), self._contexts)
-        mean = float(batch.jam.reward.mean())
-        finished = float((batch.status == "finish").mean())
+        mean, finished = self._curve.check(self._agent(self._problem, self.model), self._descents)
         self.logger.record("validation/mean_reward", mean)
         self.logger.record("validation/finished", finished)
         self.logger.dump(self.num_timesteps)
-        with (self._folder / CURVE).open("a", newline="") as file:
-            csv.writer(file).writerow([self._descents, mean, finished])
         if mean > self._best:
             self._best = mean
             self.model.save(self._folder / _MODEL)

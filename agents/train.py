@@ -12,8 +12,8 @@ from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
 
 ALGORITHMS: Final = (
-    *("best_fixed", "cma_es", "land_flat", "no_trim", "ppo", "random_launch", "random_search", "random_trim", "replan"),
-    *("sac", "td3", "zero"),
+    *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),
+    *("random_trim", "replan", "sac", "td3", "zero"),
 )
 _SETTINGS = Path(__file__).parents[1] / "configs" / "agents"
 

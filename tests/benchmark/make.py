@@ -34,7 +34,7 @@ def results(
     return Results(pd.concat(rows, ignore_index=True), *empty[:2], pd.concat(oracles, ignore_index=True), empty[2])
 
 
-CURVES = "environment scenario agent seed descents mean_reward"
+CURVES = "environment scenario agent seed descents seconds mean_reward"
 RUNS = "environment scenario agent seed descents train_seconds commit versions suite"
 MAPS = "scenario context orientation spin reward"
 
@@ -50,6 +50,8 @@ def oracle(scenario: str, best: np.ndarray) -> pd.DataFrame:
             "action_0": angle,
             "action_1": -0.5 * angle,
             "reward": best,
+            "left": 0.001 * best,
+            "steady": 0.9 * best,
             "uniform": 0.5 * best,
             "width": 0.02,
             "step_median": 0.01,
@@ -97,6 +99,7 @@ def descents(
             "action_0": np.linspace(-0.9, 0.9, len(rewards)),
             "action_1": -0.5 * np.linspace(-0.9, 0.9, len(rewards)),
             "on_bound": False,
+            "steady": 0.9 * rewards,
         }
     )
 
@@ -158,7 +161,7 @@ def whole(
                     if learns:
                         at = np.linspace(0, budget, 11).astype(int)
                         reward = best.mean() * (1.0 - scale - 0.4 * np.exp(-at / 4000.0)) + rng.normal(0, 0.005, 11)
-                        curve = pd.DataFrame({"descents": at, "mean_reward": reward})
+                        curve = pd.DataFrame({"descents": at, "seconds": at / 400.0, "mean_reward": reward})
                         curves.append(curve.assign(environment=environment, scenario=scenario, agent=agent, seed=seed))
     tables = (pd.concat(parts, ignore_index=True) for parts in (judged, curves))
     launches = (pd.concat(parts, ignore_index=True) for parts in (oracles, maps))

@@ -14,7 +14,7 @@ from sledenv.benchmark import figures
 from sledenv.benchmark.report import write_report
 from tests.benchmark import make
 
-NAMES = {"regret", "learning", "maps", "robustness", "energy"}
+NAMES = {"regret", "learning", "seconds", "maps", "robustness", "energy"}
 
 
 class _Balance(HTMLParser):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import matplotlib
 import numpy as np
@@ -16,7 +16,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
 from sledenv.benchmark.scores import (
-    LEARNED,
     PROBLEM,
     SMALL_REGRET,
     STATUSES,
@@ -39,8 +38,10 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "ppo": (ORANGE, "^"),
     "sac": (BLUE, "o"),
     "td3": (GREEN, "v"),
+    "critic": (RED, "P"),
 }
-_OTHERS: Final = ((RED, "P"), (SKY, "X"), ("#8C6D31", "h"))
+_ACRONYMS: Final = ("ppo", "sac", "td3")
+_OTHERS: Final = ((SKY, "X"), ("#8C6D31", "h"), ("#A0527A", "*"))
 _SMALLEST: Final = 1e-5  # regret that is still told from none
 _MAPS: Final = 3  # contexts a scenario of which the jam map is drawn
 _ENERGY: Final = {
@@ -53,7 +54,7 @@ _ENDINGS: Final = dict(zip((*STATUSES, "another way"), (BLUE, RED, ORANGE, POTEN
 
 def label(agent: str) -> str:
     """Return the name of an agent for a reader: "best fixed", "SAC"."""
-    return agent.upper() if agent in LEARNED else agent.replace("_", " ")
+    return agent.upper() if agent in _ACRONYMS else agent.replace("_", " ")
 
 
 def title(environment: str, scenario: str) -> str:
@@ -61,8 +62,10 @@ def title(environment: str, scenario: str) -> str:
     return scenario if environment == "launch" else f"{scenario}, every hop trimmed"
 
 
-def plot_learning(results: Results) -> Figure | None:
-    """Plot the mean validation reward against simulated descents: mean over seeds, and their range.
+def plot_learning(results: Results, against: Literal["descents", "seconds"] = "descents") -> Figure | None:
+    """Plot the mean validation reward against simulated descents, or seconds: mean over seeds, and their range.
+
+    The seconds are the median of the seeds, those in which an agent is validated not counted.
 
     Returns
     -------
@@ -81,17 +84,20 @@ def plot_learning(results: Results) -> Figure | None:
         if len(fixed):
             ax.axhline(fixed.mean(), color=INK, lw=1.0, ls=":")
         for agent, curves in group.groupby("agent", sort=False):
-            at = curves.groupby("descents")["mean_reward"].agg(["mean", "min", "max"])
+            groups = curves.groupby("descents")
+            at = groups["mean_reward"].agg(["mean", "min", "max"])
+            along = at.index if against == "descents" else groups["seconds"].median()
             colour, _ = look(agent, results.curves)
-            ax.fill_between(at.index, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
-            ax.plot(at.index, at["mean"], color=colour)
+            ax.fill_between(along, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
+            ax.plot(along, at["mean"], color=colour)
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))
 
     levels = [
         Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best launch of each context"),
         Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"),
     ]
-    return _panels(results.curves, draw, "simulated descents", "mean reward", _lines(results.curves) + levels)
+    words = {"descents": "simulated descents", "seconds": "seconds of training"}[against]
+    return _panels(results.curves, draw, words, "mean reward", _lines(results.curves) + levels)
 
 
 def plot_regret(results: Results) -> Figure:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, Self, get_args
@@ -20,6 +21,8 @@ from sledenv.scenario import CONTROLS, NOISY, Scenario, Split, check_split
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
 TRIALS: Final = 8  # launches with which a context is judged where the launch is noisy
+TREMBLE: Final = (math.radians(2.0), 0.2)  # [rad], [rad/s] standard deviations of what a steady hand misses by; assumed
+TREMBLES: Final = 16  # launches with which a context is judged under a tremble
 
 
 class Agent(Protocol):
@@ -72,6 +75,9 @@ class Problem:
     ----------
     noisy : bool
         Whether the launch misses what was chosen.
+    tremble : ndarray, shape (2,)
+        Standard deviations of orientation [rad] and spin [rad/s] under a tremble: the noise of the scenario and, in
+        what the agent chooses, ``TREMBLE``.
     turns : tuple of bool
         For each thing that is chosen whether its bounds are a full turn apart, so that both are the same launch.
 
@@ -101,6 +107,8 @@ class Problem:
         self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
         self.actions: int = self.action_space.shape[0]
         self.noisy = bool(self.task.noise.any())
+        chosen = [name in self.task.controlled for name in NOISY]
+        self.tremble: NDArray[np.float64] = np.hypot(self.task.noise, np.where(chosen, TREMBLE, 0.0))
         bounds = self.scenario.control_bounds
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
 
@@ -120,11 +128,14 @@ class Problem:
         """
         if not self.noisy:
             return contexts[:, np.newaxis]
-        rng = np.random.default_rng(_number(split))
-        noise = self.task.noise * qmc.MultivariateNormalQMC([0.0, 0.0], rng=rng).random(TRIALS)
-        shape = len(contexts), TRIALS
-        repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
-        return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
+        return _repeated(contexts, self.task.noise, TRIALS, split)
+
+    def trembling(self, contexts: Contexts, split: Split) -> Contexts:
+        """Repeat contexts of shape (n, 8) with launches that miss what is chosen by a tremble, shape (n, t, 10).
+
+        As :meth:`trials`, but with t = ``TREMBLES`` and the noise of ``tremble``.
+        """
+        return _repeated(contexts, self.tremble, TREMBLES, split)
 
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
         """Give each of contexts of shape (n, 8) one draw of the noise of a split, shape (n, 8) or (n, 10).
@@ -154,12 +165,22 @@ class Problem:
         sigma = np.hypot(self.task.noise, level * np.array(extra))
         return np.hstack([contexts, sigma * np.random.default_rng(0).standard_normal((len(contexts), 2))])
 
+    def inside(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put actions of shape (..., k) into the box: a full turn wraps around, everything else stops at its bounds."""
+        columns = [
+            (actions[..., i] + 1.0) % 2.0 - 1.0 if turning else np.clip(actions[..., i], -1.0, 1.0)
+            for i, turning in enumerate(self.turns)
+        ]
+        return np.stack(columns, axis=-1)
+
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
         """Simulate one descent a context with launches of shape (n, k), on all cores."""
         chosen = checked_actions(self.task.action_space, actions, len(contexts))
         return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 
-    def expect(self, contexts: Contexts, actions: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
+    def expect(
+        self, contexts: Contexts, actions: NDArray[np.float64], split: Split, *, trembling: bool = False
+    ) -> NDArray[np.float64]:
         """Return the expected reward of launches.
 
         Parameters
@@ -169,13 +190,15 @@ class Problem:
             Launches to try in each context.
         split : {"train", "validation", "test"}
             Whose noise is meant, see :meth:`trials`.
+        trembling : bool
+            Whether the launches miss by a tremble too, see :meth:`trembling`.
 
         Returns
         -------
         ndarray, shape (n, m)
         """
         tried = actions.shape[1]
-        trials = self.trials(contexts, split)
+        trials = self.trembling(contexts, split) if trembling else self.trials(contexts, split)
         rewards: NDArray[np.float64] = np.zeros(actions.shape[:2])
         for i in range(trials.shape[1]):
             repeated = np.repeat(trials[:, i], tried, axis=0)
@@ -217,6 +240,14 @@ class Problem:
             chosen = checked_actions(self.action_space, agent.act(observed), len(moving))
             trims = np.zeros(len(seen))
             trims[moving] = task.trims(chosen[:, -1])
+
+
+def _repeated(contexts: Contexts, sigma: NDArray[np.float64], count: int, split: Split) -> Contexts:
+    """Give each of contexts of shape (n, 8) the same quasi-random normal noise of a split, shape (n, count, 10)."""
+    noise = sigma * qmc.MultivariateNormalQMC([0.0, 0.0], rng=np.random.default_rng(_number(split))).random(count)
+    shape = len(contexts), count
+    repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
+    return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
 
 
 def _number(split: Split) -> int:

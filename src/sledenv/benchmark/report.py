@@ -7,6 +7,7 @@ import io
 import json
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +18,7 @@ from matplotlib.figure import Figure
 
 from sledenv.benchmark import figures
 from sledenv.benchmark.figures import label, title
+from sledenv.benchmark.problem import TREMBLE
 from sledenv.benchmark.scores import (
     BASELINES,
     GOOD_SCORE,
@@ -40,7 +42,9 @@ TABLE: Final = "scores.md"
 _DPI: Final = 150
 _NONE: Final = "\N{EN DASH}"
 _MINUS: Final = "\N{MINUS SIGN}"
-_FIGURES: Final = {  # name: what draws it, heading, how to read it
+_FIGURES: Final[
+    dict[str, tuple[Callable[[Results], Figure | None], str, str]]
+] = {  # name: what draws it, heading, how to read it
     "regret": (
         figures.plot_regret,
         "Regret, context by context",
@@ -54,6 +58,12 @@ _FIGURES: Final = {  # name: what draws it, heading, how to read it
         "Mean reward on the validation contexts while an agent learns: a line is the mean over seeds, the band around "
         "it reaches from the worst seed to the best. The closer a line comes to the dashed level, and the sooner, the "
         "better. Both levels are of the test contexts, so small differences from them mean nothing.",
+    ),
+    "seconds": (
+        partial(figures.plot_learning, against="seconds"),
+        "Learning against time",
+        "The same against the seconds that the training takes, on the machine and with the number of workers of this "
+        "run; time spent on validation is left out.",
     ),
     "maps": (
         figures.plot_maps,
@@ -206,7 +216,8 @@ lucky or failed run does not move. In brackets its 95 % interval.</p>
 
 def _scores(table: pd.DataFrame) -> str:
     names = ["agent", "seeds", *(f"mean {metric_name(name)}" for name in SHOWN)]
-    names += ["regret, interquartile mean", "regret, 90th percentile", "score"]
+    names += ["regret, interquartile mean", "regret, 90th percentile"]
+    names += ["steady regret, interquartile mean", "steady regret, 90th percentile", "score"]
     names += [f"regret minus that of {label(name)}" for name in BASELINES if (table["agent"] == name).any()]
     names += ["actions on a bound", "finished"]
     parts = []
@@ -219,6 +230,7 @@ def _scores(table: pd.DataFrame) -> str:
                 *(_number(row[name]) for name in SHOWN),
                 _interval(row["regret"], row["regret_low"], row["regret_high"], _percent),
                 _percent(row["regret_p90"]),
+                *_steady(row),
                 _number(row["score"]),
             ]
             cells += [_difference(row, name) for name in BASELINES if (table["agent"] == name).any()]
@@ -229,8 +241,16 @@ def _scores(table: pd.DataFrame) -> str:
     note = " Agents with one seed have an interval over contexts alone." if len(alone) else ""
     return f"""<h2>Scores</h2>
 <p>Least regret first; learned agents in bold. Brackets are 95 % intervals over seeds and contexts. A difference is
-coloured where its interval is clear of 0: green for less regret than the other agent, red for more.{note}</p>
+coloured where its interval is clear of 0: green for less regret than the other agent, red for more. The steady regret
+is that of a launch that misses by a tremble of {math.degrees(TREMBLE[0]):g} degrees and {TREMBLE[1]:g} rad/s, against
+the best launch under the same tremble.{note}</p>
 {"".join(parts)}"""
+
+
+def _steady(row: dict[str, Any]) -> list[str]:
+    names = ("steady_regret", "steady_regret_low", "steady_regret_high")
+    value, low, high = (row[name] for name in names)
+    return [_interval(value, low, high, _percent), _percent(row["steady_regret_p90"])]
 
 
 def _separation(results: Results) -> str:

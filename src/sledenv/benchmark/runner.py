@@ -14,10 +14,11 @@ from typing import Any, Final, get_args
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed, parallel_config
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sledenv.benchmark.oracle import map_table, oracle
-from sledenv.benchmark.problem import TRIALS, Agent, Problem
+from sledenv.benchmark.problem import TREMBLE, TREMBLES, TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.entries import FINGERPRINT
@@ -127,7 +128,8 @@ def _warm_up(job: Job) -> None:
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:
     """Digest of all that the numbers of a job depend on."""
-    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise, TRIALS]
+    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise]
+    content += [TRIALS, TREMBLE, TREMBLES]
     content += [DescentJam._fields, FINGERPRINT]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
@@ -152,7 +154,8 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
         train(job.module, problem, job.settings, job.seed, place)
     contexts = problem.contexts("test", suite.contexts)
     _, agent, _ = load_run(place)
-    parts = [_rows(problem, agent, problem.trials(contexts, "test")).assign(stage="trained", noise=0.0)]
+    rows = _rows(problem, agent, problem.trials(contexts, "test")).assign(stage="trained", noise=0.0)
+    parts = [rows.assign(steady=_steady(problem, contexts, rows))]
     for level in suite.noise:
         noisy = problem.disturbed(contexts, level)[:, np.newaxis]
         parts.append(_rows(problem, agent, noisy).assign(stage="trained", noise=level))
@@ -182,12 +185,22 @@ def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def _steady(problem: Problem, contexts: Contexts, rows: pd.DataFrame) -> NDArray[np.float64]:
+    """Return what the launches of judged descents earn in the mean under a tremble; NaN where hops are trimmed too."""
+    if problem.environment != "launch":
+        return np.full(len(rows), np.nan)
+    actions = rows[[f"action_{i}" for i in range(problem.actions)]].to_numpy(np.float64)
+    launches = actions[(rows["trial"] == 0).to_numpy()]  # the same in all trials
+    earned: NDArray[np.float64] = problem.expect(contexts, launches[:, np.newaxis], "test", trembling=True)[:, 0]
+    return np.asarray(earned[rows["context"].to_numpy()])
+
+
 def _curve(folder: Path) -> list[list[float]]:
-    """Return descents and mean validation reward of a learning curve, empty if the agent left none."""
+    """Return descents, seconds and mean validation reward of a learning curve, empty if the agent left none."""
     path = folder / _CURVE
     if not path.is_file():
         return []
-    curve: list[list[float]] = pd.read_csv(path)[["descents", "mean_reward"]].to_numpy().tolist()
+    curve: list[list[float]] = pd.read_csv(path)[["descents", "seconds", "mean_reward"]].to_numpy().tolist()
     return curve
 
 
@@ -197,7 +210,7 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
     for job in jobs:
         problem = job.problem()
         table = pd.read_parquet(_judged(suite, job, folder))
-        curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "mean_reward"])
+        curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "seconds", "mean_reward"])
         named = {"environment": job.environment, "scenario": problem.scenario.id, "agent": job.agent, "seed": job.seed}
         used = curve["descents"].iloc[-1] if len(curve) else job.settings.get("n_timesteps", 0)
         attributes = {key: value for key, value in table.attrs.items() if key != "curve"}

@@ -15,8 +15,18 @@ from sledenv.kernel.records import LOSSES
 
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
-AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3")  # in the order of tables
-LEARNED: Final = ("ppo", "sac", "td3")
+# In the order of tables.
+AGENTS: Final = (
+    "zero",
+    "random_launch",
+    "best_fixed",
+    "land_flat",
+    "ppo",
+    "sac",
+    "td3",
+    "critic",
+)  # in the order of tables
+LEARNED: Final = ("ppo", "sac", "td3", "critic")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
 STATUSES: Final = ("finish", "jammed", "tumbled")
 SMALL_REGRET: Final = 0.01  # of the interquartile mean
@@ -27,11 +37,12 @@ _SEED: Final = 0
 _COLUMNS: Final = {
     "results": (
         "environment scenario scenario_hash agent seed stage context trial noise status supplied "
-        f"{' '.join(f'loss_{name}' for name in LOSSES)} rebounds time action_0 on_bound {' '.join(DescentJam._fields)}"
+        f"{' '.join(f'loss_{name}' for name in LOSSES)} rebounds time action_0 on_bound steady "
+        f"{' '.join(DescentJam._fields)}"
     ),
-    "curves": "environment scenario agent seed descents mean_reward",
+    "curves": "environment scenario agent seed descents seconds mean_reward",
     "runs": "environment scenario agent seed descents train_seconds commit versions suite",
-    "oracle": "scenario context action_0 reward uniform width step_median step_p99",
+    "oracle": "scenario context action_0 reward left steady uniform width step_median step_p99",
     "maps": "scenario context reward",
 }
 
@@ -116,7 +127,8 @@ def regrets(results: Results) -> pd.DataFrame:
         A row for each environment, scenario, agent, seed and context: mean over the trials of ``reward`` and whatever
         else is in ``SHOWN``, of ``on_bound`` and ``finished``; ``best`` and ``uniform``, the rewards of the best and of
         a random launch; ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is
-        lost there.
+        lost there. ``steady_regret`` is that of the launch against the best one, both under a tremble; NaN where hops
+        are trimmed too.
 
     Raises
     ------
@@ -126,15 +138,23 @@ def regrets(results: Results) -> pd.DataFrame:
     judged = results.results
     judged = judged[(judged["stage"] == "trained") & (judged["noise"] == 0.0)]
     judged = judged.assign(finished=judged["status"] == "finish")
-    table = judged.groupby([*AGENT, "seed", "context"], as_index=False)[[*SHOWN, "on_bound", "finished"]].mean()
-    oracle = results.oracle[["scenario", "context", "reward", "uniform"]].rename(columns={"reward": "best"})
+    table = judged.groupby([*AGENT, "seed", "context"], as_index=False)[
+        [*SHOWN, "on_bound", "finished", "steady"]
+    ].mean()
+    names = {"reward": "best", "steady": "steady_best"}
+    oracle = results.oracle[["scenario", "context", "reward", "steady", "uniform"]].rename(columns=names)
     table = table.merge(oracle, "left", ["scenario", "context"], validate="many_to_one")
     if table["best"].isna().any():
         row = table[table["best"].isna()].iloc[0]
         raise ValueError(f"oracle.parquet has no context {row['context']} of {row['scenario']}")
-    best = table["best"].to_numpy()
-    ratio = np.divide(table["reward"].to_numpy(), best, out=np.ones(len(table)), where=best > 0.0)
-    return ordered(table.assign(regret=1.0 - ratio))
+    regret = _regret(table["reward"], table["best"])
+    return ordered(table.assign(regret=regret, steady_regret=_regret(table["steady"], table["steady_best"])))
+
+
+def _regret(rewards: pd.Series, best: pd.Series) -> NDArray[np.float64]:
+    most = best.to_numpy()
+    shares: NDArray[np.float64] = np.divide(rewards.to_numpy(), most, out=np.ones(len(most)), where=most > 0.0)
+    return 1.0 - shares
 
 
 def iqm(values: NDArray[np.float64]) -> float:
@@ -183,7 +203,8 @@ def scores(results: Results) -> pd.DataFrame:
     -------
     DataFrame
         A row each: ``seeds``, ``contexts``, mean ``reward`` and whatever else is in ``SHOWN``; interquartile mean of
-        the ``regret`` with its interval ``regret_low``, ``regret_high``, and ``regret_p90``; the normalised ``score``;
+        the ``regret`` with its interval ``regret_low``, ``regret_high``, and ``regret_p90``; the same of the
+        ``steady_regret``; the normalised ``score``;
         shares ``on_bound`` and ``finished``; and for each of ``BASELINES`` the difference of the interquartile means,
         ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
 
@@ -203,6 +224,8 @@ def scores(results: Results) -> pd.DataFrame:
             raise ValueError(f"{' '.join(key)}: not all of its seeds met the same contexts as other agents")
         estimates[key] = estimate(values.to_numpy())
         low, high = interval(estimates[key])
+        steady = estimate(group.pivot(index="seed", columns="context", values="steady_regret").to_numpy())
+        steady_low, steady_high = interval(steady)
         rows.append(
             {
                 **dict(zip(AGENT, key, strict=True)),
@@ -213,6 +236,10 @@ def scores(results: Results) -> pd.DataFrame:
                 "regret_low": low,
                 "regret_high": high,
                 "regret_p90": group["regret"].quantile(0.9),
+                "steady_regret": steady.value,
+                "steady_regret_low": steady_low,
+                "steady_regret_high": steady_high,
+                "steady_regret_p90": group["steady_regret"].quantile(0.9),
                 "score": float(_normalised(group["reward"].mean(), group["uniform"].mean(), group["best"].mean())),
                 "on_bound": group["on_bound"].mean(),
                 "finished": group["finished"].mean(),

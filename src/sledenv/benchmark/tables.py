@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -54,7 +54,7 @@ def _verdicts(table: pd.DataFrame) -> str:
 
 def _scores(table: pd.DataFrame) -> str:
     names = ["scenario", "agent", "seeds", *(f"mean {metric_name(name)}" for name in SHOWN)]
-    names += ["regret, IQM [95 %]", "regret, p90", "score", "on bound", "finished"]
+    names += ["regret, IQM [95 %]", "regret, p90", "steady regret, IQM [95 %]", "p90", "score", "on bound", "finished"]
     rows = [
         [
             _place(table, row["environment"], row["scenario"]),
@@ -63,6 +63,7 @@ def _scores(table: pd.DataFrame) -> str:
             *(f"{row[name]:.3f}" for name in SHOWN),
             f"{row['regret']:.2%} [{row['regret_low']:.2%}, {row['regret_high']:.2%}]",
             f"{row['regret_p90']:.2%}",
+            *_steady(row),
             f"{row['score']:.3f}",
             f"{row['on_bound']:.1%}",
             f"{row['finished']:.1%}",
@@ -70,6 +71,13 @@ def _scores(table: pd.DataFrame) -> str:
         for row in table.to_dict("records")
     ]
     return _table(names, rows)
+
+
+def _steady(row: Mapping[str, float]) -> list[str]:
+    if np.isnan(row["steady_regret"]):
+        return ["-", "-"]
+    low, high = (f"{row[f'steady_regret_{end}']:.2%}" for end in ("low", "high"))
+    return [f"{row['steady_regret']:.2%} [{low}, {high}]", f"{row['steady_regret_p90']:.2%}"]
 
 
 def _separation(results: Results, table: pd.DataFrame) -> str:

@@ -1,0 +1,51 @@
+"""The learning curve of a run: how an agent does on validation contexts, against descents and seconds."""
+
+from __future__ import annotations
+
+import csv
+import time
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from sledenv.benchmark.problem import Agent, Problem
+
+FILE: Final = "learning_curve.csv"
+_CONTEXTS: Final = 128
+
+
+class Check(NamedTuple):
+    """How an agent does on the validation contexts."""
+
+    mean_reward: float
+    finished: float  # share of the descents
+
+
+class Curve:
+    """Judges an agent while it learns, always on the same validation contexts, and writes the learning curve.
+
+    Parameters
+    ----------
+    problem : Problem
+    folder : Path
+        Of the run; the file is begun.
+    """
+
+    def __init__(self, problem: Problem, folder: Path) -> None:
+        self._problem = problem
+        self._contexts = problem.drawn(problem.contexts("validation", _CONTEXTS), "validation")
+        self._path = folder / FILE
+        self._begun = time.perf_counter()
+        self._judging = 0.0
+        with self._path.open("w", newline="") as file:
+            csv.writer(file).writerow(["descents", "seconds", "mean_reward", "finished"])
+
+    def check(self, agent: Agent, descents: int) -> Check:
+        """Judge an agent that has learned from so many descents; seconds are those of learning, without the judging."""
+        begun = time.perf_counter()
+        batch, _ = self._problem.judge(agent, self._contexts)
+        check = Check(float(batch.jam.reward.mean()), float((batch.status == "finish").mean()))
+        seconds = begun - self._begun - self._judging
+        with self._path.open("a", newline="") as file:
+            csv.writer(file).writerow([descents, f"{seconds:.2f}", *check])
+        self._judging += time.perf_counter() - begun
+        return check

@@ -1,0 +1,117 @@
+"""The agent that searches a distributional critic: its targets, its samples, its search, its file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
+from agents.train import default_settings
+from sledenv.benchmark.landing import Landing
+from sledenv.benchmark.problem import Problem
+
+SMALL = {"n_timesteps": 2000, "n_contexts": 20, "n_tries": 20, "warmup": 1, "gradient_steps": 60, "checks": 2}
+
+
+def settings(problem: Problem) -> dict:
+    return default_settings("critic", problem) | SMALL | {"net_arch": [32, 32], "bfloat16": False}
+
+
+def test_a_target_is_the_reward_that_it_stands_for():
+    """Oracle: the least cross-entropy of a critic that may answer anything is its target; its mean is the reward."""
+    critic = Critic((True, False), [8], 41)
+    rewards = torch.linspace(0.0, 1.0, 11)
+    logits = torch.zeros(11, 41, requires_grad=True)
+    critic.forward = lambda inputs: logits
+    (gradient,) = torch.autograd.grad(critic.loss(torch.zeros(11, 1), rewards), logits)
+    targets = 1 / 41 - 11 * gradient  # of softmax and cross-entropy: answer less target, over the rows
+    assert (targets >= -1e-5).all()
+    np.testing.assert_allclose(targets.sum(dim=1), 1.0, atol=2e-4)
+    np.testing.assert_allclose(targets @ critic.middles, rewards, atol=2e-4)
+
+
+def test_a_full_turn_has_no_seam():
+    critic = Critic((True, False), [8], 11)
+    seen = np.zeros((1, 8), np.float32)
+    ends = np.array([[[-1.0, 0.3], [1.0, 0.3], [0.0, 0.3]]], np.float32)
+    low, high, other = critic.rate(seen, ends)[0]
+    assert low == pytest.approx(high, abs=1e-6)
+    assert low != pytest.approx(other, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "trembling"),
+    [("brake_mat", False), ("brake_mat", True), ("sled_tilt", False), ("sled_brow", False), ("noisy_start", False)],
+)
+def test_samples_are_what_the_landings_earn(scenario, trembling):
+    """Oracle: the simulator, with the contexts and landings that the inputs tell; with noise, rewards scatter."""
+    problem = Problem(scenario)
+    critic = Critic(problem.turns, [8], 11)
+    sampler = Sampler(problem, {"n_contexts": 6, "n_tries": 10, "trembling": trembling}, np.random.default_rng(1))
+    for guided in (False, True):
+        inputs, rewards = sampler.sample(critic, guided)
+        assert inputs.shape == (60, critic.width)
+        assert rewards.shape == (60,)
+        seen, columns = inputs[:, :8], inputs[:, 8:]
+        landings = []
+        for turning in problem.turns:
+            landings.append(np.arctan2(columns[:, 0], columns[:, 4]) / np.pi if turning else columns[:, 0])
+            columns = columns[:, 8 if turning else 1 :]
+        launches = Landing(problem).actions(seen, np.stack(landings, axis=1).astype(np.float32))
+        again = problem.descend(problem.task.contexts_seen(seen), launches).jam.reward
+        alike = np.isclose(again, rewards, atol=1e-3).mean()  # a cliff may lie between float32 and double
+        assert alike < 0.9 if trembling or problem.noisy else alike > 0.9
+
+
+def test_a_search_finds_what_is_rated_best():
+    """Oracle: many uniform landings, rated by the same critic."""
+    problem = Problem("brake_mat")
+    torch.manual_seed(3)
+    critic = Critic(problem.turns, [64, 64], 41)
+    seen = problem.task.observe(problem.contexts("test", 5))
+    rng = np.random.default_rng(0)
+    anywhere = rng.uniform(-1.0, 1.0, (5, ACTING.anywhere, 2))
+    peaks, heights = searched(problem, critic, seen, anywhere, ACTING, lambda *shape: rng.standard_normal((*shape, 2)))
+    assert peaks.shape == (5, ACTING.starts, 2)
+    assert (np.abs(peaks) <= 1.0).all()
+    assert (np.diff(heights, axis=1) <= 0.0).all()
+    np.testing.assert_allclose(critic.rate(seen, peaks.astype(np.float32)), heights, atol=1e-5)
+    others = critic.rate(seen, rng.uniform(-1.0, 1.0, (5, 20_000, 2)).astype(np.float32))
+    assert (others.max(axis=1) <= heights[:, 0] + 1e-5).all()
+
+
+def test_it_learns_the_same_from_the_same_seed_and_better_than_random(tmp_path):
+    """Oracle: random launches in the same contexts; a second run; the file read once more; contexts one by one."""
+    problem = Problem("talus")
+    agents = []
+    for seed, name in [(0, "one"), (0, "same"), (1, "other")]:
+        folder = tmp_path / name
+        folder.mkdir()
+        agents.append(Agent.train(problem, settings(problem), seed, folder))
+    contexts = problem.contexts("test", 60)
+    seen = problem.task.observe(contexts)
+    one, same, other = (agent.act(seen) for agent in agents)
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+    assert np.array_equal(Agent.load(problem, tmp_path / "one").act(seen), one)
+    np.testing.assert_allclose(agents[0].act(seen[7:8]), one[7:8], atol=1e-4)
+    random = np.random.default_rng(0).uniform(-1.0, 1.0, one.shape)
+    assert problem.descend(contexts, one).jam.reward.mean() > problem.descend(contexts, random).jam.reward.mean()
+    curve = np.loadtxt(tmp_path / "one" / "learning_curve.csv", delimiter=",", skiprows=1)
+    assert (np.diff(curve[:, :2], axis=0) >= 0.0).all()
+    assert curve[-1, 0] == 2000
+
+
+def test_weights_are_plain_numbers(tmp_path):
+    """Oracle: NumPy, which refuses to run what a file holds."""
+    problem = Problem("sled_tilt")
+    critic = Critic(problem.turns, [16, 16, 16], 21)
+    keep(critic, tmp_path / "critic.npz")
+    with np.load(tmp_path / "critic.npz", allow_pickle=False) as arrays:
+        assert {arrays[name].dtype for name in arrays.files} == {np.dtype(np.float16)}
+    seen = np.zeros((1, 8), np.float32)
+    landings = np.linspace(-1.0, 1.0, 9, dtype=np.float32).reshape(1, 9, 1)
+    np.testing.assert_allclose(
+        kept(problem, tmp_path / "critic.npz").rate(seen, landings), critic.rate(seen, landings), atol=1e-3
+    )
