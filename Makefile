@@ -7,8 +7,11 @@ CLIENTS ?= .venv-clients
 CLIENTS_STAMP = $(CLIENTS)/.installed
 BENCH_STAMP = $(VENV)/.installed-bench
 
+HARD = brake_mat hard ice_drop sled_brake sled_frost sled_snow spinning_entry
+EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
+
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench bench-instructions clients test test-slow test-nojit lint clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients test test-slow test-nojit lint clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -30,6 +33,12 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP) ## train and judge a small agent, results in runs/demo
 	$(BIN)/python -m agents.demo
+
+agents: $(STAMP) ## train the agents of agents/trained anew: five minutes of two cores each for HARD, else half a minute
+	for name in $(HARD); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+		--settings configs/agents/minutes --runs agents/trained --overwrite || exit; done
+	for name in $(EASY); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+		--runs agents/trained --overwrite || exit; done
 
 test: $(STAMP) ## run the fast tests
 	$(BIN)/python -m pytest -n 2 -q -m "not slow"

@@ -118,7 +118,7 @@ class Landed(VecEnvWrapper):
         return observations, rewards, dones, infos
 
 
-def _random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
+def random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
     """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
     contexts = problem.drawn(problem.contexts("train", _SCALE_CONTEXTS, seed), "train")
     launches = np.random.default_rng(seed).uniform(-1.0, 1.0, (_SCALE_CONTEXTS, problem.actions))
@@ -175,7 +175,7 @@ class Learned:
             )
         )
         if problem.environment == "launch":
-            env = Landed(Standardised(env, _random_rewards(problem, seed)), Landing(problem))
+            env = Landed(Standardised(env, random_rewards(problem, seed)), Landing(problem))
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.

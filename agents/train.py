@@ -15,16 +15,17 @@ ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),
     *("random_trim", "replan", "sac", "td3", "zero"),
 )
-_SETTINGS = Path(__file__).parents[1] / "configs" / "agents"
+TRAINED: Final = Path(__file__).parent / "trained"  # what ships: a run of agents.critic for every scenario
+SETTINGS: Final = Path(__file__).parents[1] / "configs" / "agents"
 
 
-def default_settings(algo: str, problem: Problem) -> dict[str, Any]:
-    """Read the hyperparameters of an algorithm from configs/agents; empty where it has none."""
-    return runs.read_settings(_SETTINGS, _module(algo), problem)
+def default_settings(algo: str, problem: Problem, settings: Path = SETTINGS) -> dict[str, Any]:
+    """Read the hyperparameters of an algorithm from a folder; empty where it has none."""
+    return runs.read_settings(settings, _module(algo), problem)
 
 
-def chosen_settings(algo: str, problem: Problem, steps: int | None = None) -> dict[str, Any]:
-    """Return the settings of a run; ``steps`` stands in for the configured budget.
+def chosen_settings(algo: str, problem: Problem, steps: int | None = None, settings: Path = SETTINGS) -> dict[str, Any]:
+    """Return the hyperparameters of a run; ``steps`` stands in for the configured budget.
 
     Raises
     ------
@@ -35,8 +36,8 @@ def chosen_settings(algo: str, problem: Problem, steps: int | None = None) -> di
         raise ValueError(f"algo = {algo!r}: must be one of {', '.join(ALGORITHMS)}")
     if steps is not None and steps < 1:
         raise ValueError(f"steps = {steps}: must be >= 1")
-    settings = default_settings(algo, problem)
-    return settings | {"n_timesteps": steps} if steps is not None and settings else settings
+    chosen = default_settings(algo, problem, settings)
+    return chosen | {"n_timesteps": steps} if steps is not None and chosen else chosen
 
 
 def run_folder(folder: Path, algo: str, problem: Problem, seed: int) -> Path:
@@ -51,6 +52,7 @@ def train(
     seed: int = 0,
     folder: Path = Path("runs"),
     steps: int | None = None,
+    settings: Path = SETTINGS,
     overwrite: bool = False,
 ) -> Path:
     """Train an agent and keep it in a folder of its own.
@@ -66,6 +68,8 @@ def train(
         Where the folder of the run is made.
     steps : int, optional
         Budget in environment steps in place of the configured one.
+    settings : Path
+        Folder of the hyperparameters.
     overwrite : bool
         Replace a finished run; otherwise it is left as it is.
 
@@ -81,11 +85,11 @@ def train(
     FileExistsError
         If the run exists and ``overwrite`` is false.
     """
-    settings = chosen_settings(algo, problem, steps)
+    chosen = chosen_settings(algo, problem, steps, settings)
     place = run_folder(folder, algo, problem, seed)
     if place.exists() and not overwrite:
         raise FileExistsError(f"{place} exists: add --overwrite to replace it")
-    return runs.train(_module(algo), problem, settings, seed, place)
+    return runs.train(_module(algo), problem, chosen, seed, place)
 
 
 def trained(
@@ -105,6 +109,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--control", help="such as orientation+spin; default: what the scenario says")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, help="budget in environment steps (default: configs/agents/ALGO.yaml)")
+    parser.add_argument("--settings", type=Path, default=SETTINGS, help="folder of the hyperparameters")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="where the folder of the run is made")
     parser.add_argument("--overwrite", action="store_true", help="replace a finished run")
     given = parser.parse_args(arguments)
@@ -115,6 +120,7 @@ def main(arguments: list[str] | None = None) -> int:
             seed=given.seed,
             folder=given.runs,
             steps=given.steps,
+            settings=given.settings,
             overwrite=given.overwrite,
         )
     except (ScenarioError, ValueError, FileExistsError) as error:

@@ -7,9 +7,11 @@ import pytest
 import torch
 
 from agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
-from agents.train import default_settings
+from agents.train import TRAINED, default_settings, run_folder
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import load_run
+from sledenv.scenario import scenario_names
 
 SMALL = {"n_timesteps": 2000, "n_contexts": 20, "n_tries": 20, "warmup": 1, "gradient_steps": 60, "checks": 2}
 
@@ -115,3 +117,18 @@ def test_weights_are_plain_numbers(tmp_path):
     np.testing.assert_allclose(
         kept(problem, tmp_path / "critic.npz").rate(seen, landings), critic.rate(seen, landings), atol=1e-3
     )
+
+
+@pytest.mark.parametrize("scenario", [name for name in scenario_names() if name != "paper_impact"])
+def test_a_shipped_agent_is_of_its_pack_as_it_is_and_beats_the_zero_action(scenario):
+    """Oracle: the zero action and random launches, in contexts that no training has seen; the pack itself."""
+    problem, agent, config = load_run(run_folder(TRAINED, "critic", Problem(scenario), 0))
+    assert config["scenario_hash"] == problem.scenario.hash == Problem(scenario).scenario.hash
+    contexts = problem.contexts("test", 40)
+    launches = agent.act(problem.task.observe(contexts))
+    zero, random = np.zeros_like(launches), np.random.default_rng(0).uniform(-1.0, 1.0, launches.shape)
+    mine, *others = (
+        problem.expect(contexts, tried[:, np.newaxis], "test").mean() for tried in (launches, zero, random)
+    )
+    assert mine > others[1]
+    assert mine > others[0] or scenario == "ice_fast"  # where no launch is better than none

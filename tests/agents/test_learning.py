@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO, SAC, TD3
 
-from agents.learning import Landed, Standardised, _random_rewards
+from agents.learning import Landed, Standardised, random_rewards
 from agents.ppo import Agent as PpoAgent
 from agents.searching import COARSE, SearchingSAC, SearchingTD3
+from agents.wrappers import Landed as Landed1
+from agents.wrappers import Standardised as Standardised1
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
@@ -30,7 +33,7 @@ def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
     """Oracle: the environment itself, with launches of another stream."""
     problem = Problem(scenario)
     lanes = make_vec_env(problem.id, 1000, 7000, env_kwargs={"scenario": scenario, "split": "train"})
-    env = Standardised(lanes, _random_rewards(problem, seed=1))
+    env = Standardised(lanes, random_rewards(problem, seed=1))
     env.reset()
     launches = np.random.default_rng(5).uniform(-1.0, 1.0, (1000, problem.actions)).astype(np.float32)
     rewards = env.step(launches)[1]
@@ -134,3 +137,22 @@ def test_the_noise_of_td3_is_normal():
 
     with pytest.raises(ValueError, match="noise_type = 'ornstein-uhlenbeck': must be 'normal'"):
         Agent.prepared(Problem("ice_drop"), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})
+
+
+def test_the_wrappers_of_one_environment_are_those_of_the_lanes():
+    """Oracle: the wrapped lanes that PPO, SAC and TD3 train in, with the same contexts and actions."""
+    problem = Problem("brake_mat")
+    one = Standardised1(Landed1(gym.make("sledenv/SledLaunch-v0", scenario="brake_mat", split="train")))
+    lanes = make_vec_env(problem.id, 1, 3, env_kwargs={"scenario": "brake_mat", "split": "train"})
+    vector = Landed(Standardised(lanes, random_rewards(problem, seed=0)), Landing(problem))
+    seen, _ = one.reset(seed=3)
+    np.testing.assert_array_equal(vector.reset()[0], seen)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        action = rng.uniform(-1.0, 1.0, 2).astype(np.float32)
+        _, reward, terminated, truncated, _ = one.step(action)
+        assert terminated or truncated
+        next_seen, rewards, *_ = vector.step(action[np.newaxis])
+        assert rewards[0] == pytest.approx(reward, rel=1e-6)
+        seen, _ = one.reset()
+        np.testing.assert_array_equal(next_seen[0], seen)

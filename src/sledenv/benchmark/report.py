@@ -42,9 +42,8 @@ TABLE: Final = "scores.md"
 _DPI: Final = 150
 _NONE: Final = "\N{EN DASH}"
 _MINUS: Final = "\N{MINUS SIGN}"
-_FIGURES: Final[
-    dict[str, tuple[Callable[[Results], Figure | None], str, str]]
-] = {  # name: what draws it, heading, how to read it
+_Drawn = tuple[Callable[[Results], Figure | None], str, str]  # what draws a figure, its heading, how to read it
+_FIGURES: Final[dict[str, _Drawn]] = {
     "regret": (
         figures.plot_regret,
         "Regret, context by context",
