@@ -26,8 +26,8 @@ def quick(monkeypatch):
     """Settings with which a training run takes seconds."""
     original = default_settings
 
-    def settings(algo, problem):
-        values = original(algo, problem)
+    def settings(algo, problem, folder):
+        values = original(algo, problem, folder)
         if algo == "sac":
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "td3":
@@ -38,6 +38,8 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "cma_es":
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
+        if algo == "critic":
+            values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
         if algo == "replan":
             values |= {"coarser": 12, "trims": 3}
         return values
@@ -59,7 +61,7 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
 every_agent = pytest.mark.parametrize(
     ("environment", "algo"),
     [
-        *(("launch", algo) for algo in ("best_fixed", "cma_es", "land_flat", "ppo", "random_launch")),
+        *(("launch", algo) for algo in ("best_fixed", "cma_es", "critic", "land_flat", "ppo", "random_launch")),
         *(("launch", algo) for algo in ("random_search", "sac", "td3", "zero")),
         *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
     ],
@@ -109,7 +111,7 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
     assert curve[-1, 0] >= 160
     problem, agent, _ = load_run(folder)
     mean = problem.judge(agent, problem.contexts("validation", 128))[0].jam.reward.mean()
-    assert mean == pytest.approx(curve[:, 1].max(), abs=1e-12)
+    assert mean == pytest.approx(curve[:, 2].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
     assert Sac.load_untrained(Problem("brake_mat"), folder).act(np.zeros((2, 8), np.float32)).shape == (2, 2)
 
