@@ -8,6 +8,7 @@ CLIENTS_STAMP = $(CLIENTS)/.installed
 BENCH_STAMP = $(VENV)/.installed-bench
 
 HARD = brake_mat hard ice_drop sled_brake sled_frost sled_snow spinning_entry
+NEEDLES = sled_frost sled_snow
 EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
 
 .DEFAULT_GOAL := help
@@ -34,11 +35,13 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP) ## train and judge a small agent, results in runs/demo
 	$(BIN)/python -m agents.demo
 
-agents: $(STAMP) ## train the agents of agents/trained anew: five minutes of two cores each for HARD, else half a minute
+agents: $(STAMP) ## train the agents of agents/trained anew: an hour on two cores
 	for name in $(HARD); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
 		--settings configs/agents/minutes --runs agents/trained --overwrite || exit; done
 	for name in $(EASY); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
+	for name in $(NEEDLES); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+		--settings configs/agents/steady --runs agents/trained/steady --overwrite || exit; done
 
 test: $(STAMP) ## run the fast tests
 	$(BIN)/python -m pytest -n 2 -q -m "not slow"

@@ -132,3 +132,16 @@ def test_a_shipped_agent_is_of_its_pack_as_it_is_and_beats_the_zero_action(scena
     )
     assert mine > others[1]
     assert mine > others[0] or scenario == "ice_fast"  # where no launch is better than none
+
+
+@pytest.mark.parametrize("scenario", ["sled_frost", "sled_snow"])
+def test_an_agent_trained_under_a_tremble_is_steadier(scenario):
+    """Oracle: the agent trained without, in the same contexts with the same tremble."""
+    problem = Problem(scenario)
+    contexts = problem.contexts("test", 40)
+    seen = problem.task.observe(contexts)
+    means = []
+    for folder in (TRAINED / "steady", TRAINED):
+        _, agent, _ = load_run(run_folder(folder, "critic", problem, 0))
+        means.append(problem.expect(contexts, agent.act(seen)[:, np.newaxis], "test", trembling=True).mean())
+    assert means[0] > means[1]
