@@ -99,7 +99,7 @@ def descents(
             "action_0": np.linspace(-0.9, 0.9, len(rewards)),
             "action_1": -0.5 * np.linspace(-0.9, 0.9, len(rewards)),
             "on_bound": False,
-            "steady": 0.9 * rewards,
+            "steady": 0.9 * rewards if environment == "launch" else np.nan,
         }
     )
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from sledenv.benchmark import oracle as oracle_module
 from sledenv.benchmark.oracle import (
     GRID,
     _maxima,
@@ -49,6 +50,34 @@ def test_the_reward_of_a_best_launch_is_what_it_earns(found):
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 1000, 2))
     assert (problem.expect(contexts, tried, "test").max(axis=1) <= 1.001 * table["reward"]).all()
     assert (table["uniform"] < table["reward"]).all()
+
+
+def test_what_is_left_is_how_far_the_best_two_searches_are_apart(found, monkeypatch):
+    """Oracle: contexts whose searches agree were searched twice and no more; with one search more, none is worse."""
+    problem, table = found
+    agree = table["left"] <= oracle_module.AGREED * table["reward"]
+    assert (table["left"] >= 0.0).all()
+    assert (table["searches"][agree] >= oracle_module.SEARCHES[0]).all()
+    assert (table["searches"][~agree] == oracle_module.SEARCHES[1]).all()
+    assert (table["reward"] + table["left"] <= 1.0).all()
+    monkeypatch.setattr(oracle_module, "AGREED", -1.0)
+    monkeypatch.setattr(oracle_module, "SEARCHES", (2, 3))
+    again = best_launches(problem, table[list(Context._fields)].to_numpy()[:1])
+    assert again["searches"].tolist() == [3]
+    assert again["reward"][0] >= table["reward"][0]
+
+
+def test_a_steady_launch_earns_under_a_tremble_what_is_said_and_no_less_than_the_best_launch(found):
+    """Oracle: the simulator once more; the best launch without a tremble is one of those that are tried."""
+    problem, table = found
+    contexts = table[list(Context._fields)].to_numpy()
+    steady = table[["steady_0", "steady_1"]].to_numpy()[:, np.newaxis]
+    earned = problem.expect(contexts, steady, "test", trembling=True)[:, 0]
+    assert earned == pytest.approx(table["steady"].to_numpy(), abs=1e-12)
+    other = problem.expect(contexts, actions_of(problem, table)[:, np.newaxis], "test", trembling=True)[:, 0]
+    # It was chosen by another tremble than that of the test.
+    assert (table["steady"].to_numpy() >= other - 0.05).all()
+    assert (table["steady"] <= table["reward"]).all()
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
+from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
+from sledenv.envs.task import FIELDS
 from sledenv.scenario import Scenario, load_scenario
 
 
@@ -93,6 +94,24 @@ def test_extra_noise_disturbs_what_is_chosen_alone(noisy):
     assert not one[:, 1].any()
     more = Problem(noisy).disturbed(contexts, 0.05)[:, 8:]
     assert more.std(axis=0) == pytest.approx([np.hypot(0.05 * np.pi, np.radians(4.0)), 0.5], rel=0.06)
+
+
+def test_a_tremble_is_the_noise_and_that_of_a_hand_in_what_is_chosen(noisy):
+    """Oracle: independent variances add up; the spread and the mean of the launches that are simulated."""
+    problem = Problem(noisy)
+    assert problem.tremble == pytest.approx([np.hypot(np.radians(4.0), np.radians(2.0)), 0.5])
+    contexts = problem.contexts("test", 2)
+    noise = problem.trembling(contexts, "test")[:, :, FIELDS:]
+    assert noise.shape == (2, TREMBLES, 2)
+    assert np.array_equal(noise[0], noise[1])
+    assert noise[0].std(axis=0) == pytest.approx(problem.tremble, rel=0.2)
+    assert not np.array_equal(noise[0], problem.trembling(contexts, "validation")[0, :, FIELDS:])
+    tried = np.zeros((2, 1, 1))
+    earned = [
+        problem.descend(one, np.zeros((2, 1))).jam.reward
+        for one in np.swapaxes(problem.trembling(contexts, "test"), 0, 1)
+    ]
+    assert problem.expect(contexts, tried, "test", trembling=True)[:, 0] == pytest.approx(np.mean(earned, axis=0))
 
 
 def test_an_unknown_environment_is_refused():

@@ -54,6 +54,18 @@ def test_trials_are_averaged_before_the_regret_and_extra_noise_and_untrained_age
     assert table["regret"].to_numpy() == pytest.approx(0.2)
 
 
+def test_the_steady_regret_is_against_the_best_launch_under_a_tremble_and_nan_where_hops_are_trimmed() -> None:
+    """Oracle: launches that earn 1/4 less than the best plain one, and 9/10 of that under a tremble."""
+    made = make.results({"sac": np.full((2, 6), 0.25)})
+    row = row_of(scores.scores(made), "sac")
+    steady = 0.9 * 0.75 * made.oracle["reward"] / made.oracle["steady"]
+    assert row["steady_regret"] == pytest.approx(scores.iqm(np.tile(1.0 - steady, 2)))
+    made = make.results({"sac": np.full((2, 6), 0.25)}, environments=("descent",))
+    row = row_of(scores.scores(made), "sac")
+    assert row["regret"] == pytest.approx(0.25)
+    assert row[["steady_regret", "steady_regret_low", "steady_regret_high"]].isna().all()
+
+
 def test_where_the_best_launch_earns_nothing_there_is_no_regret() -> None:
     made = make.results({"sac": np.full((1, 5), 0.4)})
     made.oracle.loc[2, ["reward", "uniform"]] = 0.0

@@ -27,7 +27,7 @@ STARTS: Final = 24  # local maxima of the grid that are refined, and as many of 
 KEPT: Final = 8  # of these, after half of the levels
 LEVELS: Final = 12  # of refinement, each with half the width
 NEIGHBOURS: Final = 60  # launches tried around each start at each level
-SEARCHES: Final = (2, 6)  # independent ones of a context: always, and at most where they do not agree
+SEARCHES: Final = (2, 6)  # of a context, by different grids: always, and at most where they do not agree
 _OTHER: Final = (0, -3, 5, -7, 9, -11)  # cells more along each axis of the grid of each of them
 AGREED: Final = 1e-3  # by how much the best two may differ, relative to the best
 STEADY: Final = 8  # launches that are refined under a tremble
@@ -87,6 +87,7 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     rewards = np.array([one.rewards.ravel() for one in maps])
     higher = rewards.max(axis=1) > best
     launches[higher] = _points(maps[0].launches)[rewards.argmax(axis=1)][higher]
+    left = np.where(higher, rewards.max(axis=1) - best, left)
     best = np.maximum(best, rewards.max(axis=1))
     table = pd.DataFrame(contexts, columns=list(Context._fields))
     table[[f"action_{i}" for i in range(launches.shape[1])]] = launches

@@ -200,7 +200,9 @@ def _curve(folder: Path) -> list[list[float]]:
     path = folder / _CURVE
     if not path.is_file():
         return []
-    curve: list[list[float]] = pd.read_csv(path)[["descents", "seconds", "mean_reward"]].to_numpy().tolist()
+    curve: list[list[float]] = (
+        pd.read_csv(path).reindex(columns=["descents", "seconds", "mean_reward"]).to_numpy().tolist()
+    )
     return curve
 
 

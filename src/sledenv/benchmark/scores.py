@@ -16,16 +16,7 @@ from sledenv.kernel.records import LOSSES
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
 # In the order of tables.
-AGENTS: Final = (
-    "zero",
-    "random_launch",
-    "best_fixed",
-    "land_flat",
-    "ppo",
-    "sac",
-    "td3",
-    "critic",
-)  # in the order of tables
+AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3", "critic")
 LEARNED: Final = ("ppo", "sac", "td3", "critic")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
 STATUSES: Final = ("finish", "jammed", "tumbled")
@@ -189,7 +180,7 @@ def interval(one: Estimate, other: Estimate | None = None) -> tuple[float, float
         parts.append((other.seeds, other.freedom))
     parts.append((_unbiased(contexts, one.sampled), one.sampled - 1))
     total = sum(variance for variance, _ in parts)
-    if total == 0.0:
+    if not total > 0.0:  # NaN too: where hops are trimmed there is no steady regret
         return value, value
     freedom = total**2 / sum(variance**2 / freedom for variance, freedom in parts if variance > 0.0)
     half = float(stats.t.ppf(0.975, freedom)) * total**0.5
