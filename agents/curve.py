@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sledenv.benchmark.problem import Agent, Problem
+from sledenv.envs.task import Contexts
 
 FILE: Final = "learning_curve.csv"
 _CONTEXTS: Final = 128
@@ -18,6 +19,11 @@ class Check(NamedTuple):
 
     mean_reward: float
     finished: float  # share of the descents
+
+
+def validation(problem: Problem) -> Contexts:
+    """Return the contexts on which a learning agent is judged, shape (n, 8) or (n, 10)."""
+    return problem.drawn(problem.contexts("validation", _CONTEXTS), "validation")
 
 
 class Curve:
@@ -32,7 +38,7 @@ class Curve:
 
     def __init__(self, problem: Problem, folder: Path) -> None:
         self._problem = problem
-        self._contexts = problem.drawn(problem.contexts("validation", _CONTEXTS), "validation")
+        self._contexts = validation(problem)
         self._path = folder / FILE
         self._begun = time.perf_counter()
         self._judging = 0.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from perf.harness import RESULTS, load
 
-NAMES = ("peers", "accuracy", "scaling", "env", "training", "startup", "profile")
+NAMES = ("peers", "accuracy", "scaling", "env", "training", "learning", "startup", "profile")
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 
 

@@ -35,6 +35,7 @@ STEADY_LEVELS: Final = 5
 STEADY_NEIGHBOURS: Final = 16
 NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
 _BLOCK = 1 << 18  # descents at a time
+_BOUND = 0.95 / 0.05  # the bound of 95 % on what is left, by the difference of the best two searches
 _SAME = 1e-9  # rewards that differ by less come from the same physics
 
 
@@ -66,17 +67,17 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     -------
     DataFrame
         One row a context: its fields; ``action_0``, ... and ``reward`` of the best launch found; ``left``, by how much
-        a better one may be missed (see below), and ``searches``, from how many; ``steady_0``, ... of the best launch
-        under a tremble, see :meth:`Problem.trembling`, and its mean reward ``steady``; and, from a grid of launches,
-        ``uniform`` (mean reward), ``width`` (share of launches within 1 % of the best) and ``step_median``,
-        ``step_p99`` (difference of reward between neighbours).
+        a better one may be missed (see below), with ``left_high``, the bound of 95 %, and ``searches``, from how many;
+        ``steady_0``, ... of the best launch under a tremble, see :meth:`Problem.trembling`, and its mean reward
+        ``steady``; and, from a grid of launches, ``uniform`` (mean reward), ``width`` (share of launches within 1 % of
+        the best) and ``step_median``, ``step_p99`` (difference of reward between neighbours).
 
     Notes
     -----
     Each context is searched twice, by other grids and other points around their maxima, and again where the best two
     results differ by more than ``AGREED``. The best less the second best is ``left``: added to the best, it is the
-    estimate of the maximum, and its bound of 50 %, that two largest values give (Robson and Whitlock, Biometrika 51,
-    1964).
+    estimate of the maximum, and its bound of 50 %, that two largest values give, and 19 times that its bound of 95 %
+    (Robson and Whitlock, Biometrika 51, 1964).
     """
     landings, best, left, searches = _searched(problem, contexts)
     steady, steadily = _steadiest(problem, contexts, landings)
@@ -93,6 +94,7 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     table[[f"action_{i}" for i in range(launches.shape[1])]] = launches
     table["reward"] = best
     table["left"] = np.minimum(left, 1.0 - best)
+    table["left_high"] = np.minimum(_BOUND * left, 1.0 - best)
     table["searches"] = searches
     table[[f"steady_{i}" for i in range(launches.shape[1])]] = steady
     table["steady"] = steadily
