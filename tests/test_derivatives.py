@@ -136,13 +136,14 @@ def test_a_bouncing_wheel_has_the_derivatives_of_its_closed_form(restitution: fl
     np.testing.assert_allclose(found.of_rebounds("v_after", "radius"), -(e**n) * G / v, **near)
     np.testing.assert_allclose(found.of_rebounds("t", "restitution"), 2.0 * v / G * slopes, **near)
     np.testing.assert_allclose(found.of_rebounds("t", "y"), (1.0 + 2.0 * powers) / v, **near)
-    np.testing.assert_allclose(found.of_rebounds("t", "v"), (1.0 + 2.0 * powers) * 0.0 + 1.0 / G, **near)
+    np.testing.assert_allclose(found.of_rebounds("t", "v"), 1.0 / G, **near)
     np.testing.assert_allclose(found.of_rebounds("t", "gravity"), -(1.0 + 2.0 * powers) * v / (2.0 * G * G), **near)
     np.testing.assert_allclose(found.of_rebounds("x", "u"), (1.0 + 2.0 * powers) * v / G, **near)
     np.testing.assert_allclose(found.of_rebounds("x", "x"), 1.0, **near)
     np.testing.assert_allclose(found.of_rebounds("omega_after", "omega"), 1.0, **near)
-    for idle in ("mass", "inertia", "rolling_arm"):
-        assert np.nanmax(np.abs(found.rebounds[:, :, found.parameters.index(idle)])) == 0.0
+    for idle in ("mass", "inertia"):
+        assert np.abs(found.rebounds[:, :, found.parameters.index(idle)]).max() < 1e-13
+    assert (found.of_rebounds("omega_after", "rolling_arm") < 0.0).all()
     assert (found.sides[:, found.parameters.index("restitution")] == (-1 if e == 1.0 else 0)).all()
     assert (found.sides[:, found.parameters.index("rolling_arm")] == 1).all()
 
@@ -187,14 +188,15 @@ def test_the_reward_has_the_derivative_of_the_energy_that_it_is_made_of() -> Non
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_gravity_alone_changes_times_but_not_places(solver: Any) -> None:
-    """Oracle: a body at rest is dropped, so gravity is the unit of time: t ~ g^-1/2, v ~ g^1/2 (of rigid surfaces)."""
-    found = sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.7), solver=solver, max_rebounds=3)
+def test_gravity_and_stiffness_together_set_the_pace_of_what_is_dropped_at_rest(solver: Any) -> None:
+    """Oracle: dimensions. With both c times as large, times are c^-1/2 as long, speeds c^1/2, places the same."""
+    found = sensitivity(
+        DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.7), parameters=["gravity", "stiffness"], solver=solver, max_rebounds=3
+    )
     rows = found.descent.rebounds
-    tolerance = 1e-9 if solver == "rigid" else 1e-2
-    assert found.of_rebounds("t", "gravity") == pytest.approx(-0.5 * rows["t"] / G, rel=tolerance)
-    assert found.of_rebounds("v_after", "gravity") == pytest.approx(0.5 * rows["v_after"] / G, rel=tolerance)
-    assert np.abs(found.of_rebounds("x", "gravity")).max() < tolerance
+    for name, power in (("t", -0.5), ("v_after", 0.5), ("omega_after", 0.5), ("x", 0.0), ("phi", 0.0)):
+        scaled = G * found.of_rebounds(name, "gravity") + 1e6 * found.of_rebounds(name, "stiffness")
+        assert scaled == pytest.approx(power * rows[name], rel=1e-9, abs=1e-9)
 
 
 # --- symmetry and other invariants ------------------------------------------------------------------------------------
@@ -256,7 +258,8 @@ def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
 def fingerprints(body: Body, law: ContactLaw, slope: Slope, launches: np.ndarray, rebounds: int) -> list[bytes]:
     """What a batch tells of the events of each descent."""
     batch = simulate_batch(body, law, slope, launches, max_rebounds=rebounds, keep_rebounds=True)
-    return [row[["feature", "mode", "sequence"]].tobytes() for row in batch.rebounds]
+    table = np.stack([batch.rebounds[name] for name in ("feature", "mode", "sequence")], axis=-1)
+    return [row.tobytes() for row in table]
 
 
 @pytest.mark.parametrize("name", ["phi", "u", "omega", "y"])
@@ -291,7 +294,7 @@ def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_
     distance = far.distances[-1, 0, 1]
     near_launch = launch._replace(phi=launch.phi + distance - 1e-6)
     near = sensitivity(SEGMENT, LAW, Slope(0.2), near_launch, parameters=["phi"], max_rebounds=2)
-    assert near.distances[-1, 0, 1] == pytest.approx(1e-6, rel=1e-3)
+    assert near.distances[-1, 0, 1] == pytest.approx(1e-6, abs=1e-7 * distance)
     assert near.sides[-1, 0] == 0
     before, after = (
         simulate(SEGMENT, LAW, Slope(0.2), near_launch._replace(phi=near_launch.phi + h), max_rebounds=2).rebounds
@@ -302,7 +305,7 @@ def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_
     beyond = sensitivity(
         SEGMENT, LAW, Slope(0.2), launch._replace(phi=launch.phi + distance + 1e-6), parameters=["phi"], max_rebounds=2
     )
-    assert beyond.distances[-1, 0, 0] == pytest.approx(1e-6, rel=1e-3)
+    assert beyond.distances[-1, 0, 0] == pytest.approx(1e-6, abs=1e-7 * distance)
 
 
 def test_on_a_change_of_sequence_the_derivative_is_one_sided_and_says_so() -> None:
@@ -329,7 +332,7 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
     found = sensitivity(WHEEL, law_of(0.5), Slope(0.0), State(0.0, 0.75, 0.0, 1.0), max_time=0.2)
     drop = 0.25 - 0.5 * G * 0.2**2
     assert found.descent.status == "timeout"
-    assert found.distances[-1, found.parameters.index("y"), 0] == pytest.approx(drop, rel=1e-8)
+    assert found.distances[-1, found.parameters.index("y"), 0] == pytest.approx(drop, rel=1e-7)
     assert found.distances[-1, found.parameters.index("y"), 1] == math.inf
     assert found.of_end("y", "gravity") == pytest.approx(-0.02, rel=1e-9)
 
@@ -361,7 +364,7 @@ def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, 
     assert found.sides.shape == (count + 1, width)
     assert found.distances.shape == (count + 1, width, 2)
     assert (found.distances >= 0.0).all()
-    assert (np.diff(found.distances, axis=0) <= 1e-12).all()  # more rebounds to agree with
+    assert (found.distances[1:] <= found.distances[:-1] * (1.0 + 1e-8)).all()  # more rebounds to agree with
     assert (np.isnan(found.rebounds) == np.isnan(found.rebound_errors)).all()
     if launch.u < 1e100:
         closed = (found.distances == 0.0).all(axis=-1)

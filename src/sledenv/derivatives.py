@@ -70,7 +70,7 @@ _RESTITUTION = _COLUMN["restitution"]
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: differences are taken over these
 _ORDERS = 7  # times that differences are extrapolated
 _ROUNDING = 4.0 * np.finfo(float).eps
-_BISECTIONS = 30
+_BISECTIONS = 24
 _BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
 
 
@@ -100,8 +100,9 @@ class Sensitivity:
     distances : ndarray, shape (N + 1, P, 2)
         How much less and how much more each parameter may be until the sequence of events changes in one of the
         rebounds up to this one, and in the whole descent (the last row). inf if it does not within ``scales`` and the
-        range that the parameter is allowed; 0 if it does within 2^-32 of ``scales``. Changes are sought at distances
-        that are halved again and again, so a short one that ends before twice its distance may be missed.
+        range that the parameter is allowed; 0 if it does within 2^-32 of ``scales``. Known to 1e-7 of themselves. They
+        are sought at distances that are halved again and again: a sequence that is back before twice the distance at
+        which it was left may be missed.
     """
 
     descent: Descent
@@ -286,20 +287,27 @@ class _Family:
     """The descents around one, each of which differs from it in one parameter."""
 
     def __init__(self, descent: Descent, names: tuple[str, ...], options: dict[str, Any]) -> None:
-        body, law, slope, launch = descent.body, descent.law, descent.slope, descent.launch
+        law = descent.law
         self.descent, self.names, self.options = descent, names, options
         self.columns = np.array([_COLUMN[name] for name in names])
-        rigid, arms = law.restitution, (law.friction, law.rolling_arm, law.corner_rolling_arm)
-        self.centre = np.array([*launch, rigid, *arms, law.stiffness, *slope, *body])
+        of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
+        self.centre = np.array([*descent.launch, *of_law, *descent.slope, *descent.body])
         self.values = self.centre[self.columns]
-        natural = _natural(body, slope, launch)
-        natural[3:5] = max(natural[3], math.hypot(launch.u, launch.v))
-        natural[5] = max(natural[5], abs(launch.omega))
-        size, fall = natural[0], slope.gravity or 1.0
-        length = slope.length if math.isfinite(slope.length) else 1.0
-        scales = [*natural, 1.0, 1.0, size, size, law.stiffness, 1.0, length, fall]
-        scales += [body.mass, size, size, body.inertia, 1.0]
-        self.scales = np.array(scales)[self.columns]
+        scales = self._scales()
+        self.scales = np.array([scales[name] for name in names])
+
+    def _scales(self) -> dict[str, float]:
+        """How much of each parameter is a great change: what is always positive need not vanish."""
+        descent = self.descent
+        natural = _natural(descent.body, descent.slope, descent.launch)
+        rates = np.maximum(natural, np.abs(descent.launch))[3:]
+        halves = ("stiffness", "length", "gravity", "mass", "inertia")
+        return {
+            **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
+            **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
+            **dict.fromkeys(("rolling_arm", "corner_rolling_arm", "radius", "eccentricity"), natural[0]),
+            **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
+        }
 
     def rounded(self, steps: Floats) -> Floats:
         """Steps as the values of the parameters change by them."""
@@ -325,7 +333,7 @@ class _Family:
         for kind, rows in ((Body, bodies), (ContactLaw, laws), (Slope, slopes)):
             for (accepts, _), column in zip(kind.rules, rows.T, strict=True):
                 fine &= accepts(column)
-        fine &= [holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()]
+        fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         return fine & (launches[:, 1] >= support_heights(bodies, within_a_turn(launches[:, 2])))
 
     def room(self) -> Floats:
@@ -373,7 +381,7 @@ def _way_of(batch: DescentBatch) -> NDArray[np.int64]:
     return np.stack([batch.outcomes["status"], batch.outcomes["rebounds"], *kinks], axis=-1)
 
 
-def _values(records: Any) -> Floats:
+def _values(records: np.ndarray) -> Floats:
     """Quantities of rebounds, on a new last axis."""
     table: Floats = np.stack([records[name] for name in REBOUND_QUANTITIES], axis=-1)
     return table
@@ -381,12 +389,14 @@ def _values(records: Any) -> Floats:
 
 def _end_of(descent: Descent) -> Floats:
     """Quantities at the end of a descent, shape (10,)."""
-    return _end_of_all(descent.as_batch())[0]
+    (row,) = _end_of_all(descent.as_batch())
+    return np.asarray(row)
 
 
 def _end_of_all(batch: DescentBatch) -> Floats:
     """Quantities at the end of descents, shape (N, 10)."""
-    return np.column_stack([batch.time, batch.states, *batch.jam])
+    table: Floats = np.column_stack([batch.time, batch.states, *batch.jam])
+    return table
 
 
 def _places(steps: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -420,8 +430,9 @@ def _derivatives(here: Floats, there: Floats, fine: NDArray[np.bool_], steps: Fl
     moved = np.moveaxis((there - here).reshape(*steps.shape, -1), -1, 0)  # (Q, P, 2, K)
     below, above = np.moveaxis(np.where(fine, moved, np.nan), 2, 0)
     less, more = np.moveaxis(steps, 1, 0)
-    differences = np.stack([(above - below) / (more + less), above / more, -below / less])
-    rounding = _ROUNDING * np.abs(here)[:, np.newaxis, np.newaxis] / np.minimum(less, more)
+    widths = np.stack([more + less, more, less])[:, np.newaxis]  # (3, 1, P, K)
+    differences = np.stack([above - below, above, -below]) / widths
+    rounding = _ROUNDING * np.abs(here)[:, np.newaxis, np.newaxis] / widths
     return _extrapolated(differences, rounding, np.array([4.0, 2.0, 2.0])[:, np.newaxis, np.newaxis, np.newaxis])
 
 
@@ -432,12 +443,12 @@ def _extrapolated(column: Floats, rounding: Floats, ratios: Floats) -> tuple[Flo
     ----------
     column : ndarray, shape (kinds, Q, P, K)
         Differences of several kinds over steps that are halved each time.
-    rounding : ndarray, shape (Q, P, K)
+    rounding : ndarray, shape (kinds, Q, P, K)
         Their rounding errors.
     ratios : ndarray, shape (kinds, 1, 1, 1)
         Of the leading errors of two steps in a row; those of each further term are so much larger.
     """
-    best, least = np.full(rounding.shape[:2], np.nan), np.full(rounding.shape[:2], np.inf)
+    best, least = np.full(column.shape[1:3], np.nan), np.full(column.shape[1:3], np.inf)
     for order in range(1, _ORDERS + 1):
         coarse, fine = column[..., :-1], column[..., 1:]
         column = fine + (fine - coarse) / (ratios**order - 1.0)
