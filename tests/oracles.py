@@ -33,7 +33,7 @@ import json
 import math
 import random
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from itertools import pairwise, product
 from pathlib import Path
@@ -41,6 +41,7 @@ from typing import NamedTuple
 
 import numpy as np
 from mpmath import mp, mpf
+from mpmath.libmp import to_rational
 
 DATA_FILE = Path(__file__).parent / "data" / "reference_descent.json"
 SLIP, SPIN, NORMAL, SEPARATION = 0, 1, 2, 3  # the surfaces v_t = 0, omega = 0, v_n = 0, and p = 0
@@ -738,6 +739,7 @@ def rational_impact(
     approach: float,
     hypothesis: str = "energetic",
     dps: int = 30,
+    number: Callable = float,
 ) -> ImpactResult:
     """One impact of rigid surfaces, exact up to one square root.
 
@@ -756,6 +758,8 @@ def rational_impact(
         of the (first) compression. "newton": it ends when v_n is -e times that at touch.
     dps : int
         Decimal digits of the square root.
+    number : callable
+        Makes the numbers of the result, of fractions or of mpf.
 
     Returns
     -------
@@ -824,12 +828,45 @@ def rational_impact(
         if last:
             break
     numbers = (v_t, w, v_n, p, total_friction, total_moment, taken - given, slid, rolled)
-    return ImpactResult(*map(float, numbers), phases)
+    return ImpactResult(*map(number, numbers), phases)
 
 
 def to_mpf(value: Fraction) -> mpf:
     """A fraction, rounded to the working precision."""
     return mpf(value.numerator) / value.denominator
+
+
+def to_fraction(value: mpf) -> Fraction:
+    """The fraction that a number of many digits is, exactly."""
+    return Fraction(*(int(part) for part in to_rational(mpf(value)._mpf_)))
+
+
+def rigid_descent(
+    body: OracleBody, state: OracleState, restitution: mpf, rebounds: int, dps: int = 50
+) -> list[OracleRebound]:
+    """The first rebounds of the disc of rigid surfaces, each of which leaves at once: flights, and exact impacts.
+
+    `body.stiffness` and `body.asymmetry` play no part.
+    """
+
+    def digits(value: Fraction | mpf) -> mpf:
+        return to_mpf(value) if isinstance(value, Fraction) else +value
+
+    with mp.workdps(dps):
+        body, state = OracleBody(*map(mpf, body)), OracleState(*map(mpf, state))
+        now, done = mpf(0), []
+        while len(done) < rebounds:
+            flight = touchdown_time(body, state, leaving=bool(done))
+            now, state = now + flight, fly(body, state, flight)
+            a = body.eccentricity * mp.sin(state.phi)
+            b = body.radius - body.eccentricity * mp.cos(state.phi)
+            given = (body.mass, body.inertia, a, b, body.friction, body.rolling_arm, restitution)
+            met = (state.u + b * state.omega, state.omega, state.v - a * state.omega)
+            hit = rational_impact(*map(to_fraction, (*given, *met)), dps=dps, number=digits)
+            u, v = hit.slip - b * hit.omega, hit.approach + a * hit.omega
+            state = OracleState(state.x, b, state.phi, u, v, hit.omega)
+            done.append(OracleRebound(now, *state, mpf(0), len(hit.phases)))
+        return done
 
 
 def wang_mason(
@@ -938,6 +975,65 @@ def sensitivity(body: OracleBody, state: OracleState, rebounds: int, dps: int = 
         return max(largest_shift(compliant_descent(body, state, rebounds, dps), moved)) / amount
 
 
+def with_change(body: OracleBody, state: OracleState, parameter: str, change: mpf) -> tuple[OracleBody, OracleState]:
+    """The same descent with another launch, body, law or slope; `restitution` stands for the asymmetry."""
+    if parameter in state._fields:
+        return body, state._replace(**{parameter: getattr(state, parameter) + change})
+    if parameter == "restitution":
+        e = mp.sqrt((1 - mpf(body.asymmetry)) / (1 + mpf(body.asymmetry))) + change
+        return body._replace(asymmetry=(1 - e * e) / (1 + e * e)), state
+    return body._replace(**{parameter: getattr(body, parameter) + change}), state
+
+
+def derivatives(
+    descend: Callable[[OracleBody, OracleState], list[OracleRebound]],
+    body: OracleBody,
+    state: OracleState,
+    parameters: Iterable[str],
+    dps: int = 50,
+) -> dict[str, list[mpf]]:
+    """Derivatives of (time, x, y, phi, u, v, omega) at the last rebound, by differences of fourth order.
+
+    A parameter with a "-" behind its name is only made smaller: the descent is another one beyond.
+    """
+    found = {}
+    with mp.workdps(dps):
+        step = mpf(10) ** (-dps // 3)
+        body, state = OracleBody(*map(mpf, body)), OracleState(*map(mpf, state))
+        for name in parameters:
+            sides = [-4, -3, -2, -1] if name.endswith("-") else [-2, -1, 1, 2]
+            ends = [descend(*with_change(body, state, name.removesuffix("-"), k * step))[-1][:7] for k in sides]
+            if name.endswith("-"):  # of fourth order: f'(0) of the cubic through -4, -3, -2, -1 and the descent itself
+                here = descend(body, state)[-1][:7]
+                weights = [mpf(1) / 4, -mpf(4) / 3, 3, -4]
+                last = [mpf(25) / 12 * value for value in here]
+            else:
+                weights, last = [mpf(1) / 12, -mpf(2) / 3, mpf(2) / 3, -mpf(1) / 12], [mpf(0)] * 7
+            sums = [mp.fdot(weights, column) for column in zip(*ends, strict=True)]
+            found[name] = [(total + own) / step for total, own in zip(sums, last, strict=True)]
+    return found
+
+
+def derivative_record(rebounds: int = 5) -> dict:
+    """Derivatives of the reference descent at a rebound, from the double inputs."""
+    given = reference_doubles()
+    names = ["y", "phi", "u", "v", "omega-", "restitution", *OracleBody._fields]
+    names.remove("asymmetry")
+    found = derivatives(lambda *inputs: compliant_descent(*inputs, rebounds=rebounds), *given, names)
+    with mp.workdps(50):
+        return {
+            "rebound": rebounds,
+            "of": list(OracleRebound._fields[:7]),
+            "by": {name: [mp.nstr(value, 20) for value in values] for name, values in found.items()},
+        }
+
+
+def reference_doubles() -> tuple[OracleBody, OracleState]:
+    """The reference descent with its inputs rounded to doubles."""
+    body = OracleBody(1.0, 0.1, 0.05, 7.5e-3, 1e6, 0.5, 0.1, 0.001, math.radians(10.0), 9.81)
+    return body, OracleState(0.0, 0.6 - 0.05 * math.cos(math.pi / 4), math.pi / 4, 0.0, 0.0, 0.0)
+
+
 def as_text(rebound: OracleRebound, digits: int = 32) -> dict:
     """A rebound as JSON: decimal strings, and the number of modes."""
     with mp.workdps(60):
@@ -951,8 +1047,7 @@ def reference_record(rebounds: int = 20) -> dict:
     """The reference descent, verified, with the shift that double-precision inputs cause."""
     body, state = reference_descent()
     descent, disagreement = verified_descent(body, state, rebounds)
-    rounded_body = OracleBody(1.0, 0.1, 0.05, 7.5e-3, 1e6, 0.5, 0.1, 0.001, math.radians(10.0), 9.81)
-    rounded_state = OracleState(0.0, 0.6 - 0.05 * math.cos(math.pi / 4), math.pi / 4, 0.0, 0.0, 0.0)
+    rounded_body, rounded_state = reference_doubles()
     shifted = compliant_descent(rounded_body, rounded_state, rebounds)
     exact = OracleBody("1", "0.1", "0.05", "0.0075", "1e6", "0.5", "0.1", "0.001", "pi/18", "9.81")._asdict()
     return {
@@ -986,6 +1081,7 @@ def main() -> None:
     record = {"about": "Compliant descents in extended precision, SI units, written by python tests/oracles.py"}
     record["reference"] = reference_record()
     print(f"reference: {time.perf_counter() - began:.0f} s, disagreement {record['reference']['disagreement']}")
+    record["derivatives"] = derivative_record()
     record["random_cases"] = []
     for case in random_cases():
         record["random_cases"].append(random_record(*case))

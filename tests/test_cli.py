@@ -16,6 +16,7 @@ import pytest
 
 from sledenv import cli
 from sledenv.cli import PICTURES, main
+from sledenv.derivatives import sensitivity
 from sledenv.scenario import load_scenario, scenario_names
 
 
@@ -70,6 +71,33 @@ def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFi
     assert {row["feature"] for row in rows} == {"none", "arc"}
     t, normal = ([float(row[name]) for row in rows] for name in ("t_s", "normal_n"))
     assert np.trapezoid(normal, t) == pytest.approx(10.0 + float(rows[-1]["v_m_s"]), rel=0.01)
+
+
+def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: sensitivity of the same descent, which finishes where the slope is long."""
+    file = tmp_path / "growth.png"
+    arguments = ["sensitivity", "sled_snow", "--seed", "3", "--rebounds", "2", "--out", str(file)]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    assert "sled_snow, seed 3, solver compliant" in out
+    assert file.read_bytes().startswith(b"\x89PNG")
+    rows = {line.split()[0]: line.split() for line in out.splitlines() if line}
+    scenario = load_scenario("sled_snow")
+    context = scenario.sample(np.random.default_rng(3))
+    given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
+    found = sensitivity(*given, rebounds=2, end_on_chord=True)
+    assert rows["length"][4] == "1"  # x at the end
+    assert rows["friction"][6] == f"{found.of_end('reward', 'friction'):.4g}"
+    assert rows["corner_rolling_arm"][2] == ">"
+    assert rows["2"][3] == f"{found.growth[1, 0]:.4g}"
+    assert max(map(len, out.splitlines())) <= 120
+
+
+def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "invalid choice: 'euler'" in refused(capsys, "sensitivity", "sled_snow", "--solver", "euler")
+    assert "must be an integer >= 1" in refused(capsys, "sensitivity", "sled_snow", "--rebounds", "0")
+    file = tmp_path / "growth.pdf"
+    assert "must end in .png" in refused(capsys, "sensitivity", "sled_snow", "--out", str(file))
 
 
 def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:

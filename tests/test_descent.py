@@ -270,8 +270,10 @@ def test_the_mirror_image_descends_as_the_mirror_image(
     swapped = {Feature.ARC: Feature.ARC, Feature.NOSE: Feature.TAIL, Feature.TAIL: Feature.NOSE}
     swapped[Feature.CHORD] = Feature.CHORD
     assert [swapped[f] for f in one.rebounds["feature"]] == other.rebounds["feature"].tolist()
+    codes = set(zip(one.rebounds["sequence"].tolist(), other.rebounds["sequence"].tolist(), strict=True))
+    assert len(codes) == len({code for code, _ in codes}) == len({code for _, code in codes})
     for name in one.rebounds.dtype.names:
-        if name == "feature":
+        if name in ("feature", "sequence"):
             continue
         odd = name in ("x", "x_contact", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
         assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name

@@ -36,6 +36,16 @@ def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, c
     assert "SLIDE" in capsys.readouterr().out
 
 
+def test_the_page_on_sensitivity_runs(tmp_path, monkeypatch, capsys):
+    """Its figure is written, and the descent is the one that the page tells of."""
+    monkeypatch.chdir(tmp_path)
+    names = run(blocks("docs/sensitivity.md"))
+    assert [file.name for file in tmp_path.iterdir()] == ["growth.png"]
+    assert names["found"].descent.status == "jammed"
+    assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 13
+    assert "nearest change" in capsys.readouterr().out
+
+
 def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(blocks("README.md")[:1])

@@ -463,6 +463,34 @@ def test_ugly_descents_are_drawn(name: str) -> None:
         figure.savefig(io.BytesIO(), dpi=40)
 
 
+def test_growth_is_drawn_over_the_rebounds() -> None:
+    """Oracle: the singular values and distances of the result, the latter in its natural units."""
+    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    found = sledenv.sensitivity(body, ICE, HILL, State(0.0, 0.6, 0.7, 1.0, 0.0, 2.0), max_rebounds=4)
+    figure = plot.plot_growth(found)
+    above, below = figure.axes
+    assert above.get_yscale() == below.get_yscale() == "log"
+    assert above.lines[0].get_xdata().tolist() == [1, 2, 3, 4]
+    assert above.lines[0].get_ydata() == pytest.approx(found.growth[:, 0])
+    drawn = {line.get_label(): line.get_ydata() for line in below.lines}
+    distances = found.distances[:-1, found.parameters.index("u")].min(axis=-1)
+    distances[np.isinf(distances)] = np.nan
+    assert drawn["u"] == pytest.approx(distances / found.units[3], nan_ok=True)
+    figure.savefig(io.BytesIO(), dpi=40)
+
+
+def test_growth_of_ugly_descents_is_drawn_or_refused() -> None:
+    law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
+    still = sledenv.sensitivity(
+        Body(1.0, 0.5, 0.0, 0.1), law, Slope(0.0), State(0.0, 1.0, 0.0), solver="rigid", max_rebounds=2
+    )
+    assert np.isnan(still.growth).all()
+    plot.plot_growth(still).savefig(io.BytesIO(), dpi=40)
+    flight = sledenv.sensitivity(DISC, law, Slope(0.0, 1.0), State(0.0, 2.0, 0.0, 5.0))
+    with pytest.raises(ValueError, match="no rebound"):
+        plot.plot_growth(flight)
+
+
 def test_a_missing_matplotlib_is_named(slides: Descent, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for draw in (plot.plot_strobe, plot.plot_impact, plot.plot_descent):

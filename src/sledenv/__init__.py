@@ -1,5 +1,6 @@
 """Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
 
+from sledenv.derivatives import Sensitivity, sensitivity
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
@@ -24,6 +25,7 @@ __all__ = [
     "RigidImpact",
     "Scenario",
     "ScenarioError",
+    "Sensitivity",
     "Slope",
     "State",
     "Status",
@@ -33,6 +35,7 @@ __all__ = [
     "load_scenario",
     "rigid_impact",
     "scenario_names",
+    "sensitivity",
     "simulate",
     "simulate_batch",
     "simulate_blocks",

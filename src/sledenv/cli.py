@@ -12,18 +12,20 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, get_args
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 
-from sledenv.checks import Solver
+from sledenv.checks import BatchSolver, Solver
+from sledenv.derivatives import sensitivity
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
 from sledenv.files import publish, replacing, write_csv
+from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
 from sledenv.scenario import control_words, load_scenario, scenario_names
-from sledenv.text import TRAJECTORY_COLUMNS, story, trajectory_rows
+from sledenv.text import TRAJECTORY_COLUMNS, sensitivity_table, setting, story, trajectory_rows
 
 PICTURES = ("strobe.png", "series.png")
 _DPI = 150
@@ -90,6 +92,17 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help=f"write the trajectory as this table, units in the header: {', '.join(TRAJECTORY_COLUMNS.values())}",
     )
+
+    derived = commands.add_parser(
+        "sensitivity",
+        help="differentiate one descent of a scenario",
+        description="Print the derivatives of how a descent ends by launch, law, slope and body, with the change of "
+        "each from which on its events are others; and how small differences grow, rebound by rebound.",
+    )
+    derived.set_defaults(run=_sensitivity)
+    _add_descent(derived, get_args(BatchSolver))
+    derived.add_argument("--rebounds", type=_positive, default=10, metavar="N", help="at most so many (default 10)")
+    derived.add_argument("--out", type=Path, metavar="FILE", help="draw the growth of differences into this picture")
 
     packs = commands.add_parser(
         "scenarios",
@@ -171,7 +184,7 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=_seed, default=0, help="which context of the scenario is drawn (default 0)")
 
 
-def _add_descent(parser: argparse.ArgumentParser) -> None:
+def _add_descent(parser: argparse.ArgumentParser, solvers: Sequence[str] = get_args(Solver)) -> None:
     """Add the arguments that say which descent is meant."""
     _add_scenario(parser)
     parser.add_argument(
@@ -188,7 +201,7 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--solver",
-        choices=get_args(Solver),
+        choices=solvers,
         default=_SOLVER,
         help=f"contact model (default {_SOLVER}; rigid ignores the stiffness)",
     )
@@ -305,6 +318,22 @@ def _simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _sensitivity(options: argparse.Namespace) -> int:
+    with ExitStack() as places:
+        picture = options.out and _place(places, "--out", replacing(options.out, ".png"))
+        title, given, limits = _asked(options)
+        found = sensitivity(*given, rebounds=options.rebounds, **limits)
+        if picture:
+            from sledenv.plot import plot_growth
+
+            plot_growth(found).savefig(picture, dpi=_DPI, format="png")
+    print(title)
+    print(f"{setting(*given)}\n\n{sensitivity_table(found)}")
+    if picture:
+        _progress("sensitivity")(f"wrote {options.out}")
+    return 0
+
+
 def _place(places: ExitStack, option: str, place: AbstractContextManager[Path]) -> Path:
     """Take a place to write to; what is wrong with it is said of the option."""
     try:
@@ -336,21 +365,24 @@ def _replay(options: argparse.Namespace) -> int:
 
 def _descend(options: argparse.Namespace, record: Record) -> tuple[str, Descent]:
     """Simulate the descent that the arguments mean; return its name too."""
+    title, given, limits = _asked(options)
+    return title, simulate(*given, **limits, record=record)
+
+
+def _asked(options: argparse.Namespace) -> tuple[str, tuple[Body, ContactLaw, Slope, State], dict[str, Any]]:
+    """Return the name of the descent that the arguments mean, what descends, and how far it is followed."""
     scenario = load_scenario(options.scenario)
     context = scenario.sample(np.random.default_rng(options.seed))
     orientation = None if options.orientation_deg is None else math.radians(options.orientation_deg)
-    descent = simulate(
-        scenario.body(),
-        scenario.law(context),
-        scenario.slope(context),
-        scenario.launch(context, orientation, options.spin, options.speed),
-        solver=options.solver,
-        max_time=scenario.limits.max_time_s,
-        max_rebounds=scenario.limits.max_rebounds,
-        end_on_chord=scenario.ends.on_chord,
-        record=record,
-    )
-    return f"{scenario.id}, seed {options.seed}, solver {options.solver}", descent
+    launch = scenario.launch(context, orientation, options.spin, options.speed)
+    limits = {
+        "solver": options.solver,
+        "max_time": scenario.limits.max_time_s,
+        "max_rebounds": scenario.limits.max_rebounds,
+        "end_on_chord": scenario.ends.on_chord,
+    }
+    given = scenario.body(), scenario.law(context), scenario.slope(context), launch
+    return f"{scenario.id}, seed {options.seed}, solver {options.solver}", given, limits
 
 
 def _draw(descent: Descent, folder: Path) -> None:

@@ -382,7 +382,7 @@ def simulate_batch(
     solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`simulate`.
     keep_rebounds : bool
-        Return the logs too, N * max_rebounds records of 144 bytes; :func:`simulate_blocks` gives them piece by piece.
+        Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
     progress : bool
         Show a bar on standard error; needs tqdm.
 
@@ -437,7 +437,7 @@ def simulate_blocks(
     block : int
         Launches simulated at a time, >= 1.
     keep_rebounds : bool
-        Give the logs too, block * max_rebounds records of 144 bytes at a time: 147 MB by default, and as much again
+        Give the logs too, block * max_rebounds records of 176 bytes at a time: 180 MB by default, and as much again
         while the caller still holds the block before.
 
     Yields

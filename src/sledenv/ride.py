@@ -222,7 +222,7 @@ class RideBatch:
     law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
-        Keep the logs, N * max_rebounds records of 144 bytes.
+        Keep the logs, N * max_rebounds records of 176 bytes.
     rotor_inertia : float, optional
         Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from sledenv.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.descent import Descent
 from sledenv.geometry import support_height
 from sledenv.jam import SHOWN
@@ -125,6 +126,53 @@ def rebound_table(descent: Descent) -> str:
         for row in (REBOUND_COLUMNS, *rebound_cells(descent))
     ]
     return "\n".join(lines if len(lines) > 1 else [*lines, "    no rebounds"])
+
+
+def sensitivity_table(found: Sensitivity) -> str:
+    """Return what the end of a descent changes by with each parameter, and how differences grow, rebound by rebound."""
+    shown = ("t", "x", "u", "omega", "reward")
+    header = ("", "value", *(_named(name, END_QUANTITIES[name]) for name in shown), "less by", "more by")
+    rows: list[tuple[str, ...]] = [header]
+    for i, name in enumerate(found.parameters):
+        derivatives = (found.of_end(quantity, name) for quantity in shown)
+        mark = {-1: " <", 0: "", 1: " >"}[int(found.sides[-1, i])]
+        cells = (f"{value:z.4g}" for value in (found.values[i], *derivatives, *found.distances[-1, i]))
+        rows.append((_named(name, PARAMETERS[name]) + mark, *cells))
+    lines = ["derivatives of the end by each parameter, and how much less or more of it changes the events:"]
+    lines += _aligned(rows)
+    if found.sides[-1].any():
+        lines.append("  < or >: holds for less, or for more, of the parameter alone")
+    if set(LAUNCH) <= set(found.parameters):
+        lines += ["", "growth of a small difference of the launch, and the nearest other events up to the rebound:"]
+        lines += _aligned(_growth_rows(found))
+    return "\n".join(lines)
+
+
+def _growth_rows(found: Sensitivity) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("#", "t [s]", "x [m]", "growth", "nearest change")]
+    columns = [found.parameters.index(name) for name in LAUNCH]
+    for i, (rebound, growth) in enumerate(zip(found.descent.rebounds, found.growth, strict=False)):
+        apart = found.distances[i, columns] / found.units[:, None]
+        which, side = divmod(int(apart.argmin()), 2)
+        name = LAUNCH[which]
+        change = f"{name} {'+' if side else '-'} {found.distances[i, columns[which], side]:.3g} {PARAMETERS[name]}"
+        nearest = change if math.isfinite(apart.min()) else "none found"
+        rows.append((f"{i + 1}", f"{rebound['t']:.4f}", f"{rebound['x']:.4f}", f"{growth[0]:.4g}", nearest))
+    return rows
+
+
+def _named(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+    """Return lines of cells in columns: the first one to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    first, *others = widths
+    return [
+        "  ".join([f"{row[0]:<{first}}", *(f"{cell:>{width}}" for cell, width in zip(row[1:], others, strict=True))])
+        for row in rows
+    ]
 
 
 def summary(descent: Descent) -> str:

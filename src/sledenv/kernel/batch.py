@@ -113,7 +113,7 @@ def _alighting(pack: Any, k: Any, flight: Any) -> None:
 def _impact(pack: Any, k: Any, contact: Any) -> None:
     """Program of a contact that was the impact at place ``k`` of a pack."""
     meeting(pack.at(k), contact)
-    copy(pack.at(k), contact, ("v_t", "v_n", "omega", *SUMS))
+    copy(pack.at(k), contact, ("v_t", "v_n", "omega", "sequence", *SUMS))
     contact.peak_force = math.inf
 
 

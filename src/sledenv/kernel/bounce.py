@@ -38,6 +38,7 @@ def touch(hop: Any, corners: bool) -> None:
     pressing = hop.inward + (curved - hop.b) * hop.omega * hop.omega
     hop.restitution = impact.softened(hop.law_restitution, hop.settle_speed, hop.v_n, pressing)
     impact.begin_impact(hop)
+    hop.sequence = 0.0
     hop.going = where(lands, hop.going, -1.0)
 
 

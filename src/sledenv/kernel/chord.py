@@ -28,7 +28,7 @@ MOST_TURNING = 1e4  # times that: a slower rim counts as no spin where the gap r
 AT_SURFACE = 1e-9  # of the size: gap of the second point where it starts to touch
 UNITS = 0.7  # unit of time of a step of both points over that of one: two springs are stiffer
 
-_OWN = tuple(name for name in CONTACT.names or () if name not in (*SUMS, *PEAKS, "filling"))
+_OWN = tuple(name for name in CONTACT.names or () if name not in (*SUMS, *PEAKS, "sequence", "branch", "filling"))
 _take = of_step(lambda contact, second: copy(second, contact, _OWN))
 _start = straight(lambda contact: clear(contact, (*PEAKS, *SUMS)))
 

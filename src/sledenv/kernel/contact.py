@@ -9,6 +9,7 @@ Between events the forces are analytic, so a step is a power series of the state
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
-from sledenv.kernel.state import FLYING, TOUCHING
+from sledenv.kernel.state import FLYING, TOUCHING, followed_by
 from sledenv.kernel.step import begin_step, complete, expect, orient
 from sledenv.kernel.trajectory import (
     CONTACT_ROWS,
@@ -31,11 +32,29 @@ from sledenv.kernel.trajectory import (
 )
 from sledenv.programs.jit import kernel, part
 from sledenv.programs.roots import horner, locate
-from sledenv.programs.trace import copy_into_callers
+from sledenv.programs.trace import copy_into_callers, of_step
+from sledenv.programs.values import equal, where
 
 SOUGHT = 1.1  # the expected root is sought if the guess lies within so many lengths of the step
 # A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
 NO_LOAD = 1e-9
+LASTING = 1e-12  # [units] a branch that lasts less is due to rounding
+
+
+def _signs(point: Any) -> Any:
+    """In a program: code of the signs of a branch, 0 to 26."""
+    return (point.gap_rate + 1.0) + 3.0 * (point.slip + 1.0) + 9.0 * (point.spin + 1.0)
+
+
+def _noting(contact: Any, second: Any) -> None:
+    """Program of the sequence of a contact that goes on in its branch, if that is another one than before."""
+    both = where(equal(contact.paired, 0.0), 0.0, 1.0 + _signs(second))
+    branch = _signs(contact) + 27.0 * (contact.feature + 5.0 * both)
+    contact.sequence = where(equal(branch, contact.branch), contact.sequence, followed_by(contact.sequence, branch))
+    contact.branch = branch
+
+
+_note = of_step(_noting)
 
 
 @part
@@ -338,6 +357,8 @@ def follow(
             if status != records.RUNNING and status != records.TIMEOUT:
                 break
             space["bounded"] = status
+            if contact["undecided"] != 0.0 and step["length"] > LASTING:
+                _note(contact, second)
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
             _sample_step(limits, flight, space, trajectory)
             if space["row"] > 0.0:

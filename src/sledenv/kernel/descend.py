@@ -91,7 +91,7 @@ def meeting(at: Any, contact: Any) -> None:
     contact.omega = contact.omega_before = at.omega_landing
     contact.feature = contact.feature_before = at.feature
     contact.a_before, contact.b_before = at.a, at.b
-    clear(contact, ("stored", "held", "on_chord", "paired", *PEAKS, *SUMS))
+    clear(contact, ("stored", "held", "on_chord", "paired", "sequence", "branch", *PEAKS, *SUMS))
 
 
 def _account(contact: Any, rebound: Any) -> None:
@@ -202,6 +202,7 @@ def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: f
     rebound["u_after"] = u_after
     rebound["v_after"] = contact["v_n"] + a * contact["omega"]
     rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, contact["omega"])
+    rebound["sequence"] = int(contact["sequence"])
 
 
 @kernel

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates_of, resolve
-from sledenv.kernel.state import change
+from sledenv.kernel.state import change, followed_by
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import copy_into_callers, straight
 from sledenv.programs.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
@@ -91,6 +91,7 @@ def pass_phase(hop: Any, hypothesis: int) -> Any:
     rate_then = where(turns, 0.0, v_n + rate_n * span)
     work = 0.5 * (v_n + rate_then) * span
     squared = hop.restitution * hop.restitution
+    phase = (hop.slip + 1.0) + 3.0 * (hop.spin + 1.0) + 9.0 * opening
     if hypothesis != ENERGETIC:
         hop.opened = where(opens, hop.opened + work, hop.opened)
     going, finite = less(0.0, hop.going), less(span, math.inf)  # or no event ends the phase
@@ -110,6 +111,7 @@ def pass_phase(hop: Any, hypothesis: int) -> Any:
         rolling=hop.rolling - 0.5 * rho * (omega + spin_then) * span,
         stored=where(ends, 0.0, larger(hop.stored - where(opens, work, squared * work), 0.0)),
         opening=opening,
+        sequence=where(less(0.0, span), followed_by(hop.sequence, phase), hop.sequence),
         **_enter(hop, slip_then, spin_then),
     )
     return where(passes, span, 0.0)

@@ -12,7 +12,7 @@ from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, sof
 from sledenv.kernel.params import Body, Incline, RigidLaw
 from sledenv.kernel.progress import arms_now, change_corner
 from sledenv.kernel.records import ARC, INCONSISTENT, NOSE, RUNNING, SEPARATED, STEP_BUDGET, TAIL
-from sledenv.kernel.state import SUMS, add, copy
+from sledenv.kernel.state import SUMS, add, copy, followed_by
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import copy_into_callers, scalar, straight
 from sledenv.programs.values import where
@@ -23,8 +23,9 @@ JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings a
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
 _softened = scalar(lambda restitution, speed, v_n, pressing: (softened(restitution, speed, v_n, pressing),))
-_bring = straight(lambda source, target: copy(source, target, ("v_t", "v_n", "omega")))
+_bring = straight(lambda source, target: copy(source, target, ("v_t", "v_n", "omega", "sequence")))
 _book = straight(lambda hop, contact: add(hop, contact, SUMS))
+_with_corner = scalar(lambda sequence, corner: (followed_by(sequence, 20.0 + corner),))  # no code of a phase
 _lies_flat = scalar(lambda phi, across, size: (where(lies_flat(phi, across, size), 1.0, 0.0),))
 
 
@@ -94,6 +95,7 @@ def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop
             break
         a, b = arms_now(body, int(contact["feature"]), contact)
         plastic = pressed and -contact["v_n"] < law.settle_speed
+        contact["sequence"] = _with_corner(contact["sequence"], contact["feature"])[0]
         if _hit(law, a, b, 0.0 if plastic else law.restitution, contact, hop) > MOST_PHASES:
             return STEP_BUDGET
     return SEPARATED if contact["v_n"] > 0.0 else RUNNING

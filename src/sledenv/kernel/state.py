@@ -15,8 +15,10 @@ from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import CONTACT_LOSSES, LOSSES
 from sledenv.programs.rows import WIDTH
 from sledenv.programs.trace import pack_of
-from sledenv.programs.values import where
+from sledenv.programs.values import nearest, where
 
+# A generator of random numbers (Park and Miller) mixes the codes of a sequence: whole numbers, exact in a double.
+_MIX, _PRIME = 48271.0, 2147483647.0
 _LINE = 64  # bytes of cache
 
 
@@ -92,6 +94,8 @@ CONTACT: Final = record(
     ("on_chord", "f8"),  # 1 if two points have touched at once
     ("paired", "f8"),  # 1 while they do: the other one is then a contact too
     ("undecided", "f8"),  # 1 if the branch is to be chosen
+    ("sequence", "f8"),  # code of the branches so far, see :func:`followed_by`,
+    ("branch", "f8"),  # and of the last one
     # The touchdown.
     ("time_before", "f8"),  # [s]
     ("x_before", "f8"),  # [m]
@@ -245,6 +249,7 @@ HOP: Final = record(
     ("rho", "f8"),  # [m] rolling moment over normal force
     ("opening", "f8"),  # 1 while the gap opens, 0 while it closes
     ("span", "f8"),  # [N s] normal impulse of the phase that has just passed
+    ("sequence", "f8"),  # code of the phases so far, see :func:`followed_by`
     *((name, "f8") for name in IMPULSES),  # so far
     ("closed", "f8"),  # [J] work of compression
     ("opened", "f8"),  # [J] work of restitution, of impacts that are not energetic
@@ -271,6 +276,15 @@ def copy(source: Any, target: Any, names: Sequence[str], of: str = "{}", to: str
     """In a program: copy fields from one record to another, in which patterns make other names of theirs."""
     for name in names:
         setattr(target, to.format(name), getattr(source, of.format(name)))
+
+
+def followed_by(sequence: Any, event: Any) -> Any:
+    """In a program: the code of a sequence that goes on with an event, a whole number from 0 to a few hundred.
+
+    Equal sequences have equal codes; that different ones have too is as likely as one in 2^31.
+    """
+    mixed = sequence * _MIX + (event + 1.0)
+    return mixed - nearest(mixed * (1.0 / _PRIME)) * _PRIME
 
 
 def add(source: Any, target: Any, names: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from sledenv.plot.contact import plot_impact, plot_penetration, plot_slip
 from sledenv.plot.energy import energy_layers, plot_descent
+from sledenv.plot.growth import plot_growth
 from sledenv.plot.impacts import plot_impulse_plane, plot_impulses, plot_phase_portraits
 from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
 from sledenv.plot.motion import plot_strobe
@@ -17,6 +18,7 @@ __all__ = [
     "energy_layers",
     "plot_convergence",
     "plot_descent",
+    "plot_growth",
     "plot_impact",
     "plot_impact_phases",
     "plot_impulse_plane",
