@@ -136,8 +136,8 @@ def _parser() -> argparse.ArgumentParser:
         "study",
         help="tell what uncertain launches, laws, slopes and bodies mean for the descent",
         description="Draw what a study calls uncertain, simulate a descent for each draw, and tell how they end, with "
-        "quantiles, envelopes along the slope and Sobol indices. A study that was stopped goes on where it was, and one "
-        "with more launches from one with less.",
+        "quantiles, envelopes along the slope and Sobol indices. A study that was stopped goes on where it was, and so "
+        "does one with more launches.",
     )
     uncertain.set_defaults(run=_study)
     uncertain.add_argument(

@@ -709,8 +709,8 @@ _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 
-_BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
-_SECTIONS = (_BODIES | {"rider": RiderSection}) | {
+BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
+_SECTIONS = (BODIES | {"rider": RiderSection}) | {
     field.alias or name: field.annotation
     for name, field in Scenario.model_fields.items()
     if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
@@ -739,10 +739,10 @@ def _explain(error: ErrorDetails) -> str:
         case "extra_forbidden":
             return f"{path} = {value}: unknown key{_hint(str(location[-1]), fields)}; known: {', '.join(fields)}"
         case "union_tag_not_found":
-            return f"{path}.kind: missing; must be one of {', '.join(_BODIES)}"
+            return f"{path}.kind: missing; must be one of {', '.join(BODIES)}"
         case "union_tag_invalid":
             tag = str(error["ctx"]["tag"])
-            return f"{path}.kind = {tag!r}: must be one of {', '.join(_BODIES)}{_hint(tag, _BODIES)}"
+            return f"{path}.kind = {tag!r}: must be one of {', '.join(BODIES)}{_hint(tag, BODIES)}"
         case "value_error":
             text = str(error["ctx"]["error"])
         case other:

@@ -38,7 +38,8 @@ class Distribution(Section):
 
     def at(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values below which shares ``draws`` of all lie, each in (0, 1); same shape."""
-        values = np.asarray(self.frozen().ppf(draws), dtype=np.float64)
+        with np.errstate(over="ignore"):  # inf is no number that a key accepts
+            values = np.asarray(self.frozen().ppf(draws), dtype=np.float64)
         return np.clip(values, getattr(self, "low", -np.inf), getattr(self, "high", np.inf))  # rounding
 
     @property
@@ -49,7 +50,8 @@ class Distribution(Section):
 
     def outside(self, low: float, high: float) -> float:
         """Return the share of values below ``low`` or above ``high``."""
-        return float(self.frozen().cdf(low) + self.frozen().sf(high))
+        with np.errstate(over="ignore"):
+            return float(self.frozen().cdf(low) + self.frozen().sf(high))
 
     @property
     def words(self) -> str:

@@ -110,6 +110,26 @@ class Study(Section):
     limits: dict[str, Any] = Field(default_factory=dict)
     ends: dict[str, Any] = Field(default_factory=dict)
 
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Build a study from a mapping that has the keys of the YAML file.
+
+        Raises
+        ------
+        StudyError
+            Naming every wrong key, its value and what is allowed.
+        """
+        name = obj.get("id", "without id") if isinstance(obj, dict) else "without id"
+        return cls._read(obj, f"study {name}", options)
+
+    @classmethod
+    def _read(cls, obj: Any, source: str, options: dict[str, Any]) -> Self:
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            lines = [line for details in error.errors() for line in _explain(details, cls).splitlines()]
+        raise StudyError("\n".join(f"{source}: {line}" for line in lines))
+
     @model_validator(mode="after")
     def _can_be_simulated(self) -> Self:
         """Check all that can be before anything is drawn."""
@@ -254,11 +274,7 @@ def load_study(name_or_path: str | os.PathLike[str]) -> Study:
     content, source = read_config(name_or_path, "study", StudyError)
     if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
         content |= {"scenario": os.path.join(os.path.dirname(source), content["scenario"])}
-    try:
-        return Study.model_validate(content)
-    except ValidationError as error:
-        lines = [line for details in error.errors() for line in _explain(details, Study).splitlines()]
-    raise StudyError("\n".join(f"{source}: {line}" for line in lines))
+    return Study._read(content, source, {})
 
 
 def study_names() -> tuple[str, ...]:

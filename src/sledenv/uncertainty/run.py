@@ -25,7 +25,7 @@ from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
 from sledenv.uncertainty.model import Study, StudyError, load_study
 from sledenv.workers import Call, Runner, runner
 
-BLOCK: Final = 8192  # launches in a file, at most
+BLOCK: Final = 4096  # launches in a file, at most
 _DPI: Final = 150
 _LAUNCHES: Final = "launches"
 _TABLES: Final = ("shares", "quantiles", "envelopes", "sobol")
