@@ -202,7 +202,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "contact.restitution: uniform, low 0.5, high 1.5: a share of 0.5 lies outside (0, 1]",
         ),
         ({"launch__speed_m_s": {"kind": "lognormal", "median": 1, "log_sd": 500}}, "lies outside [0, inf) m/s"),
-        ({"slope__angle_deg": [3, 7]}, "slope.angle_deg: a range in None, give a number or a distribution"),
+        ({"slope__angle_deg": [3, 7]}, "slope.angle_deg: is a range, give a number or a distribution"),
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in (0, inf) m"),
         ({"body": {"kind": "cube"}}, "body.kind = 'cube': must be one of disc, segment, sled, custom"),
         ({"contact__asymmetry": 0.5}, "either restitution"),
@@ -237,7 +237,7 @@ def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None
         *("slope.angle_deg", "contact.friction", "contact.restitution", "launch.drop_m", "launch.orientation_deg"),
         "launch.spin_rad_s",
     ]
-    assert all(line.endswith(": a range in sled_snow, give a number or a distribution") for line in lines)
+    assert all(line.endswith(": is a range, give a number or a distribution") for line in lines)
 
 
 def test_draws_that_are_no_body_are_counted() -> None:
@@ -245,8 +245,13 @@ def test_draws_that_are_no_body_are_counted() -> None:
     rise = sledenv.params.sled_rise(1.2, 1.0)
     height = {"kind": "triangular", "low": 0.0, "mode": 0.0, "high": 2.0 * rise}
     study = made(PUSH, body__mass_centre_height_m=height)
-    with pytest.raises(StudyError, match=r"a share of 0\.5 of all draws is no body, such as sled\.mass_centre_height"):
+    with pytest.raises(
+        StudyError, match=r"a share of 0\.5 of all draws is no body, such as mass_centre_height_m = 0\.2"
+    ):
         study.bodies(study.values(np.full((4, 4), [[0.1], [0.7], [0.8], [0.9]])))
+    light = made(DROP, body__mass_kg={"kind": "uniform", "low": 0.5, "high": 2.5})  # all mass at the rim: 1 kg
+    with pytest.raises(StudyError, match=r"a share of 0\.25 .* inertia_kg_m2 = 0\.01: must be a number in \(0, m"):
+        light.bodies(light.values(np.tile([[0.2], [0.3], [0.5], [0.9]], 2)))
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "id: [", "id: a\nid: b"])

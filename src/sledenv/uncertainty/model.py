@@ -7,6 +7,7 @@ import json
 import os
 import reprlib
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
@@ -100,9 +101,7 @@ class Study(Section):
     solver: Literal["compliant", "rigid"] = "compliant"
     launches: Annotated[int, Whole("[1, 100000000]")] = 16384  # at least so many
     seed: Annotated[int, Whole("[0, 4294967295]")] = 0
-    stations_m: tuple[
-        Positive, ...
-    ] = ()  # distances at which speeds are told; by default 20, up to the end of the slope
+    stations_m: tuple[Positive, ...] = ()  # distances at which speeds are told; 20 up to the end of the slope
     slope: Given = Field(default_factory=dict)
     body: Given = Field(default_factory=dict)
     contact: Given = Field(default_factory=dict)
@@ -212,12 +211,13 @@ class Study(Section):
         at = {i: name.partition(".")[2] for i, name in enumerate(self.parameters) if name.startswith("body.")}
         if not at:
             return self.base.body()
+        kind, certain = type(section), section.model_dump()
         bodies, wrong = [], []
         for row in values[:, list(at)].tolist():
             try:
-                bodies.append(section.model_copy(update=dict(zip(at.values(), row, strict=True))).build())
-            except ValueError as error:
-                wrong.append(error)
+                bodies.append(kind.model_validate(certain | dict(zip(at.values(), row, strict=True))).build())
+            except ValidationError as error:
+                wrong.append(_explain(error.errors()[0], kind))
         if wrong:
             share = len(wrong) / len(values)
             raise StudyError(f"study {self.id}: a share of {share:.2g} of all draws is no body, such as {wrong[0]}")
@@ -246,10 +246,10 @@ class Study(Section):
         }
 
     def _left_open(self) -> list[str]:
-        """Return what is wrong with ranges of the scenario that the study does not decide."""
+        """Return what is wrong with ranges that the study does not decide."""
         low, high = self.base.ranges
-        ranges = {name: (low[i], high[i]) for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]}
-        return [f"{name}: a range in {self.scenario}, give a number or a distribution" for name in ranges]
+        ranges = [name for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]]
+        return [f"{name}: is a range, give a number or a distribution" for name in ranges]
 
 
 def load_study(name_or_path: str | os.PathLike[str]) -> Study:
@@ -273,7 +273,7 @@ def load_study(name_or_path: str | os.PathLike[str]) -> Study:
     """
     content, source = read_config(name_or_path, "study", StudyError)
     if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
-        content |= {"scenario": os.path.join(os.path.dirname(source), content["scenario"])}
+        content |= {"scenario": os.path.abspath(Path(source).parent / content["scenario"])}
     return Study._read(content, source, {})
 
 
