@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from sledenv import load_study
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -57,3 +59,18 @@ def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
 def test_the_training_of_the_readme_runs(number):
     torch.set_num_threads(1)  # more wait for each other on a busy machine
     run([blocks("README.md")[number].replace("progress_bar=True", "progress_bar=False")])
+
+
+def test_the_page_on_studies_runs(tmp_path, monkeypatch, capsys):
+    """Its study of few launches finds what the page says of many: jams come of friction."""
+    monkeypatch.chdir(tmp_path)
+    names = run(blocks("docs/uncertainty.md"))
+    friction = names["launches"].groupby("status", observed=True)["contact.friction"].mean()
+    assert friction["jammed"] > friction["finish"]
+    assert "contact.friction" in capsys.readouterr().out
+
+
+def test_the_study_file_of_the_page_is_valid(tmp_path):
+    page = (ROOT / "docs/uncertainty.md").read_text(encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(re.findall(r"^```yaml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[0])
+    assert load_study(tmp_path / "mine.yaml").stations.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 
-HEAVY = ("Box2D", "matplotlib", "pandas", "pygame", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm")
+HEAVY = (
+    *("Box2D", "SALib", "joblib", "matplotlib", "pandas", "pygame", "rich", "scipy.stats"),
+    *("stable_baselines3", "tensorboard", "torch", "tqdm"),
+)
 PROGRAM = f"""
 import sys
 import gymnasium

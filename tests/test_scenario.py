@@ -506,6 +506,7 @@ def test_a_wheel_carries_every_module_and_scenario(tmp_path: Path) -> None:
     expected = {path.relative_to(package) for path in package.rglob("*.py")} | {Path("py.typed"), Path("replay.html")}
     expected.add(Path("benchmark", "report.html"))
     expected |= {Path("scenarios", f"{name}.yaml") for name in SHIPPED}
+    expected |= {Path("studies", file.name) for file in (ROOT / "configs" / "studies").glob("*.yaml")}
     folder = unpacked / "sledenv"
     assert {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()} == expected
 

@@ -1,5 +1,10 @@
 """Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from sledenv.derivatives import Sensitivity, sensitivity
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs import register as _register
@@ -9,6 +14,9 @@ from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sle
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.wheel import WheelImpact, collide_wheel
+
+if TYPE_CHECKING:
+    from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
 __all__ = [
     "Body",
@@ -29,10 +37,13 @@ __all__ = [
     "Slope",
     "State",
     "Status",
+    "Study",
+    "StudyResult",
     "WheelImpact",
     "circular_segment",
     "collide_wheel",
     "load_scenario",
+    "load_study",
     "rigid_impact",
     "scenario_names",
     "sensitivity",
@@ -40,6 +51,20 @@ __all__ = [
     "simulate_batch",
     "simulate_blocks",
     "sled",
+    "study",
+    "study_names",
 ]
 
+# What needs pandas and scipy is loaded where it is first asked for.
+_ANALYSIS = dict.fromkeys(("Study", "StudyResult", "load_study", "study", "study_names"), "sledenv.uncertainty")
+
 _register()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ANALYSIS:
+        raise AttributeError(f"module 'sledenv' has no attribute {name!r}")
+    try:
+        return getattr(importlib.import_module(_ANALYSIS[name]), name)
+    except ModuleNotFoundError as error:
+        raise ImportError(f"{error}: sledenv.{name} needs pip install 'sledenv[analysis]'") from error

@@ -1,4 +1,4 @@
-"""The command ``sledenv``: one scenario simulated, replayed or mapped, the paper, the benchmark, the installation."""
+"""The command ``sledenv``: a scenario simulated, replayed or mapped, studies, the paper, benchmark, installation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from sledenv.files import publish, replacing, write_csv
 from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
-from sledenv.scenario import control_words, load_scenario, scenario_names
+from sledenv.scenario import control_words, load_scenario, scenario_names, shipped_names
 from sledenv.text import TRAJECTORY_COLUMNS, sensitivity_table, setting, story, trajectory_rows
 
 PICTURES = ("strobe.png", "series.png")
@@ -143,10 +143,24 @@ def _parser() -> argparse.ArgumentParser:
         help="smoke, full, trims, or a file that ends in .yaml (default smoke)",
     )
     judged.add_argument("--out", type=Path, metavar="FOLDER", help="default: runs/benchmark/SUITE")
-    judged.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
-    judged.add_argument(
-        "--ray", metavar="ADDRESS", help='use the Ray cluster at this address instead, or start one here: "local"'
+    _add_workers(judged)
+
+    uncertain = commands.add_parser(
+        "study",
+        help="tell what uncertain launches, laws, slopes and bodies mean for the descent",
+        description="Draw what a study calls uncertain, simulate a descent for each draw, and tell how they end, with "
+        "quantiles, envelopes along the slope and Sobol indices. A study that was stopped goes on where it was, and so "
+        "does one with more launches.",
     )
+    uncertain.set_defaults(run=_study)
+    uncertain.add_argument(
+        "study", metavar="STUDY", help=f"{', '.join(shipped_names('study'))}, or a file that ends in .yaml"
+    )
+    uncertain.add_argument("--out", type=Path, metavar="FOLDER", help="default: runs/study/STUDY")
+    uncertain.add_argument(
+        "--launches", type=_positive, metavar="N", help="at least so many (default: what the study says)"
+    )
+    _add_workers(uncertain)
 
     landscape = commands.add_parser(
         "map",
@@ -174,6 +188,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     doctor.set_defaults(run=_doctor)
     return parser
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say who does the work."""
+    parser.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
+    parser.add_argument(
+        "--ray", metavar="ADDRESS", help='use the Ray cluster at this address instead, or start one here: "local"'
+    )
 
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -263,6 +285,18 @@ def _benchmark(options: argparse.Namespace) -> int:
     )
     page = write_report(read_results(folder), folder / "report")
     _progress("benchmark")(f"wrote {page}")
+    return 0
+
+
+def _study(options: argparse.Namespace) -> int:
+    from sledenv import load_study, study
+
+    given = load_study(options.study)
+    out = options.out or Path("runs/study") / given.id
+    result = study(given, out, launches=options.launches, workers=options.workers, ray=options.ray)
+    print(f"{given.id}, {result.launches} launches, solver {given.solver}: {given.question or given.title}")
+    print(result.words)
+    _progress("study")(f"wrote {out}")
     return 0
 
 

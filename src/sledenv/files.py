@@ -67,7 +67,7 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
         If the place is taken or cannot be written.
     """
     place = Path(folder).resolve()
-    _check_free(place, folder, files)
+    check_free(place, folder, files)
     home = next(parent for parent in place.parents if parent.exists())
     if not home.is_dir():
         raise NotADirectoryError(f"{folder} cannot be written: {home} is a file")
@@ -79,7 +79,7 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
         new, old = scratch / "new", scratch / "old"
         new.mkdir()
         yield new
-        _check_free(place, folder, files)
+        check_free(place, folder, files)
         place.parent.mkdir(parents=True, exist_ok=True)
         if place.exists():
             place.rename(old)
@@ -101,7 +101,8 @@ def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]
         writer.writerows(rows)
 
 
-def _check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:
+def check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:
+    """Raise an OSError unless a folder is not there yet or holds nothing but ``files``; messages call it ``folder``."""
     if not place.exists():
         return
     if not place.is_dir():

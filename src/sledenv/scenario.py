@@ -66,8 +66,19 @@ class ScenarioError(ValueError):
     """A scenario that does not exist or is not valid; one line of the message for each problem."""
 
 
-class _Quantity:
-    """What a key accepts: a number in an interval that is written with its unit, as in ``"(0, 90] deg"``."""
+class Quantity:
+    """What a key accepts: a number in an interval that is written with its unit, as in ``"(0, 90] deg"``.
+
+    Attributes
+    ----------
+    interval : str
+        As it is written.
+    allowed : str
+        The same in words.
+    unit : str
+    ends : pair of float
+        Lowest and highest number; whether they are in the interval themselves, :meth:`number` tells.
+    """
 
     form: ClassVar[str] = "a number"
 
@@ -75,21 +86,24 @@ class _Quantity:
         parsed = re.fullmatch(r"([\[(])(\S+), (\S+)([\])]) ?(.*)", interval)
         if parsed is None:
             raise ValueError(f"not an interval: {interval!r}")
+        self.interval = interval
         self.allowed = f"{self.form} in {interval}"
         self.unit = parsed[5]
         self._open = parsed[1] == "(", parsed[4] == ")"
         # An infinite end admits every finite number.
-        self._ends = max(float(parsed[2]), -sys.float_info.max), min(float(parsed[3]), sys.float_info.max)
+        self.ends = max(float(parsed[2]), -sys.float_info.max), min(float(parsed[3]), sys.float_info.max)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         schema = core_schema.no_info_plain_validator_function(self.read)
         return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
     def read(self, value: Any) -> Any:
+        """Return what a key is given as it is kept, or raise ValueError."""
         return self.number(value)
 
     def number(self, value: Any) -> float:
-        (low, high), (low_open, high_open) = self._ends, self._open
+        """Return a number of the interval as a float, or raise ValueError."""
+        (low, high), (low_open, high_open) = self.ends, self._open
         if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
             raise ValueError(f"must be {self.allowed}")
         if not low <= value <= high or (low_open and value == low) or (high_open and value == high):
@@ -97,16 +111,19 @@ class _Quantity:
         return float(value) + 0.0  # -0.0 becomes 0.0
 
 
-class _Whole(_Quantity):
+class Whole(Quantity):
+    """A whole number of an interval."""
+
     form = "a whole number"
 
     def read(self, value: Any) -> int:
+        """Return a whole number, or raise ValueError."""
         if self.number(value) != int(value):
             raise ValueError(f"must be {self.allowed}")
         return int(value)
 
 
-class _Bounds(_Quantity):
+class _Bounds(Quantity):
     form = "a pair [low, high] of numbers"
 
     def read(self, value: Any) -> Pair:
@@ -165,15 +182,21 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True)
 
+    @classmethod
+    def quantities(cls) -> dict[str, Quantity]:
+        """Return what the keys that are numbers accept."""
+        fields = cls.model_fields.items()
+        return {key: mark for key, field in fields for mark in field.metadata if isinstance(mark, Quantity)}
+
 
 class DiscBody(Section):
     """A full disc whose mass centre lies off its axis."""
 
     kind: Literal["disc"]
-    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, _Quantity("(0, inf) m")]
-    eccentricity_m: Annotated[float, _Quantity("[0, inf) m")]
-    inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]  # about the mass centre
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("(0, inf) m")]
+    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
 
     @field_validator("eccentricity_m")
     @classmethod
@@ -202,9 +225,9 @@ class SegmentBody(Section):
     """A uniform lamina bounded by an arc and its chord."""
 
     kind: Literal["segment"]
-    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, _Quantity("(0, inf) m")]
-    half_angle_deg: Annotated[float, _Quantity("(0, 180] deg")]  # of the arc
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("(0, inf) m")]
+    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")]  # of the arc
 
     def build(self) -> Body:
         """Return the body of the simulator."""
@@ -215,11 +238,11 @@ class SledBody(Section):
     """A sled with its rider: runners bent to an arc, closed by the chord between their ends."""
 
     kind: Literal["sled"]
-    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
-    length_m: Annotated[float, _Quantity("(0, inf) m")]
-    rocker_radius_m: Annotated[float, _Quantity("(0, inf) m")]  # of the runners
-    mass_centre_height_m: Annotated[float, _Quantity("[0, inf) m")]  # above the middle of the runners
-    gyration_radius_m: Annotated[float, _Quantity("(0, inf) m")]  # about the mass centre
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    length_m: Annotated[float, Quantity("(0, inf) m")]
+    rocker_radius_m: Annotated[float, Quantity("(0, inf) m")]  # of the runners
+    mass_centre_height_m: Annotated[float, Quantity("[0, inf) m")]  # above the middle of the runners
+    gyration_radius_m: Annotated[float, Quantity("(0, inf) m")]  # about the mass centre
 
     @field_validator("rocker_radius_m")
     @classmethod
@@ -250,11 +273,11 @@ class CustomBody(Section):
     """Any body of the simulator."""
 
     kind: Literal["custom"]
-    mass_kg: Annotated[float, _Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, _Quantity("[0, inf) m")]
-    eccentricity_m: Annotated[float, _Quantity("[0, inf) m")]
-    inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]  # about the mass centre
-    half_angle_deg: Annotated[float, _Quantity("(0, 180] deg")] = 180.0
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("[0, inf) m")]
+    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
+    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")] = 180.0
 
     @model_validator(mode="after")
     def _mass_centre_inside(self) -> Self:
@@ -275,19 +298,19 @@ class SlopeSection(Section):
     """The incline."""
 
     angle_deg: Annotated[Pair, _Range("(-90, 90) deg")]  # positive downhill
-    length_m: Annotated[float, _Quantity("(0, inf) m")]
-    gravity_m_s2: Annotated[float, _Quantity("[0, inf) m/s^2")] = 9.81
+    length_m: Annotated[float, Quantity("(0, inf) m")]
+    gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
 
 
 class ContactSection(Section):
     """How the body touches the slope; either ``restitution`` or ``asymmetry``."""
 
-    stiffness_n_m: Annotated[float, _Quantity("(0, inf) N/m")]
-    restitution: Annotated[Pair, _Range("(0, 1]")] | None = None
-    asymmetry: Annotated[float, _Quantity("[0, 1)")] | None = None
+    stiffness_n_m: Annotated[float, Quantity("(0, inf) N/m")]
+    restitution: Annotated[Pair | None, _Range("(0, 1]")] = None
+    asymmetry: Annotated[float | None, Quantity("[0, 1)")] = None
     friction: Annotated[Pair, _Range("[0, inf)")]
-    rolling_arm_m: Annotated[float, _Quantity("[0, inf) m")]
-    corner_rolling_arm_m: Annotated[float, _Quantity("[0, inf) m")] = 0.0
+    rolling_arm_m: Annotated[float, Quantity("[0, inf) m")]
+    corner_rolling_arm_m: Annotated[float, Quantity("[0, inf) m")] = 0.0
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
@@ -336,8 +359,8 @@ class ControlSection(Section):
         LaunchControl("[0, inf) m/s", "speed", printed="7.3f", searched=9, drawn=81),
     ] = None
     chosen: str = "both"  # a word of control_words, unless an environment is made with another
-    noise_orientation_deg: Annotated[float, _Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch
-    noise_spin_rad_s: Annotated[float, _Quantity("[0, inf) rad/s")] = 0.0
+    noise_orientation_deg: Annotated[float, Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch
+    noise_spin_rad_s: Annotated[float, Quantity("[0, inf) rad/s")] = 0.0
 
     @field_validator("chosen")
     @classmethod
@@ -369,15 +392,15 @@ def control_words(offered: Collection[str]) -> dict[str, tuple[str, ...]]:
 class RiderSection(Section):
     """A rider who can trim the spin in flight, with a rotor inside the body: docs/physics.md, section 9."""
 
-    trim_rad_s: Annotated[float, _Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
-    rotor_inertia_kg_m2: Annotated[float, _Quantity("(0, inf) kg m^2")]
+    trim_rad_s: Annotated[float, Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
+    rotor_inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]
 
 
 class LimitsSection(Section):
     """Where a descent is given up."""
 
-    max_time_s: Annotated[float, _Quantity("(0, inf) s")]
-    max_rebounds: Annotated[int, _Whole("[1, 1000000]")]
+    max_time_s: Annotated[float, Quantity("(0, inf) s")]
+    max_rebounds: Annotated[int, Whole("[1, 1000000]")]
 
 
 class EndsSection(Section):
@@ -588,10 +611,15 @@ class Scenario(Section):
         launches = self.launches(np.array([context._replace(orientation=phi, spin=omega, speed=u)]))
         return State(*launches[0].tolist())
 
-    def launches(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6)."""
+    def launches(
+        self, contexts: NDArray[np.float64], bodies: Body | NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6).
+
+        ``bodies`` takes the place of the scenario's body: one, or the fields of one a context, shape (N, 5).
+        """
         *_, speed, drop, fall, orientation, spin = contexts.T
-        height = drop + support_heights(self.body(), within_a_turn(orientation))
+        height = drop + support_heights(self.body() if bodies is None else bodies, within_a_turn(orientation))
         return _rows(State, len(contexts), x=0.0, y=height, phi=orientation, u=speed, v=0.0 - fall, omega=spin)
 
 
@@ -603,8 +631,7 @@ def check_split(split: str) -> None:
 
 def scenario_names() -> tuple[str, ...]:
     """Return the names of the shipped scenarios, sorted."""
-    files = (entry.name for entry in _shipped().iterdir())
-    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+    return shipped_names("scenario")
 
 
 def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
@@ -625,27 +652,44 @@ def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
     ScenarioError
         If there is no such scenario, or naming every wrong key of the file, its value and what is allowed.
     """
-    name = os.fspath(name_or_path)
+    return Scenario._read(*read_config(name_or_path, "scenario", ScenarioError), {})
+
+
+def read_config(
+    name_or_path: str | os.PathLike[str], kind: Literal["scenario", "study"], error: type[ScenarioError]
+) -> tuple[Any, str]:
+    """Read a shipped file by its name or any by its path; return what it holds and what messages call it.
+
+    Raises
+    ------
+    ScenarioError
+        Of the type ``error``, if there is no such file or it is no YAML.
+    """
+    name, known = os.fspath(name_or_path), shipped_names(kind)
     file: Traversable
     if name.endswith((".yaml", ".yml")):
         source, file = name, Path(name)
-    elif name in (known := scenario_names()):
-        source, file = f"{name}.yaml", _shipped() / f"{name}.yaml"
+    elif name in known:
+        source, file = f"{name}.yaml", _shipped(kind) / f"{name}.yaml"
     else:
-        raise ScenarioError(
-            f"unknown scenario {name!r}{_hint(name, known)}; known: {', '.join(known)}; a file ends in .yaml"
-        )
+        raise error(f"unknown {kind} {name!r}{_hint(name, known)}; known: {', '.join(known)}; a file ends in .yaml")
     try:
-        content = yaml.load(file.read_text(encoding="utf-8"), _Loader)
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ScenarioError(f"{source}: cannot be read: {' '.join(str(error).split())}") from error
-    return Scenario._read(content, source, {})
+        return yaml.load(file.read_text(encoding="utf-8"), _Loader), source
+    except (OSError, ValueError, yaml.YAMLError) as problem:
+        raise error(f"{source}: cannot be read: {' '.join(str(problem).split())}") from problem
 
 
-def _shipped() -> Traversable:
-    """Folder of the shipped scenarios: in the installed package, or in the checkout it is edited in."""
-    installed = resources.files("sledenv") / "scenarios"
-    return installed if installed.is_dir() else Path(__file__).parents[2] / "configs" / "scenarios"
+def shipped_names(kind: Literal["scenario", "study"]) -> tuple[str, ...]:
+    """Return the names of the shipped files of a kind, sorted."""
+    files = (entry.name for entry in _shipped(kind).iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+
+
+def _shipped(kind: Literal["scenario", "study"]) -> Traversable:
+    """Folder of the shipped files: in the installed package, or in the checkout it is edited in."""
+    folder = {"scenario": "scenarios", "study": "studies"}[kind]
+    installed = resources.files("sledenv") / folder
+    return installed if installed.is_dir() else Path(__file__).parents[2] / "configs" / folder
 
 
 class _Loader(yaml.SafeLoader):
@@ -665,8 +709,8 @@ _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 
-_BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
-_SECTIONS = (_BODIES | {"rider": RiderSection}) | {
+BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
+_SECTIONS = (BODIES | {"rider": RiderSection}) | {
     field.alias or name: field.annotation
     for name, field in Scenario.model_fields.items()
     if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
@@ -690,15 +734,15 @@ def _explain(error: ErrorDetails) -> str:
     value = reprlib.repr(error["input"])
     match error["type"]:
         case "missing":
-            quantities = [item for item in fields[str(location[-1])].metadata if isinstance(item, _Quantity)]
+            quantities = [item for item in fields[str(location[-1])].metadata if isinstance(item, Quantity)]
             return f"{path}: missing" + "".join(f"; must be {quantity.allowed}" for quantity in quantities)
         case "extra_forbidden":
             return f"{path} = {value}: unknown key{_hint(str(location[-1]), fields)}; known: {', '.join(fields)}"
         case "union_tag_not_found":
-            return f"{path}.kind: missing; must be one of {', '.join(_BODIES)}"
+            return f"{path}.kind: missing; must be one of {', '.join(BODIES)}"
         case "union_tag_invalid":
             tag = str(error["ctx"]["tag"])
-            return f"{path}.kind = {tag!r}: must be one of {', '.join(_BODIES)}{_hint(tag, _BODIES)}"
+            return f"{path}.kind = {tag!r}: must be one of {', '.join(BODIES)}{_hint(tag, BODIES)}"
         case "value_error":
             text = str(error["ctx"]["error"])
         case other:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import subprocess
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Final, get_args
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed, parallel_config
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -27,12 +23,11 @@ from sledenv.files import replacing
 from sledenv.jam import DescentJam
 from sledenv.kernel.records import LOSSES
 from sledenv.scenario import CONTROLS
+from sledenv.workers import Call, runner
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
-
-Call = tuple[Callable[..., str], tuple[Any, ...]]
 
 
 def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = None, ray: str | None = None) -> Path:
@@ -68,7 +63,7 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
     """
     folder = folder.resolve()  # a worker of a cluster may work elsewhere
     jobs = list(suite.jobs(file.parent))
-    run = _through_ray(ray) if ray is not None else _through_joblib(workers or os.cpu_count() or 1)
+    run = runner(workers, ray)
     for part in ("trained", "judged", "searched"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     _warm_up(jobs[0])
@@ -83,38 +78,6 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
             bar.update()
     _gather(suite, jobs, folder)
     return folder
-
-
-def _through_joblib(workers: int) -> Callable[[list[Call]], Iterator[str]]:
-    def run(calls: list[Call]) -> Iterator[str]:
-        # One thread in each process: more processes than cores would only wait for each other.
-        with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-            yield from Parallel(return_as="generator_unordered")(delayed(call)(*given) for call, given in calls)
-
-    return run
-
-
-def _through_ray(address: str) -> Callable[[list[Call]], Iterator[str]]:
-    try:
-        import ray
-    except ImportError as error:
-        raise ImportError("ray: a cluster needs Ray: pip install ray") from error
-
-    def run(calls: list[Call]) -> Iterator[str]:
-        # The working folder holds the agents, and one thread is what a task has asked for.
-        environment = {"env_vars": {"NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join([os.getcwd(), *sys.path])}}
-        with ray.init(address=address, runtime_env=environment, log_to_driver=False):
-            task = ray.remote(_call)
-            pending = [task.remote(call, given) for call, given in calls]
-            while pending:
-                (done,), pending = ray.wait(pending)
-                yield ray.get(done)
-
-    return run
-
-
-def _call(call: Callable[..., str], given: tuple[Any, ...]) -> str:
-    return call(*given)
 
 
 def _warm_up(job: Job) -> None:

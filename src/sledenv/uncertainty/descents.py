@@ -1,0 +1,78 @@
+"""Descents seen at fixed distances along the slope: each is simulated up to every one of them that it comes to."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sledenv.descent import simulate_batch
+from sledenv.jam import DescentJam, descent_jam
+from sledenv.kernel.records import FINISH, OUTCOME
+from sledenv.params import Body, Slope
+from sledenv.uncertainty.model import Lanes
+
+_LENGTH = Slope._fields.index("length")
+
+
+class Passages(NamedTuple):
+    """N descents and how they pass K stations."""
+
+    outcomes: np.ndarray  # of OUTCOME, shape (N,), those of the whole descents
+    jam: DescentJam
+    speed: NDArray[np.float64]  # [m/s] of the mass centre where it first comes to a station, NaN if never; shape (N, K)
+    kinetic: NDArray[np.float64]  # [J] of translation and rotation there
+
+
+def descend_past(lanes: Lanes, stations: NDArray[np.float64], **options: Any) -> Passages:
+    """Simulate descents, and tell speed and energy where they first come to stations.
+
+    On a slope that ends at a station the very same descent finishes there, exactly, be it in flight or in contact. So
+    each goes on to the next station from its launch, as long as it finishes; the last time on its own slope.
+
+    Parameters
+    ----------
+    lanes : Lanes
+        Of N descents.
+    stations : ndarray, shape (K,)
+        Distances [m], rising from 0, where all descents begin.
+    **options
+        As for :func:`sledenv.simulate_batch`.
+    """
+    count = len(lanes.launches)
+    outcomes = np.zeros(count, OUTCOME)
+    speed, kinetic = np.full((2, count, len(stations)), np.nan)
+    lengths = lanes.slopes[:, _LENGTH]
+    going = np.arange(count)
+    for k, station in enumerate(stations):
+        if k == 0:
+            _, _, _, u, v, omega = lanes.launches.T
+            mass, inertia = _of_bodies(lanes.bodies, "mass"), _of_bodies(lanes.bodies, "inertia")
+            speed[:, 0] = np.hypot(u, v)
+            kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
+            continue
+        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), options)
+        going = going[outcomes["status"][going] == FINISH]
+        there = going[lengths[going] >= station]
+        speed[there, k] = np.hypot(outcomes["u"][there], outcomes["v"][there])
+        kinetic[there, k] = outcomes["kinetic"][there]
+        going = going[lengths[going] > station]
+    outcomes[going] = _descend(lanes, going, lengths[going], options)
+    return Passages(outcomes, descent_jam(outcomes, _of_bodies(lanes.bodies, "mass"), lengths), speed, kinetic)
+
+
+def _descend(
+    lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64], options: dict[str, Any]
+) -> np.ndarray:
+    """Return the outcomes of some lanes, or of none, on slopes of given lengths [m]."""
+    if not len(going):
+        return np.zeros(0, OUTCOME)
+    slopes = lanes.slopes[going]
+    slopes[:, _LENGTH] = lengths
+    bodies = lanes.bodies if isinstance(lanes.bodies, Body) else lanes.bodies[going]
+    return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], **options).outcomes
+
+
+def _of_bodies(bodies: Body | NDArray[np.float64], field: str) -> Any:
+    return getattr(bodies, field) if isinstance(bodies, Body) else bodies[:, Body._fields.index(field)]

@@ -1,0 +1,134 @@
+"""What may be known of a number: the distributions that a study can give to a parameter."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+from scipy import stats
+
+from sledenv.scenario import Quantity, Section
+
+Number = Annotated[float, Quantity("(-inf, inf)")]
+Positive = Annotated[float, Quantity("(0, inf)")]
+
+EDGE: Final = 2.0**-31  # how near to 0 or 1 a draw may come: half a cell of Sobol's sequence in scipy
+
+
+class Distribution(Section):
+    """A distribution, in the unit of the key that it stands at."""
+
+    kind: str
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        low, high = getattr(self, "low", -np.inf), getattr(self, "high", np.inf)
+        mode = getattr(self, "mode", low)
+        if not low < high:
+            raise ValueError(f"low = {low:g}: must be below high = {high:g}")
+        if not low <= mode <= high:
+            raise ValueError(f"mode = {mode:g}: must be in [low, high] = [{low:g}, {high:g}]")
+        return self
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        raise NotImplementedError
+
+    def at(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values below which shares ``draws`` of all lie, each in (0, 1); same shape."""
+        with np.errstate(over="ignore"):  # inf is no number that a key accepts
+            values = np.asarray(self.frozen().ppf(draws), dtype=np.float64)
+        return np.clip(values, getattr(self, "low", -np.inf), getattr(self, "high", np.inf))  # rounding
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest value that can be drawn."""
+        low, high = self.at(np.array([EDGE, 1.0 - EDGE])).tolist()
+        return low, high
+
+    def outside(self, low: float, high: float) -> float:
+        """Return the share of values below ``low`` or above ``high``."""
+        with np.errstate(over="ignore"):
+            return float(self.frozen().cdf(low) + self.frozen().sf(high))
+
+    @property
+    def words(self) -> str:
+        """The distribution as its file has it."""
+        given = self.model_dump(exclude={"kind"}).items()
+        return f"{self.kind}, {', '.join(f'{key} {value:g}' for key, value in given)}"
+
+
+class Uniform(Distribution):
+    """Every value between two is as likely."""
+
+    kind: Literal["uniform"]
+    low: Number
+    high: Number
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        return stats.uniform(self.low, self.high - self.low)
+
+
+class Normal(Distribution):
+    """The normal distribution."""
+
+    kind: Literal["normal"]
+    mean: Number
+    sd: Positive  # standard deviation
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        return stats.norm(self.mean, self.sd)
+
+
+class TruncatedNormal(Distribution):
+    """The normal distribution of a mean and a standard deviation, of which what lies between two values is kept."""
+
+    kind: Literal["truncated_normal"]
+    mean: Number
+    sd: Positive
+    low: Number
+    high: Number
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        low, high = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
+        return stats.truncnorm(low, high, self.mean, self.sd)
+
+
+class Lognormal(Distribution):
+    """Values whose logarithm is normal."""
+
+    kind: Literal["lognormal"]
+    median: Positive
+    log_sd: Positive  # standard deviation of the natural logarithm
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        return stats.lognorm(self.log_sd, scale=self.median)
+
+
+class Triangular(Distribution):
+    """A density that rises from ``low`` to ``mode`` and falls to ``high``, along straight lines."""
+
+    kind: Literal["triangular"]
+    low: Number
+    mode: Number
+    high: Number
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        width = self.high - self.low
+        return stats.triang((self.mode - self.low) / width, self.low, width)
+
+
+KINDS: Final[dict[str, type[Distribution]]] = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "truncated_normal": TruncatedNormal,
+    "lognormal": Lognormal,
+    "triangular": Triangular,
+}

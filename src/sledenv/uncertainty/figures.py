@@ -1,0 +1,98 @@
+"""The figures of a study: envelopes along the slope, and what the scatter of the outcome comes from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, styled
+from sledenv.uncertainty.summary import NAMES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from sledenv.uncertainty.run import StudyResult
+
+_WAYS: Final = {"moving": SKY, "finished": BLUE, "jammed": RED, "tumbled": ORANGE, "other": POTENTIAL}
+_FANS: Final = (("speed_m_s", "speed [m/s]", 1.0), ("kinetic_j", "kinetic energy [kJ]", 1e-3))
+_OUTPUTS: Final = {
+    "run_out_m": "run-out",
+    "time_s": "duration",
+    "kinetic_j": "kinetic energy at the end",
+    "reward": "reward",
+    "finish": "whether it finishes",
+    "jammed": "whether it jams",
+    "tumbled": "whether it tumbles",
+}
+_COLUMNS: Final = 3  # panels beside each other
+_SEEN: Final = 2e-3  # share of launches that can be seen in a figure
+_FEW: Final = 0.01  # share of launches from which on their quantiles are drawn
+
+
+def plot_envelopes(result: StudyResult) -> Figure:
+    """Plot along the slope how many are still moving, and quantiles of speed and energy of those that come there."""
+    table = result.envelopes
+    x = table["x_m"].to_numpy()
+    shares = {way: table[way].to_numpy().copy() for way in _WAYS}
+    # It is at the end of the slope that they finish, not little by little from the station before.
+    last = shares["finished"][-1] - shares["finished"][-2:][0]
+    shares["moving"][-1] += last
+    shares["finished"][-1] -= last
+    shown = {way: share for way, share in shares.items() if share.max() >= _SEEN}
+    come = table["moving"] + table["finished"] >= _FEW
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 8.5), layout="constrained")
+        top, *fans = figure.subplots(3, 1, sharex=True)
+        top.stackplot(x, list(shown.values()), labels=list(shown), colors=[_WAYS[way] for way in shown], lw=0.0)
+        top.set_ylabel("share of launches")
+        top.set_ylim(0.0, 1.0)
+        top.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        top.set_title(result.study.title, loc="left")
+        for ax, (name, label, scale) in zip(fans, _FANS, strict=True):
+            quantiles = (scale * table[f"{name}_{quantile}"].where(come) for quantile in NAMES)
+            low, lower, middle, upper, high = quantiles
+            ax.fill_between(x, low, high, color=BLUE, alpha=0.2, lw=0.0, label="5 to 95 %")
+            ax.fill_between(x, lower, upper, color=BLUE, alpha=0.35, lw=0.0, label="25 to 75 %")
+            ax.plot(x, middle, color=INK, label="median")
+            ax.set_ylabel(label)
+            ax.set_ylim(bottom=0.0)
+        fans[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), title="of those that\ncome there")
+        fans[1].set_xlabel("distance along the slope [m]")
+        fans[1].set_xlim(x[0], x[-1])
+    return figure
+
+
+def plot_sobol(result: StudyResult) -> Figure:
+    """Plot Sobol's indices of each output: the first order, and the total, which counts interactions too."""
+    table = result.sobol
+    outputs = [name for name in _OUTPUTS if (table["output"] == name).any()]
+    parameters = list(result.study.parameters)
+    rows = max(-(-len(outputs) // _COLUMNS), 1)
+    with styled():
+        from matplotlib.figure import Figure
+
+        height = rows * (1.1 + 0.42 * len(parameters)) + 0.6
+        figure = Figure(figsize=(WIDTH + 1.0, height), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel())
+        place = np.arange(len(parameters))
+        for ax, name in zip(axes, outputs, strict=False):
+            found = table[table["output"] == name].set_index("parameter").loc[parameters]
+            for shift, index, colour, label in ((-0.2, "first", GREEN, "first order"), (0.2, "total", PURPLE, "total")):
+                spread = found[f"{index}_conf"]
+                ax.barh(place + shift, found[index], 0.38, xerr=spread, color=colour, label=label, ecolor=INK)
+            ax.axvline(0.0, color=INK, lw=0.6)
+            ax.set_title(_OUTPUTS[name], loc="left")
+            ax.tick_params(labelbottom=True)
+        for ax in axes[len(outputs) :]:
+            ax.set_axis_off()
+        axes[0].set_yticks(place, parameters)
+        axes[0].invert_yaxis()
+        axes[0].set_xlim(min(axes[0].get_xlim()[0], -0.05), max(axes[0].get_xlim()[1], 1.0))
+        if outputs:
+            figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        figure.suptitle(f"Sobol indices: {result.study.title}", x=0.01, ha="left", fontsize=11.0)
+    return figure

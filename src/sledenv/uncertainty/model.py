@@ -1,0 +1,313 @@
+"""Studies: validated YAML, what of a scenario is uncertain and by how much, and the descents that follow from draws."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import reprlib
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from sledenv.entries import FINGERPRINT
+from sledenv.jam import DescentJam
+from sledenv.params import Body, ContactLaw, Slope
+from sledenv.scenario import (
+    ContactSection,
+    Context,
+    LaunchSection,
+    Scenario,
+    ScenarioError,
+    Section,
+    SlopeSection,
+    Whole,
+    load_scenario,
+    read_config,
+    shipped_names,
+)
+from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
+
+PARTS: Final = ("slope", "body", "contact", "launch")  # sections whose numbers may be uncertain
+# Which field of what the simulator takes a key stands for; those of a body are told by its section.
+_CONTEXT: Final = {
+    "slope.angle_deg": "angle",
+    "contact.friction": "friction",
+    "contact.restitution": "restitution",
+    "launch.speed_m_s": "speed",
+    "launch.drop_m": "drop",
+    "launch.fall_m_s": "fall",
+    "launch.orientation_deg": "orientation",
+    "launch.spin_rad_s": "spin",
+}
+_LAW: Final = {
+    "contact.stiffness_n_m": "stiffness",
+    "contact.asymmetry": "asymmetry",
+    "contact.rolling_arm_m": "rolling_arm",
+    "contact.corner_rolling_arm_m": "corner_rolling_arm",
+}
+_SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity"}
+_NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
+_STATIONS: Final = 20
+
+
+class StudyError(ScenarioError):
+    """A study that cannot be run; one line of the message for each problem."""
+
+
+class Lanes(NamedTuple):
+    """What N descents are given, as :func:`sledenv.simulate_batch` takes it."""
+
+    bodies: Body | NDArray[np.float64]  # one, or fields of one a lane, shape (N, 5)
+    laws: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    launches: NDArray[np.float64]
+
+
+def _read(value: Any) -> Any:
+    """Read what a key is given: a mapping is a distribution; the scenario looks at everything else."""
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in KINDS:
+        raise ValueError(f"kind must be one of {', '.join(KINDS)}")
+    try:
+        return KINDS[kind].model_validate(value)
+    except ValidationError as error:
+        raise ValueError("; ".join(_explain(details, KINDS[kind]) for details in error.errors())) from error
+
+
+Given = dict[str, SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]]  # by key: a distribution, a number, a word
+
+
+class Study(Section):
+    """What of a scenario is uncertain, and by how much.
+
+    The keys are those of the YAML file. ``slope``, ``body``, ``contact`` and ``launch`` have the keys of a scenario and
+    stand in for its own; each is a number or a distribution. Instances are immutable and picklable.
+    """
+
+    id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    title: str
+    question: str = ""
+    description: str = ""
+    sources: str = ""  # where the numbers come from
+    scenario: str | None = None  # as for load_scenario; without it all sections are given
+    solver: Literal["compliant", "rigid"] = "compliant"
+    launches: Annotated[int, Whole("[1, 100000000]")] = 16384  # at least so many
+    seed: Annotated[int, Whole("[0, 4294967295]")] = 0
+    stations_m: tuple[Positive, ...] = ()  # distances at which speeds are told; 20 up to the end of the slope
+    slope: Given = Field(default_factory=dict)
+    body: Given = Field(default_factory=dict)
+    contact: Given = Field(default_factory=dict)
+    launch: Given = Field(default_factory=dict)
+    limits: dict[str, Any] = Field(default_factory=dict)
+    ends: dict[str, Any] = Field(default_factory=dict)
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Build a study from a mapping that has the keys of the YAML file.
+
+        Raises
+        ------
+        StudyError
+            Naming every wrong key, its value and what is allowed.
+        """
+        name = obj.get("id", "without id") if isinstance(obj, dict) else "without id"
+        return cls._read(obj, f"study {name}", options)
+
+    @classmethod
+    def _read(cls, obj: Any, source: str, options: dict[str, Any]) -> Self:
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            lines = [line for details in error.errors() for line in _explain(details, cls).splitlines()]
+        raise StudyError("\n".join(f"{source}: {line}" for line in lines))
+
+    @model_validator(mode="after")
+    def _can_be_simulated(self) -> Self:
+        """Check all that can be before anything is drawn."""
+        problems = [self._misfit(name, distribution) for name, distribution in self.parameters.items()]
+        problems += self._left_open()
+        if not self.parameters:
+            problems.append("nothing is uncertain: give a key of slope, body, contact or launch a distribution")
+        apart = np.diff(self.stations_m, prepend=0.0)
+        if (apart <= 0.0).any():
+            problems.append(f"stations_m = {list(self.stations_m)}: must rise")
+        if any(problems):
+            raise ValueError("\n".join(filter(None, problems)))
+        return self
+
+    @cached_property
+    def base(self) -> Scenario:
+        """What is simulated, with every distribution at its median."""
+        content: dict[str, Any] = {"control": _NO_CONTROL}
+        if self.scenario is not None:
+            content = load_scenario(self.scenario).model_dump(by_alias=True)
+        content |= {"id": self.id, "title": self.title, "rider": None}
+        for part in (*PARTS, "limits", "ends"):
+            given = {key: _central(value) for key, value in getattr(self, part).items()}
+            inherited = {} if "kind" in given else dict(content.get(part, {}))
+            if given.keys() & {"restitution", "asymmetry"}:  # one stands for the other
+                inherited |= {"restitution": None, "asymmetry": None}
+            if given or inherited:
+                content[part] = inherited | given
+        try:
+            return Scenario.model_validate(content)
+        except ScenarioError as error:
+            raise ValueError(str(error).replace(f"scenario {self.id}: ", "")) from error
+
+    @cached_property
+    def parameters(self) -> dict[str, Distribution]:
+        """What is uncertain: distributions by key, such as "contact.friction"."""
+        every = ((f"{part}.{key}", value) for part in PARTS for key, value in getattr(self, part).items())
+        return {name: value for name, value in every if isinstance(value, Distribution)}
+
+    @property
+    def stations(self) -> NDArray[np.float64]:
+        """Distances [m] along the slope, from 0 on, at which speeds and energies are told."""
+        if self.stations_m:
+            return np.array([0.0, *self.stations_m])
+        return np.linspace(0.0, self.base.slope_section.length_m, _STATIONS + 1)
+
+    @property
+    def key(self) -> str:
+        """Identity of what is simulated for given draws: neither words nor the number of launches count."""
+        content: list[Any] = [self.base.hash, self.solver, self.stations.tolist(), DescentJam._fields, FINGERPRINT]
+        content.append({name: one.model_dump() for name, one in self.parameters.items()})
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
+
+    def values(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what ``draws`` in (0, 1), shape (N, parameters), stand for, in the units of the keys; same shape."""
+        columns = zip(self.parameters.values(), draws.T, strict=True)
+        return np.column_stack([distribution.at(column) for distribution, column in columns])
+
+    def lanes(self, values: NDArray[np.float64]) -> Lanes:
+        """Return the descents of values of the parameters, shape (N, parameters)."""
+        base = self.base
+        given = {name: _si(name, column) for name, column in zip(self.parameters, values.T, strict=True)}
+        bodies = self.bodies(values)
+        contexts = np.tile(base.ranges[0], (len(values), 1))
+        _put(given, _CONTEXT, Context, contexts)
+        laws, slopes = base.laws(contexts), base.slopes(contexts)
+        _put(given, _LAW, ContactLaw, laws)
+        _put(given, _SLOPE, Slope, slopes)
+        return Lanes(bodies, laws, slopes, base.launches(contexts, bodies))
+
+    def bodies(self, values: NDArray[np.float64]) -> Body | NDArray[np.float64]:
+        """Return the bodies of values of the parameters: one, if it is certain, else fields of one a row.
+
+        Raises
+        ------
+        StudyError
+            If some are no body, saying how many.
+        """
+        section = self.base.body_section
+        at = {i: name.partition(".")[2] for i, name in enumerate(self.parameters) if name.startswith("body.")}
+        if not at:
+            return self.base.body()
+        kind, certain = type(section), section.model_dump()
+        bodies, wrong = [], []
+        for row in values[:, list(at)].tolist():
+            try:
+                bodies.append(kind.model_validate(certain | dict(zip(at.values(), row, strict=True))).build())
+            except ValidationError as error:
+                wrong.append(_explain(error.errors()[0], kind))
+        if wrong:
+            share = len(wrong) / len(values)
+            raise StudyError(f"study {self.id}: a share of {share:.2g} of all draws is no body, such as {wrong[0]}")
+        return np.array(bodies)
+
+    def _misfit(self, name: str, distribution: Distribution) -> str:
+        """Return what is wrong where a distribution leaves what its key allows, else nothing."""
+        part, _, key = name.partition(".")
+        quantity = self._sections[part].quantities()[key]
+        try:
+            for end in distribution.ends:
+                quantity.number(end)
+        except ValueError:
+            share = distribution.outside(*quantity.ends)
+            hint = ": truncated_normal has bounds" if distribution.kind == "normal" else ""
+            return f"{name}: {distribution.words}: a share of {share:.2g} lies outside {quantity.interval}{hint}"
+        return ""
+
+    @property
+    def _sections(self) -> dict[str, type[Section]]:
+        return {
+            "slope": SlopeSection,
+            "body": type(self.base.body_section),
+            "contact": ContactSection,
+            "launch": LaunchSection,
+        }
+
+    def _left_open(self) -> list[str]:
+        """Return what is wrong with ranges that the study does not decide."""
+        low, high = self.base.ranges
+        ranges = [name for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]]
+        return [f"{name}: is a range, give a number or a distribution" for name in ranges]
+
+
+def load_study(name_or_path: str | os.PathLike[str]) -> Study:
+    """Read a study.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        A name out of ``study_names()``, or the path of a file that ends in ``.yaml``. The path of a scenario in it is
+        seen from its folder.
+
+    Returns
+    -------
+    Study
+        Validated.
+
+    Raises
+    ------
+    StudyError
+        If there is no such study, or naming every wrong key of the file, its value and what is allowed.
+    """
+    content, source = read_config(name_or_path, "study", StudyError)
+    if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
+        content |= {"scenario": os.path.abspath(Path(source).parent / content["scenario"])}
+    return Study._read(content, source, {})
+
+
+def study_names() -> tuple[str, ...]:
+    """Return the names of the shipped studies, sorted."""
+    return shipped_names("study")
+
+
+def _central(value: Any) -> Any:
+    return float(value.at(np.array(0.5))) if isinstance(value, Distribution) else value
+
+
+def _si(name: str, column: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.radians(column) if name.endswith("_deg") else column
+
+
+def _columns(fields: dict[str, str], kind: type[Any]) -> dict[str, int]:
+    """Return in which column of rows of a kind each key is."""
+    return {name: kind._fields.index(field) for name, field in fields.items()}
+
+
+def _put(given: dict[str, NDArray[np.float64]], fields: dict[str, str], kind: type[Any], rows: Any) -> None:
+    """Put what is given into rows of a kind."""
+    for name, i in _columns(fields, kind).items():
+        if name in given:
+            rows[:, i] = given[name]
+
+
+def _explain(error: ErrorDetails, kind: type[Section]) -> str:
+    """Return what is wrong with a key, a line for each problem."""
+    key = ".".join(map(str, error["loc"]))
+    if error["type"] == "missing":
+        return f"{key}: missing"
+    if error["type"] == "extra_forbidden":
+        return f"{key}: unknown key; known: {', '.join(kind.model_fields)}"
+    text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
+    return f"{key} = {reprlib.repr(error['input'])}: {text}" if key else text

@@ -1,0 +1,241 @@
+"""Runs a study: draws, blocks of descents by all cores or a cluster, and what is made of them; it can be resumed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import yaml
+from numpy.typing import NDArray
+from SALib.sample import sobol
+from tqdm import tqdm
+
+from sledenv.checks import checked_count
+from sledenv.files import check_free, replacing
+from sledenv.kernel.records import LOSSES, STATUS_OF_CODE
+from sledenv.uncertainty import summary
+from sledenv.uncertainty.descents import descend_past
+from sledenv.uncertainty.distributions import EDGE
+from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
+from sledenv.uncertainty.model import Study, StudyError, load_study
+from sledenv.workers import Call, Runner, runner
+
+BLOCK: Final = 4096  # launches in a file, at most
+_DPI: Final = 150
+_LAUNCHES: Final = "launches"
+_TABLES: Final = ("shares", "quantiles", "envelopes", "sobol")
+FILES: Final = (_LAUNCHES, "study.yaml", *(f"{name}.parquet" for name in _TABLES), "envelopes.png", "sobol.png")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """What a study has found; all of it is also in its folder.
+
+    Attributes
+    ----------
+    study : Study
+    folder : Path
+    launches : int
+        How many there are.
+    files : tuple of Path
+        One Parquet file a block, in order: a row a launch.
+    shares : DataFrame
+        How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
+    quantiles : DataFrame
+        Of each output of a descent: ``mean``, and the quantiles ``q05``, ``q25``, ``q50``, ``q75``, ``q95``.
+    envelopes : DataFrame
+        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles of the
+        speed and of the kinetic energy of those that come there.
+    sobol : DataFrame
+        A row for each output and parameter: first order and total index, each with the half-width of its interval of
+        95 %.
+    """
+
+    study: Study
+    folder: Path
+    launches: int
+    files: tuple[Path, ...]
+    shares: pd.DataFrame
+    quantiles: pd.DataFrame
+    envelopes: pd.DataFrame
+    sobol: pd.DataFrame
+
+    def read(self, columns: list[str] | None = None) -> pd.DataFrame:
+        """Return a row a launch: parameters, status, outputs, speed and energy at each station, NaN if never there."""
+        return read_launches(self.files, columns)
+
+    @property
+    def words(self) -> str:
+        """What was found, for a reader."""
+        return summary.words(self.shares, self.quantiles, self.sobol)
+
+
+def study(
+    given: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    launches: int | None = None,
+    workers: int | None = None,
+    ray: str | None = None,
+    progress: bool = True,
+) -> StudyResult:
+    """Draw what is uncertain, simulate a descent for each draw, and tell what follows.
+
+    Blocks of launches are written in one move each, so a study that is stopped goes on where it was, and one with more
+    launches goes on from one with less. The numbers depend neither on the number of workers nor on interruptions.
+
+    Parameters
+    ----------
+    given : Study, str or path
+        As for :func:`load_study`.
+    out : str or path
+        Folder of the results, see :class:`StudyResult`. It may hold a part of this very study, and nothing else.
+    launches : int, optional
+        At least so many; what the study says by default. Saltelli's scheme takes a power of two times the number of
+        parameters plus two.
+    workers : int, optional
+        Processes, all cores by default; of a cluster all that it has.
+    ray : str, optional
+        Address of a Ray cluster whose nodes share the folder, "local" to start one here.
+    progress : bool
+        Show a bar on standard error.
+
+    Raises
+    ------
+    StudyError
+        If the study is not valid, or the folder holds launches of another; nothing is simulated then.
+    OSError
+        If the folder holds anything else or cannot be written.
+    ImportError
+        If Ray is asked for and missing.
+    """
+    one = given if isinstance(given, Study) else load_study(given)
+    if launches is not None:
+        one = one.model_copy(update={"launches": checked_count("launches", launches)})
+    run = runner(workers, ray)
+    folder = Path(out).resolve()  # a worker of a cluster may work elsewhere
+    check_free(folder, os.fspath(out), {*FILES, *(entry.name for entry in folder.glob(".*"))})
+    drawn = draws(one)
+    one.bodies(one.values(drawn))
+    files = _simulate(one, drawn, folder, out, run, progress)
+    tables = _tables(one, files, run)
+    result = StudyResult(one, folder, len(drawn), files, **tables)
+    for name, table in tables.items():
+        with replacing(folder / f"{name}.parquet", ".parquet") as part:
+            table.to_parquet(part, index=False)
+    for name, figure in (("envelopes", plot_envelopes(result)), ("sobol", plot_sobol(result))):
+        with replacing(folder / f"{name}.png", ".png") as part:
+            figure.savefig(part, dpi=_DPI, format="png")
+    with replacing(folder / "study.yaml", ".yaml") as part:
+        part.write_text(yaml.safe_dump(one.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
+    return result
+
+
+def draws(one: Study) -> NDArray[np.float64]:
+    """Return the draws in (0, 1) of a study, shape (groups * (parameters + 2), parameters), by Saltelli's scheme.
+
+    A group are a point of Sobol's scrambled sequence, another, and the first with each of its entries taken from the
+    other. More launches are the same ones and others after them.
+    """
+    count = len(one.parameters)
+    groups = 1 << max((-(-one.launches // (count + 2)) - 1).bit_length(), 0)
+    problem = {"num_vars": count, "names": list(one.parameters), "bounds": [[0.0, 1.0]] * count}
+    sample = sobol.sample(problem, groups, calc_second_order=False, seed=one.seed)
+    return np.asarray(sample + EDGE, dtype=np.float64)  # neither 0 nor 1
+
+
+def read_launches(files: tuple[Path, ...], columns: list[str] | None = None) -> pd.DataFrame:
+    """Return columns of blocks, all by default, one after the other."""
+    return pd.concat([pd.read_parquet(file, columns=columns) for file in files], ignore_index=True)
+
+
+def _simulate(
+    one: Study,
+    drawn: NDArray[np.float64],
+    folder: Path,
+    out: str | os.PathLike[str],
+    run: Runner,
+    progress: bool,
+) -> tuple[Path, ...]:
+    """Simulate what has not been yet, and return the files of all blocks."""
+    group = len(one.parameters) + 2
+    size = group << max((BLOCK // group).bit_length() - 1, 0)
+    parts = [np.ascontiguousarray(drawn[start : start + size]) for start in range(0, len(drawn), size)]
+    place = folder / _LAUNCHES
+    files = tuple(place / f"{i:05d}-{_digest(one, part)}.parquet" for i, part in enumerate(parts))
+    foreign = sorted({path.name for path in place.glob("[!.]*")} - {path.name for path in files})
+    if foreign:
+        raise StudyError(
+            f"{out} holds {_LAUNCHES}/{foreign[0]}, which is of another study, of more launches or of other physics: "
+            "choose another folder, or remove it"
+        )
+    place.mkdir(parents=True, exist_ok=True)
+    missing = [(file, part) for file, part in zip(files, parts, strict=True) if not file.is_file()]
+    _frame(one, drawn[: min(group, 4)])  # compiles the kernel once, or every worker would
+    calls: list[Call] = [(_write_block, (one, part, file)) for file, part in missing]
+    done = len(drawn) - sum(len(part) for _, part in missing)
+    bar = tqdm(total=len(drawn), initial=done, desc=one.id, unit=" launches", unit_scale=True, disable=not progress)
+    with bar:
+        for count in run(calls):
+            bar.update(count)
+    return files
+
+
+def _digest(one: Study, part: NDArray[np.float64]) -> str:
+    """Digest of all that the launches of a block depend on."""
+    return hashlib.sha256(one.key.encode() + part.tobytes()).hexdigest()[:12]
+
+
+def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
+    with replacing(file, ".parquet") as scratch:
+        _frame(one, part).to_parquet(scratch, index=False)
+    return len(part)
+
+
+def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
+    """Simulate a block; return a row a launch."""
+    values, limits = one.values(part), one.base.limits
+    found = descend_past(
+        one.lanes(values),
+        one.stations,
+        solver=one.solver,
+        max_time=limits.max_time_s,
+        max_rebounds=limits.max_rebounds,
+        end_on_chord=one.base.ends.on_chord,
+    )
+    outcomes = found.outcomes
+    columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
+    columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])
+    columns |= {"run_out_m": outcomes["x"], "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
+    columns |= {"speed_m_s": np.hypot(outcomes["u"], outcomes["v"]), "kinetic_j": outcomes["kinetic"]}
+    columns |= found.jam._asdict() | {f"lost_{name}_j": outcomes[name] for name in LOSSES}
+    for k in range(len(one.stations)):
+        columns |= {f"speed_m_s_{k}": found.speed[:, k], f"kinetic_j_{k}": found.kinetic[:, k]}
+    return pd.DataFrame(columns)
+
+
+def _tables(one: Study, files: tuple[Path, ...], run: Runner) -> dict[str, pd.DataFrame]:
+    """Make the tables of a study out of its blocks; the names are those of ``_TABLES``."""
+    group = len(one.parameters) + 2
+    ends = read_launches(files, ["status", *summary.OUTPUTS])
+    envelopes = [
+        summary.envelope(x, ends, read_launches(files, [f"speed_m_s_{k}", f"kinetic_j_{k}"]).to_numpy().T, group)
+        for k, x in enumerate(one.stations.tolist())
+    ]
+    calls: list[Call] = [
+        (summary.indices, (name, output, tuple(one.parameters), one.seed))
+        for name, output in summary.analysed(ends).items()
+    ]
+    order = {call[1][0]: i for i, call in enumerate(calls)}
+    found = sorted(run(calls), key=lambda table: order[table["output"].iloc[0]])
+    return {
+        "shares": summary.shares(ends["status"], group),
+        "quantiles": summary.quantiles(ends),
+        "envelopes": pd.DataFrame(envelopes),
+        "sobol": pd.concat([summary.no_indices(), *found], ignore_index=True),
+    }

@@ -1,0 +1,130 @@
+"""What many launches say: shares with their confidence, quantiles, envelopes along the slope and Sobol's indices."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from SALib.analyze import sobol
+from scipy import stats
+
+from sledenv.jam import DescentJam
+from sledenv.kernel.records import LOSSES, Status
+
+QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
+NAMES: Final = tuple(f"q{100 * share:02.0f}" for share in QUANTILES)
+OUTPUTS: Final = (  # numbers that each descent ends with
+    *("run_out_m", "time_s", "rebounds", "speed_m_s", "kinetic_j", *DescentJam._fields),
+    *(f"lost_{name}_j" for name in LOSSES),
+)
+ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other status is a limit that was met
+_ANALYSED: Final = (
+    "run_out_m",
+    "time_s",
+    "kinetic_j",
+    "reward",
+)  # outputs with Sobol indices, and whether each of ENDS
+_MIDDLE: Final = (0.005, 0.995)
+_SURE: Final = float(stats.norm.ppf(0.975))  # standard deviations to each side of an interval of 95 %
+
+
+def interval(hits: NDArray[np.bool_], group: int) -> tuple[float, float, float]:
+    """Return a share and its interval of 95 %, Wilson's for as many launches as groups are worth.
+
+    Launches of a group of Saltelli's scheme share draws, so it is the means of groups that are independent. Sobol's
+    sequence makes them vary less than at random, which the interval does not count on.
+    """
+    means = hits.reshape(-1, group).mean(axis=1)
+    share, scatter = float(means.mean()), float(means.var())
+    worth = share * (1.0 - share) / scatter * len(means) if scatter > 0.0 else float(len(means))
+    square = _SURE**2 / worth
+    centre = (share + 0.5 * square) / (1.0 + square)
+    width = _SURE * np.sqrt(share * (1.0 - share) / worth + 0.25 * square / worth) / (1.0 + square)
+    return share, max(float(centre - width), 0.0), min(float(centre + width), 1.0)
+
+
+def shares(status: pd.Series, group: int) -> pd.DataFrame:
+    """Return how often descents end in each way, for the ways of ``ENDS`` and all others that occur."""
+    names = [*map(str, ENDS), *(str(one) for one in Status if one not in ENDS and (status == one).any())]
+    rows = [(name, *interval((status == name).to_numpy(), group)) for name in names]
+    return pd.DataFrame(rows, columns=["status", "share", "low", "high"])
+
+
+def quantiles(ends: pd.DataFrame) -> pd.DataFrame:
+    """Return mean and quantiles of each of ``OUTPUTS``."""
+    values = ends[list(OUTPUTS)].to_numpy(np.float64)
+    found = np.quantile(values, QUANTILES, axis=0)
+    return pd.DataFrame({"output": OUTPUTS, "mean": values.mean(axis=0), **dict(zip(NAMES, found, strict=True))})
+
+
+def envelope(x: float, ends: pd.DataFrame, passing: NDArray[np.float64], group: int) -> dict[str, float]:
+    """Return a row of the envelopes.
+
+    Parameters
+    ----------
+    x : float
+        Distance along the slope [m].
+    ends : DataFrame
+        Status and outputs of N launches.
+    passing : ndarray, shape (2, N)
+        Speed [m/s] and kinetic energy [J] where they first come to the distance, NaN if never.
+    group : int
+        Launches in a group of Saltelli's scheme.
+    """
+    status, there = ends["status"], ~np.isnan(passing[0])
+    finished = ((status == Status.FINISH) & (ends["run_out_m"] <= x)).to_numpy()
+    stopped = ~there & ~finished
+    ways = {"moving": there & ~finished, "finished": finished}
+    ways |= {str(one): stopped & (status == one).to_numpy() for one in ENDS[1:]}
+    ways["other"] = stopped & ~status.isin(ENDS).to_numpy()
+    row = {"x_m": x}
+    for name, hits in ways.items():
+        row |= dict(zip((name, f"{name}_low", f"{name}_high"), interval(hits, group), strict=True))
+    for name, values in zip(("speed_m_s", "kinetic_j"), passing, strict=True):
+        found = np.quantile(values[there], QUANTILES) if there.any() else np.full(len(QUANTILES), np.nan)
+        row |= {f"{name}_{quantile}": float(value) for quantile, value in zip(NAMES, found, strict=True)}
+    return row
+
+
+def analysed(ends: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
+    """Return the outputs that have Sobol indices: not those that are the same in 99 % of all launches.
+
+    A few launches would make up all of their variance.
+    """
+    outputs = {name: ends[name].to_numpy(np.float64) for name in _ANALYSED}
+    outputs |= {str(one): (ends["status"] == one).to_numpy(np.float64) for one in ENDS}
+    middle = {name: np.quantile(output, _MIDDLE) for name, output in outputs.items()}
+    return {name: output for name, output in outputs.items() if middle[name][0] < middle[name][1]}
+
+
+def indices(name: str, output: NDArray[np.float64], parameters: tuple[str, ...], seed: int) -> pd.DataFrame:
+    """Return Sobol's indices of an output: SALib's estimates and its bootstrap."""
+    problem = {"num_vars": len(parameters), "names": list(parameters)}
+    found = sobol.analyze(problem, output, calc_second_order=False, seed=seed + 1)  # a seed of 0 is none for SALib
+    columns = {"first": "S1", "first_conf": "S1_conf", "total": "ST", "total_conf": "ST_conf"}
+    return pd.DataFrame({"output": name, "parameter": parameters} | {key: found[of] for key, of in columns.items()})
+
+
+def no_indices() -> pd.DataFrame:
+    """Return a table of no indices, with its columns."""
+    columns: dict[str, Any] = {"output": "object", "parameter": "object"}
+    columns |= dict.fromkeys(("first", "first_conf", "total", "total_conf"), "float64")
+    return pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in columns.items()})
+
+
+def words(ends: pd.DataFrame, outputs: pd.DataFrame, sensitivity: pd.DataFrame) -> str:
+    """Return tables for a reader, lines of at most 120 characters."""
+    lines = ["how descents end, with intervals of 95 %"]
+    lines += [f"  {row.status:<12}{row.share:8.4f}  [{row.low:.4f}, {row.high:.4f}]" for row in ends.itertuples()]
+    lines += ["", f"{'quantiles':<22}" + "".join(f"{name:>12}" for name in ("mean", *NAMES))]
+    for row in outputs.itertuples(index=False):
+        lines.append(f"  {row[0]:<20}" + "".join(f"{value:12.4g}" for value in row[1:]))
+    lines += ["", "Sobol indices, first order / total, +- half of the interval of 95 %"]
+    for output, rows in sensitivity.groupby("output", sort=False):
+        lines.append(f"  {output}")
+        for row in rows.sort_values("total", ascending=False).itertuples():
+            first, total = f"{row.first:6.3f} +-{row.first_conf:6.3f}", f"{row.total:6.3f} +-{row.total_conf:6.3f}"
+            lines.append(f"    {row.parameter:<32}{first}   {total}")
+    return "\n".join(lines)

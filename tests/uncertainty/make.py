@@ -1,0 +1,51 @@
+"""Studies whose answers are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sledenv.uncertainty import Study
+
+# A disc that falls onto level ground and is stopped there, at its first rebound.
+DROP: dict[str, Any] = {
+    "id": "drop",
+    "title": "A drop",
+    "solver": "rigid",
+    "slope": {"angle_deg": 0, "length_m": 100},
+    "body": {"kind": "disc", "mass_kg": 2, "radius_m": 0.1, "eccentricity_m": 0, "inertia_kg_m2": 0.01},
+    "contact": {"stiffness_n_m": 1e7, "restitution": 0.5, "friction": 0, "rolling_arm_m": 0},
+    "launch": {"speed_m_s": 3, "drop_m": {"kind": "uniform", "low": 0.5, "high": 2}},
+    "limits": {"max_time_s": 60, "max_rebounds": 1},
+    "stations_m": [0.5, 1, 1.5],
+    "launches": 256,
+}
+PUSH: dict[str, Any] = {
+    "id": "push",
+    "title": "A push-off",
+    "scenario": "sled_snow",
+    "slope": {"angle_deg": 8},
+    "contact": {"friction": {"kind": "uniform", "low": 0.1, "high": 0.6}, "restitution": 0.1},
+    "launch": {
+        "speed_m_s": {"kind": "normal", "mean": 5, "sd": 0.5},
+        "drop_m": 0.3,
+        "orientation_deg": {"kind": "normal", "mean": 0, "sd": 30},
+        "spin_rad_s": 0,
+    },
+    "launches": 300,
+}
+
+
+def mapping(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A study with some keys of its sections changed, dots in their names written as two underscores; None removes."""
+    content = {key: dict(value) if isinstance(value, dict) else value for key, value in base.items()}
+    for name, value in changes.items():
+        part, _, key = name.partition("__")
+        place, last = (content.setdefault(part, {}), key) if key else (content, part)
+        place.pop(last, None)
+        if value is not None:
+            place[last] = value
+    return content
+
+
+def made(base: dict[str, Any], **changes: Any) -> Study:
+    return Study.model_validate(mapping(base, **changes))

@@ -1,0 +1,90 @@
+"""The command: what it prints and writes, and how it refuses."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from sledenv.cli import main
+from tests.uncertainty.make import DROP, mapping
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "drop.yaml"
+    path.write_text(yaml.safe_dump(DROP))
+    return path
+
+
+def test_study_prints_and_writes_what_it_has_found(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the tables in its folder; the second time there is nothing left to simulate."""
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        assert main(["study", str(file), "--launches", "90", "--workers", "1"]) == 0
+        out, err = capsys.readouterr()
+        assert out.startswith("drop, 96 launches, solver rigid: A drop\n")
+        assert out.endswith("study: wrote runs/study/drop\n")
+        assert "96.0/96.0" in err
+    mean = pd.read_parquet("runs/study/drop/quantiles.parquet").set_index("output").loc["run_out_m", "mean"]
+    printed = next(line.split() for line in out.splitlines() if line.startswith("  run_out_m "))
+    assert float(printed[1]) == pytest.approx(mean, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["psuh_off"], "unknown study 'psuh_off' (did you mean 'push_off'?); known: brake_stop, push_off;"),
+        (["FILE", "--launches", "0"], "must be an integer >= 1: '0'"),
+        (["FILE", "--workers", "0"], "must be an integer >= 1: '0'"),
+        (["FILE", "--out", "FILE"], "is a file: choose another folder"),
+        (["FILE", "--out", "."], "is the current folder: choose another one"),
+    ],
+)
+def test_study_refuses(
+    arguments: list[str],
+    message: str,
+    file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = main(["study", *(str(file) if word == "FILE" else word for word in arguments)])
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert (status, out) == (2, "")
+    assert message in err
+    assert [path.name for path in tmp_path.iterdir()] == ["drop.yaml"]
+
+
+def test_a_distribution_that_leaves_its_range_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "drop.yaml"
+    path.write_text(yaml.safe_dump(mapping(DROP, launch__drop_m={"kind": "normal", "mean": 0.5, "sd": 0.25})))
+    assert main(["study", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err == (
+        f"sledenv study: error: {path}: launch.drop_m: normal, mean 0.5, sd 0.25: a share of 0.023 lies outside "
+        "[0, inf) m: truncated_normal has bounds\n"
+    )
+
+
+def test_without_the_extra_the_command_to_install_it_is_named() -> None:
+    """Oracle: a process in which SALib cannot be imported; import sledenv alone loads neither pandas nor scipy."""
+    program = (
+        "import sys; sys.modules['SALib'] = None; import sledenv;"
+        "print('pandas' in sys.modules, 'scipy.stats' in sys.modules);"
+        "from sledenv.cli import main; sys.exit(main(['study', 'push_off']))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "False False\n")
+    assert "needs pip install 'sledenv[analysis]'" in done.stderr
