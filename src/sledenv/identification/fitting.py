@@ -39,6 +39,14 @@ class Parameter(NamedTuple):
     scale: float  # typical size of a change that matters, > 0
 
 
+class LowerCostError(RuntimeError):
+    """A fit has ended in a local minimum: ``values`` of all parameters have a lower cost."""
+
+    def __init__(self, message: str, values: dict[str, float]) -> None:
+        super().__init__(message)
+        self.values = values
+
+
 class Interval(NamedTuple):
     """Values that the data do not contradict; an end on a bound of the parameter is not a result of the data."""
 
@@ -331,7 +339,7 @@ class Fit:
         ------
         ValueError
             If the parameter is not fitted, or the level is outside its range.
-        RuntimeError
+        LowerCostError
             If a lower cost appears on the way: ``solve`` has ended in a local minimum, and needs more starts.
         """
         if name not in self.problem.free:
@@ -351,18 +359,23 @@ class Fit:
         bound = one.high if side > 0.0 else one.low
         at = self.values[one.name]
         near = dict(self.values)  # where the others were at the last place
+        risen = {at: -allowed}  # a rough cost may be another one where it is approached from another side
 
         def rise(value: float) -> float:
             nonlocal near
+            if value in risen:
+                return risen[value]
             problem = replace(self.problem, fixed={**self.problem.fixed, one.name: value})
             found = _descend(problem, problem.values(near))
-            if found.cost < self.cost - _LOWER * allowed:
-                raise RuntimeError(
-                    f"{one.name} = {value:.6g}: a lower cost than that of the fit, {found.cost:.6g} < {self.cost:.6g}: "
-                    "it has ended in a local minimum; take more starts"
-                )
             near = dict(zip(problem.names, found.values.tolist(), strict=True))
-            return found.cost - self.cost - allowed
+            if found.cost < self.cost - _LOWER * allowed:
+                raise LowerCostError(
+                    f"{one.name} = {value:.6g}: a lower cost than that of the fit, {found.cost:.6g} < {self.cost:.6g}: "
+                    "it has ended in a local minimum; take more starts",
+                    near,
+                )
+            risen[value] = found.cost - self.cost - allowed
+            return risen[value]
 
         inside = at
         while inside != bound:
