@@ -1,5 +1,7 @@
 """Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
 
+from typing import TYPE_CHECKING
+
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs import register as _register
 from sledenv.impact import Phase, RigidImpact, rigid_impact
@@ -8,6 +10,9 @@ from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sle
 from sledenv.ride import Ride, RideBatch
 from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.wheel import WheelImpact, collide_wheel
+
+if TYPE_CHECKING:
+    from sledenv.identification.rebounds import identify
 
 __all__ = [
     "Body",
@@ -30,6 +35,7 @@ __all__ = [
     "WheelImpact",
     "circular_segment",
     "collide_wheel",
+    "identify",
     "load_scenario",
     "rigid_impact",
     "scenario_names",
@@ -40,3 +46,18 @@ __all__ = [
 ]
 
 _register()
+
+# What needs the extra "analysis" is loaded when it is first used: where it is, by its name.
+_ANALYSIS = {"identify": "sledenv.identification.rebounds"}
+
+
+def __getattr__(name: str) -> object:
+    """Load a function that needs scipy and pandas."""
+    if name not in _ANALYSIS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    try:
+        return getattr(import_module(_ANALYSIS[name]), name)
+    except ModuleNotFoundError as error:
+        raise ImportError(f"sledenv.{name}: {error}: pip install 'sledenv[analysis]'") from error

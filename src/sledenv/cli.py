@@ -1,4 +1,4 @@
-"""The command ``sledenv``: one scenario simulated, replayed or mapped, the paper, the benchmark, the installation."""
+"""The command ``sledenv``: scenarios simulated and mapped, rebounds fitted, paper, benchmark, installation."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from sledenv.checks import Solver
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
 from sledenv.files import publish, replacing, write_csv
+from sledenv.impact import Hypothesis
+from sledenv.params import Body
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
 from sledenv.scenario import control_words, load_scenario, scenario_names
@@ -153,6 +155,41 @@ def _parser() -> argparse.ArgumentParser:
     )
     landscape.add_argument("--out", type=Path, metavar="FILE", default=Path("map.png"), help="default: map.png")
 
+    measured = commands.add_parser(
+        "identify",
+        help="fit a contact law to a table of measured rebounds",
+        description="Fit restitution, friction and rolling arms to the rebounds of one body, and print them with their "
+        "intervals. Columns of the table, with their units: u_before_m_s, v_before_m_s, omega_before_rad_s, the same "
+        "with after, and phi_rad or the arms a_m and b_m of the contact; recording is optional.",
+    )
+    measured.set_defaults(run=_identify)
+    measured.add_argument("file", type=Path, metavar="FILE", help="that ends in .csv or .parquet")
+    measured.add_argument(
+        "--gyration-radius", type=_length, required=True, metavar="M", help="root of inertia over mass [m]"
+    )
+    measured.add_argument("--radius", type=_length, metavar="M", help="of the arc [m], for a table with phi_rad")
+    measured.add_argument(
+        "--eccentricity", type=float, default=0.0, metavar="M", help="of the mass centre in the arc [m] (default 0)"
+    )
+    measured.add_argument(
+        "--half-angle-deg", type=float, default=180.0, metavar="DEG", help="of the arc (default 180: no corners)"
+    )
+    measured.add_argument("--hypothesis", choices=get_args(Hypothesis), default="energetic", help="of restitution")
+    measured.add_argument(
+        "--fix",
+        type=_fixed,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="do not fit this parameter: restitution, friction, rolling_arm, corner_rolling_arm; may be repeated",
+    )
+    measured.add_argument("--softening", action="store_true", help="let the restitution depend on the approach speed")
+    measured.add_argument("--compare", action="store_true", help="cross-validate other laws too")
+    measured.add_argument("--folds", type=_positive, default=10, metavar="N", help="parts for that (default 10)")
+    measured.add_argument("--starts", type=_positive, default=16, metavar="N", help="of the fit (default 16)")
+    measured.add_argument("--seed", type=_seed, default=0, help="of starts and folds (default 0)")
+    measured.add_argument("--out", type=Path, metavar="FOLDER", help="write tables and figures into this folder")
+
     doctor = commands.add_parser(
         "doctor",
         help="compile all kernels beforehand and check the installation",
@@ -221,6 +258,24 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _length(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number > 0 m: {text!r}")
+    return value
+
+
+def _fixed(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE: {text!r}") from None
+
+
 def _progress(command: str) -> Callable[[str], None]:
     return lambda line: print(f"{command}: {line}", flush=True)
 
@@ -263,6 +318,40 @@ def _map(options: argparse.Namespace) -> int:
         drawn.figure.savefig(picture, dpi=_DPI, format="png")
     print(drawn.words)
     _progress("map")(f"wrote {options.out}")
+    return 0
+
+
+def _identify(options: argparse.Namespace) -> int:
+    with _extra():
+        from sledenv.identification.comparison import compare
+        from sledenv.identification.rebounds import identify
+        from sledenv.identification.report import COMPARED, FILES, write_identification
+
+    k = options.gyration_radius
+    body = None
+    if options.radius is not None:
+        body = Body(1.0, options.radius, options.eccentricity, k * k, math.radians(options.half_angle_deg))
+    with ExitStack() as places:
+        folder = options.out and _place(places, "--out", publish(options.out, (*FILES, *COMPARED)))
+        found = identify(
+            options.file,
+            body,
+            gyration_radius=None if body else k,
+            hypothesis=options.hypothesis,
+            fixed=dict(options.fix),
+            speed_dependent=options.softening,
+            starts=options.starts,
+            seed=options.seed,
+        )
+        print(found, flush=True)
+        compared = compare(found.rebounds, folds=options.folds, seed=options.seed) if options.compare else None
+        if compared is not None:
+            print(f"\nerrors on rebounds held out\n{compared.table.round(4).to_string()}")
+            print(f"\nand how much larger than the best\n{compared.differences().round(4).to_string()}")
+        if folder:
+            write_identification(found, folder, compared)
+    if folder:
+        _progress("identify")(f"wrote {options.out}")
     return 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sledenv.identification.fitting import Parameter, Problem, bootstrap, solve
+from sledenv.identification.fitting import LocalMinimumError, Parameter, Problem, bootstrap, profiled, solve
 
 LINE = (Parameter("slope", "m/s", -5.0, 5.0, 1.0), Parameter("height", "m", -10.0, 10.0, 1.0))
 
@@ -115,8 +115,12 @@ def test_a_second_minimum_is_seen() -> None:
     assert minima["found"].sum() == fit.starts["converged"].sum() == 12
     alone = solve(problem, {"x": -1.5}, starts=1)
     assert alone.values["x"] == pytest.approx(other, abs=1e-5)
-    with pytest.raises(RuntimeError, match="local minimum"):
+    with pytest.raises(LocalMinimumError, match="below"):
         alone.interval("x")
+    again, intervals = profiled(alone)
+    assert again.values == pytest.approx(fit.values)
+    assert len(again.starts) == 2
+    assert intervals["x"][:2] == pytest.approx(fit.interval("x")[:2])
 
 
 def test_a_parameter_on_its_bound_is_exactly_there_and_has_a_one_sided_interval() -> None:
@@ -158,22 +162,22 @@ def test_a_fixed_parameter_stays() -> None:
     assert cost == pytest.approx(fit.problem.cost(np.array([1.0, 2.0])))
 
 
-@pytest.mark.parametrize(("slope", "least"), [(1.5, 0.90), (0.0, 0.92)])
+@pytest.mark.parametrize(("slope", "least"), [(1.5, 0.87), (0.0, 0.9)])
 def test_intervals_cover_at_their_level(slope: float, least: float) -> None:
-    """At level .95, of 120 lines of 12 recordings whose points share an error; slope >= 0, so that 0 is a bound."""
+    """At level .95, of 60 lines of 12 recordings whose points share an error; slope >= 0, so that 0 is a bound."""
     rng = np.random.default_rng(10)
     parameters = (LINE[0]._replace(low=0.0), LINE[1])
     covered = 0
-    for _ in range(120):
+    for _ in range(60):
         recording = np.repeat(np.arange(12), 5)
         x = rng.uniform(-1, 1, 60)
         y = slope * x + 2 + 0.1 * rng.normal(size=60) + (0.1 * rng.normal(size=12))[recording]
         problem = Problem(parameters, lambda v, x=x, y=y: v[0] * x + v[1] - y, clusters=recording, loss_scale=0.3)
         interval = solve(problem, {"slope": 1.0, "height": 1.0}, starts=1).interval("slope")
         covered += interval.low <= slope <= interval.high
-    assert least <= covered / 120 <= 1.0
+    assert least <= covered / 60 <= 1.0
     if slope > 0.0:
-        assert covered < 120
+        assert covered < 60
 
 
 def test_the_bootstrap_agrees_with_the_sandwich() -> None:

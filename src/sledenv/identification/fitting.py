@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
 Loss = Literal["soft_l1", "linear"]
 
+_LIMIT = 200  # steps of a minimisation
 _TIGHT = 1e-10  # relative changes of cost, parameters and gradient at which a minimisation ends
 _SAME = 1e-3  # of its scale: values of a parameter that differ by less belong to one minimum
 _NEAR = 1e-2  # of its scale: how near a parameter is to a bound to be tried there
@@ -39,11 +40,17 @@ class Parameter(NamedTuple):
     scale: float  # typical size of a change that matters, > 0
 
 
-class LowerCostError(RuntimeError):
-    """A fit has ended in a local minimum: ``values`` of all parameters have a lower cost."""
+class LocalMinimumError(RuntimeError):
+    """A fit turns out to be no global minimum.
 
-    def __init__(self, message: str, values: dict[str, float]) -> None:
-        super().__init__(message)
+    Attributes
+    ----------
+    values : dict
+        Of all parameters, where the cost is lower.
+    """
+
+    def __init__(self, name: str, cost: float, lower: float, values: dict[str, float]) -> None:
+        super().__init__(f"{name} = {values[name]:.6g}: the cost is {lower:.6g}, below {cost:.6g} of the fit")
         self.values = values
 
 
@@ -128,13 +135,17 @@ class Problem:
             self._check(name, given[name], "start")
         return np.array([self.fixed.get(name, given.get(name, 0.0)) for name in self.names], float)
 
+    def named(self, values: Floats) -> dict[str, float]:
+        """Return the values of all parameters by name."""
+        return dict(zip(self.names, values.tolist(), strict=True))
+
     def rows(self, values: Floats) -> Floats:
         """Residuals, shape (N, K)."""
         found = np.asarray(self.residuals(values), float)
         found = found.reshape(len(found), -1)
         if not np.isfinite(found).all():
             row = int(np.argmin(np.isfinite(found).all(axis=1)))
-            raise ValueError(f"residuals of row {row} are {found[row]} at {dict(zip(self.names, values, strict=True))}")
+            raise ValueError(f"residuals of row {row} are {found[row]} at {self.named(values)}")
         return found
 
     def tamed(self, values: Floats) -> Floats:
@@ -316,7 +327,7 @@ class Fit:
         """Return the least cost with some parameters held, and the values of all; the others start from this fit."""
         problem = replace(self.problem, fixed={**self.problem.fixed, **values})
         found = _descend(problem, problem.values(self.values))
-        return found.cost, dict(zip(problem.names, found.values.tolist(), strict=True))
+        return found.cost, problem.named(found.values)
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
         """Profile interval of a fitted parameter: where the least cost with it held has not risen too far.
@@ -339,8 +350,8 @@ class Fit:
         ------
         ValueError
             If the parameter is not fitted, or the level is outside its range.
-        LowerCostError
-            If a lower cost appears on the way: ``solve`` has ended in a local minimum, and needs more starts.
+        LocalMinimumError
+            If a lower cost appears on the way; :func:`profiled` goes on from there.
         """
         if name not in self.problem.free:
             raise ValueError(f"{name!r} is not fitted: must be one of {', '.join(self.problem.free)}")
@@ -358,38 +369,29 @@ class Fit:
         """Where the profiled cost has risen by what is allowed, on one side, or the bound."""
         bound = one.high if side > 0.0 else one.low
         at = self.values[one.name]
-        near = dict(self.values)  # where the others were at the last place
-        risen = {at: -allowed}  # a rough cost may be another one where it is approached from another side
+        known = {at: (-allowed, self.vector)}  # by its value: rise of the cost over what is allowed, all values
 
         def rise(value: float) -> float:
-            nonlocal near
-            if value in risen:
-                return risen[value]
-            problem = replace(self.problem, fixed={**self.problem.fixed, one.name: value})
-            found = _descend(problem, problem.values(near))
-            near = dict(zip(problem.names, found.values.tolist(), strict=True))
-            if found.cost < self.cost - _LOWER * allowed:
-                raise LowerCostError(
-                    f"{one.name} = {value:.6g}: a lower cost than that of the fit, {found.cost:.6g} < {self.cost:.6g}: "
-                    "it has ended in a local minimum; take more starts",
-                    near,
-                )
-            risen[value] = found.cost - self.cost - allowed
-            return risen[value]
+            if value not in known:
+                near = known[min(known, key=lambda other: abs(other - value))][1]
+                found = _descend(replace(self.problem, fixed={**self.problem.fixed, one.name: value}), near)
+                known[value] = found.cost - self.cost - allowed, found.values
+                if found.cost < self.cost - _LOWER * allowed:
+                    raise LocalMinimumError(one.name, self.cost, found.cost, self.problem.named(found.values))
+            return known[value][0]
 
         inside = at
         while inside != bound:
-            outside = side * min(side * (at + side * step), side * bound)
+            outside = side * min(side * (inside + side * step), side * bound)
             if rise(outside) > 0.0:
-                tolerance = _REACH * abs(outside - self.values[one.name])
-                return float(brentq(rise, inside, outside, xtol=max(tolerance, 1e-300), rtol=1e-8))
-            at = inside = outside
+                return float(brentq(rise, inside, outside, xtol=_REACH * abs(outside - at), rtol=1e-8))
+            inside = outside
             step *= 1.6
         return bound
 
 
 def solve(
-    problem: Problem, start: Mapping[str, float] | None = None, *, starts: int = 16, seed: int = 0, limit: int = 200
+    problem: Problem, start: Mapping[str, float] | None = None, *, starts: int = 16, seed: int = 0, limit: int = _LIMIT
 ) -> Fit:
     """Fit from several starts.
 
@@ -421,20 +423,46 @@ def solve(
     low, high = np.array([(one.low, one.high) for one in free]).T
     first = 0.5 * (low + high) if start is None else np.array([start.get(one.name, np.nan) for one in free])
     others = low + (high - low) * stats.qmc.LatinHypercube(len(free), rng=seed).random(starts - 1)
-    rows = []
-    for begin in [first, *others]:
-        given = dict(zip(problem.free, begin.tolist(), strict=True))
-        found = _descend(problem, problem.values(given), limit)
-        ends = dict(zip(problem.names, found.values.tolist(), strict=True))
-        rows.append(
-            {f"start_{name}": value for name, value in given.items()}
-            | {f"end_{name}": ends[name] for name in problem.free}
-            | {"cost": found.cost, "evaluations": found.evaluations, "converged": found.converged}
-        )
-    table = pd.DataFrame(rows).sort_values("cost", kind="stable", ignore_index=True)
-    best = {name: float(table[f"end_{name}"].iloc[0]) for name in problem.free}
-    values = dict(zip(problem.names, problem.values(best).tolist(), strict=True))
-    return Fit(problem, values, float(table["cost"].iloc[0]), table)
+    rows = [_row(problem, dict(zip(problem.free, begin.tolist(), strict=True)), limit) for begin in [first, *others]]
+    return _best(problem, pd.DataFrame(rows))
+
+
+def _row(problem: Problem, start: Mapping[str, float], limit: int = _LIMIT) -> dict[str, float]:
+    """Row of the table of starts of a minimisation."""
+    found = _descend(problem, problem.values(start), limit)
+    ends = problem.named(found.values)
+    return (
+        {f"start_{name}": start[name] for name in problem.free}
+        | {f"end_{name}": ends[name] for name in problem.free}
+        | {"cost": found.cost, "evaluations": found.evaluations, "converged": found.converged}
+    )
+
+
+def _best(problem: Problem, starts: pd.DataFrame) -> Fit:
+    ranked = starts.sort_values("cost", kind="stable", ignore_index=True)
+    best = {name: float(ranked[f"end_{name}"].iloc[0]) for name in problem.free}
+    return Fit(problem, problem.named(problem.values(best)), float(ranked["cost"].iloc[0]), ranked)
+
+
+def profiled(fit: Fit, level: float = 0.95, names: Sequence[str] | None = None) -> tuple[Fit, dict[str, Interval]]:
+    """Return the profile intervals of fitted parameters, and the fit that they belong to.
+
+    Where a lower cost appears on the way, a minimisation from there is a further row of ``starts``, and the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    level : float
+        In (0, 1).
+    names : sequence of str, optional
+        Of which parameters; all that are fitted by default.
+    """
+    while True:
+        try:
+            return fit, {name: fit.interval(name, level) for name in (fit.problem.free if names is None else names)}
+        except LocalMinimumError as error:
+            further = pd.DataFrame([_row(fit.problem, error.values)])
+            fit = _best(fit.problem, pd.concat([further, fit.starts], ignore_index=True))
 
 
 def bootstrap(fit: Fit, draws: int = 200, seed: int = 0) -> pd.DataFrame:
@@ -478,7 +506,7 @@ class _Descended(NamedTuple):
     converged: bool
 
 
-def _descend(problem: Problem, values: Floats, limit: int = 200) -> _Descended:
+def _descend(problem: Problem, values: Floats, limit: int = _LIMIT) -> _Descended:
     """Minimise from one start; a parameter that ends beside a bound is tried on it."""
     found = _minimise(problem, values, limit)
     beside = {}

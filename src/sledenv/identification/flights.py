@@ -199,7 +199,7 @@ def likely_laws(
     parameters: Sequence[Parameter],
     fixed: Mapping[str, float],
 ) -> list[dict[str, float]]:
-    """Laws that tie the flights of tracks, the likeliest first: the best, and one for each of several frictions and arms.
+    """Laws that tie the flights of tracks, the likeliest first: the best, and one for each of some frictions and arms.
 
     Each rebound counts by itself, from the velocities before it, so that an error does not grow from one to the next.
     A rebound that does not slip to its end says nothing of a higher friction, and one that stops to turn nothing of a
@@ -231,7 +231,8 @@ def likely_laws(
         rates = np.stack([found.rebounds[f"{name}_after"][:, 0] for name in State._fields[3:]], axis=-1)
         met = found.outcomes["rebounds"] > 0
         apart = np.where(met[:, None], rates, lanes[:, 3:]).reshape(-1, len(pairs), 3) - after
-        return (apart / scale).reshape(*values.shape[:-1], len(pairs), 3)
+        shares: Floats = (apart / scale).reshape(*values.shape[:-1], len(pairs), 3)
+        return shares
 
     problem = Problem(parameters, residuals, fixed, loss_scale=_GROSS)
     grid = grid_of(parameters, fixed)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sledenv.checks import BatchSolver, checked_choice
 from sledenv.descent import Descent, simulate
-from sledenv.identification.fitting import Fit, Interval, Loss, LowerCostError, Parameter, Problem, solve
+from sledenv.identification.fitting import Fit, Interval, Loss, Parameter, Problem, profiled, solve
 from sledenv.identification.flights import (
     LAW,
     Flight,
@@ -49,7 +49,6 @@ _BACK = 4  # rebounds from which more are drawn where none of those explains wha
 _TRIED = 3  # of them, fitted
 _WIDER = 3.0  # than their covariance
 _BESIDE = (0.6, 0.8, 0.9, 1.1, 1.25, 1.6, 2.5)  # factors of a friction, where a lower cost is looked for
-_SETTLED = 20  # lower costs that may appear on the way to intervals
 _EQUAL = 1e-3  # difference of two costs that counts as none
 _ALIKE = 0.05  # of their scales: laws that differ by less are one
 _TAME = 3.0  # noise levels from which a pose counts as wrong
@@ -158,12 +157,7 @@ def _settled(fit: Fit) -> tuple[Fit, dict[str, Interval]]:
             cost, values = fit.held(friction=value)
             if cost < fit.cost + _APART:
                 fit = min(fit, solve(fit.problem, values, starts=1), key=lambda one: one.cost)
-    for _ in range(_SETTLED):
-        try:
-            return fit, {name: fit.interval(name) for name in fit.problem.free if name in (*LAW, _STIFFNESS)}
-        except LowerCostError as lower:
-            fit = solve(fit.problem, lower.values, starts=1)
-    raise RuntimeError(f"{fit.values}: no minimum of the cost after {_SETTLED} lower ones; take a shorter recording")
+    return profiled(fit, names=[name for name in fit.problem.free if name in (*LAW, _STIFFNESS)])
 
 
 def recordings_of(table: pd.DataFrame, size: float, noise: Noise | None = None) -> list[Recording]:
@@ -258,7 +252,8 @@ def _parameters(
     found = [Parameter(_STIFFNESS, "", low, high, 0.3)]
     for name, scale in zip(LAW, (0.05, 0.05, 0.02 * arm, 0.02 * arm), strict=True):
         unit = "m" if name.endswith("arm") else ""
-        found.append(Parameter(name, unit, *(default | dict(bounds))[name], scale))
+        low, high = (default | dict(bounds))[name]
+        found.append(Parameter(name, unit, low, high, scale))
     for recording in recordings:
         found.extend(_launch_parameters(body, recording, len(recordings) > 1))
     return found
@@ -276,8 +271,8 @@ def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[
     low, high = np.append(middle - wide, -fastest), np.append(middle + wide, fastest)
     scales = 0.03 * np.array([size, size, 1.0, size / second, size / second, 1.0 / second])
     suffix = f"[{recording.name}]" if several else ""
-    rows = zip(State._fields, _UNITS.values(), low.tolist(), high.tolist(), scales.tolist(), strict=True)
-    return [Parameter(name + suffix, unit, *ends) for name, unit, *ends in rows]
+    rows = zip(_UNITS.items(), low.tolist(), high.tolist(), scales.tolist(), strict=True)
+    return [Parameter(name + suffix, unit, least, most, scale) for (name, unit), least, most, scale in rows]
 
 
 def _known(
