@@ -46,7 +46,8 @@ _APART = 15.0  # by which the cost of a law may exceed the least one: half of wh
 _KEPT = 8  # laws that are followed at a time
 _DRAWS = 32  # laws and launches that are drawn for each rebound
 _BACK = 4  # rebounds from which more are drawn where none of those explains what follows
-_TRIED = 3  # of them, fitted
+_SCANNED = np.linspace(0.0, 1.0, 24) ** 3  # of bounds of friction and arm, where they are tried
+_TRIED = 4  # of them, fitted
 _WIDER = 3.0  # than their covariance
 _BESIDE = (0.6, 0.8, 0.9, 1.1, 1.25, 1.6, 2.5)  # factors of a friction, where a lower cost is looked for
 _EQUAL = 1e-3  # difference of two costs that counts as none
@@ -435,7 +436,10 @@ class _Search:
 
 
 def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
-    """Values drawn from the covariance of a fit, made wider; those that it does not tell, from their bounds."""
+    """Values drawn from the covariance of a fit, made wider; those that it does not tell, from their bounds.
+
+    Those of the fit as well, but for a friction or an arm anywhere in its bounds: the cost may be flat there.
+    """
     names = fit.problem.free
     covariance = fit.covariance.to_numpy()
     told = np.isfinite(np.diag(covariance))
@@ -444,8 +448,14 @@ def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
     left, sizes, _ = np.linalg.svd(covariance[np.ix_(told, told)], hermitian=True)
     values[:, told] += rng.standard_normal((_DRAWS, told.sum())) @ (left * np.sqrt(sizes)).T * _WIDER
     untold = ~told & np.array([name in (*LAW, _STIFFNESS) for name in names])
-    values[:, untold] = rng.uniform(low, high, values.shape)[:, untold]
-    return [dict(zip(names, row, strict=True)) for row in np.clip(values, low, high).tolist()]
+    anywhere = low + (high - low) * rng.uniform(size=values.shape) ** 3  # small ones make more of a difference
+    values[:, untold] = anywhere[:, untold]
+    drawn = [dict(zip(names, row, strict=True)) for row in np.clip(values, low, high).tolist()]
+    for name in ("friction", "rolling_arm"):
+        if name in names:
+            one = fit.problem.parameter(name)
+            drawn += [fit.values | {name: one.low + (one.high - one.low) * share} for share in _SCANNED.tolist()]
+    return drawn
 
 
 def _horizons(flights: Sequence[Flight], recording: Recording) -> list[int]:
