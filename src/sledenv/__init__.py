@@ -12,7 +12,7 @@ from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, sc
 from sledenv.wheel import WheelImpact, collide_wheel
 
 if TYPE_CHECKING:
-    from sledenv.identification.rebounds import identify
+    from sledenv.identification.choice import identify
 
 __all__ = [
     "Body",
@@ -48,7 +48,7 @@ __all__ = [
 _register()
 
 # What needs the extra "analysis" is loaded when it is first used: where it is, by its name.
-_ANALYSIS = {"identify": "sledenv.identification.rebounds"}
+_ANALYSIS = {"identify": "sledenv.identification.choice"}
 
 
 def __getattr__(name: str) -> object:

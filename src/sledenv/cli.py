@@ -12,20 +12,23 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, get_args
+from typing import TYPE_CHECKING, NoReturn, get_args
 
 import numpy as np
 
-from sledenv.checks import Solver
+from sledenv.checks import BatchSolver, Solver
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
 from sledenv.files import publish, replacing, write_csv
 from sledenv.impact import Hypothesis
-from sledenv.params import Body
+from sledenv.params import Body, Slope
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
 from sledenv.scenario import control_words, load_scenario, scenario_names
 from sledenv.text import TRAJECTORY_COLUMNS, story, trajectory_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PICTURES = ("strobe.png", "series.png")
 _DPI = 150
@@ -157,10 +160,12 @@ def _parser() -> argparse.ArgumentParser:
 
     measured = commands.add_parser(
         "identify",
-        help="fit a contact law to a table of measured rebounds",
-        description="Fit restitution, friction and rolling arms to the rebounds of one body, and print them with their "
-        "intervals. Columns of the table, with their units: u_before_m_s, v_before_m_s, omega_before_rad_s, the same "
-        "with after, and phi_rad or the arms a_m and b_m of the contact; recording is optional.",
+        help="fit a contact law to measured rebounds, or to poses over time",
+        description="Fit restitution, friction and rolling arms to what was measured of one body, and print them with "
+        "their intervals. Columns of a table of rebounds, with their units: u_before_m_s, v_before_m_s, "
+        "omega_before_rad_s, the same with after, and phi_rad or the arms a_m and b_m of the contact. Of poses over "
+        "time: t_s, x_m, y_m and phi_rad, in the frame of the slope. recording, which tells recordings apart, is "
+        "optional.",
     )
     measured.set_defaults(run=_identify)
     measured.add_argument("file", type=Path, metavar="FILE", help="that ends in .csv or .parquet")
@@ -174,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
     measured.add_argument(
         "--half-angle-deg", type=float, default=180.0, metavar="DEG", help="of the arc (default 180: no corners)"
     )
+    _add_tracks(measured)
     measured.add_argument("--hypothesis", choices=get_args(Hypothesis), default="energetic", help="of restitution")
     measured.add_argument(
         "--fix",
@@ -198,6 +204,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     doctor.set_defaults(run=_doctor)
     return parser
+
+
+def _add_tracks(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``identify`` that only poses over time need."""
+    tracks = parser.add_argument_group("for poses over time", "these need --radius and --slope-deg")
+    tracks.add_argument("--slope-deg", type=_within(89.0, "deg"), metavar="DEG", help="inclination; x runs downhill")
+    tracks.add_argument("--gravity", type=_length, default=9.81, metavar="M_S2", help="default 9.81")
+    tracks.add_argument(
+        "--mass", type=_length, default=1.0, metavar="KG", help="stiffness is in proportion (default 1)"
+    )
+    tracks.add_argument(
+        "--surfaces", choices=get_args(BatchSolver), default="rigid", help="compliant fits a stiffness too"
+    )
+    tracks.add_argument("--position-noise", type=_length, metavar="M", help="standard deviation (default: estimated)")
+    tracks.add_argument("--angle-noise-deg", type=_length, metavar="DEG", help="the same of the orientation")
 
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -323,10 +344,14 @@ def _map(options: argparse.Namespace) -> int:
 
 def _identify(options: argparse.Namespace) -> int:
     with _extra():
+        from sledenv.identification.choice import holds_tracks
         from sledenv.identification.comparison import compare
-        from sledenv.identification.rebounds import identify
+        from sledenv.identification.rebounds import identify, read_table
         from sledenv.identification.report import COMPARED, FILES, write_identification
 
+    table = read_table(options.file)
+    if holds_tracks(table):
+        return _identify_tracks(options, table)
     k = options.gyration_radius
     body = None
     if options.radius is not None:
@@ -334,7 +359,7 @@ def _identify(options: argparse.Namespace) -> int:
     with ExitStack() as places:
         folder = options.out and _place(places, "--out", publish(options.out, (*FILES, *COMPARED)))
         found = identify(
-            options.file,
+            table,
             body,
             gyration_radius=None if body else k,
             hypothesis=options.hypothesis,
@@ -350,6 +375,39 @@ def _identify(options: argparse.Namespace) -> int:
             print(f"\nand how much larger than the best\n{compared.differences().round(4).to_string()}")
         if folder:
             write_identification(found, folder, compared)
+    if folder:
+        _progress("identify")(f"wrote {options.out}")
+    return 0
+
+
+def _identify_tracks(options: argparse.Namespace, table: pd.DataFrame) -> int:
+    from sledenv.identification.report import track_files, write_tracks
+    from sledenv.identification.tracks import identify_tracks
+
+    for name in ("radius", "slope_deg"):
+        if getattr(options, name) is None:
+            raise ValueError(f"--{name.replace('_', '-')}: poses over time need it")
+    noise = options.position_noise, options.angle_noise_deg
+    if (noise[0] is None) != (noise[1] is None):
+        raise ValueError("--position-noise, --angle-noise-deg: both must be given, or none")
+    inertia = options.mass * options.gyration_radius**2
+    half_angle = math.radians(options.half_angle_deg)
+    body = Body(options.mass, options.radius, options.eccentricity, inertia, half_angle)
+    with ExitStack() as places:
+        files = track_files(table["recording"].nunique() if "recording" in table else 1)
+        folder = options.out and _place(places, "--out", publish(options.out, files))
+        found = identify_tracks(
+            table,
+            body,
+            Slope(math.radians(options.slope_deg), gravity=options.gravity),
+            solver=options.surfaces,
+            fixed=dict(options.fix),
+            noise=None if noise[0] is None else (noise[0], math.radians(noise[1])),
+            seed=options.seed,
+        )
+        print(found, flush=True)
+        if folder:
+            write_tracks(found, folder)
     if folder:
         _progress("identify")(f"wrote {options.out}")
     return 0

@@ -9,8 +9,10 @@ from matplotlib.ticker import MaxNLocator
 from sledenv.identification.comparison import Comparison
 from sledenv.identification.fitting import Floats
 from sledenv.identification.rebounds import Identification
+from sledenv.identification.tracks import POSE, RECORDING, TIME, TrackFit
 from sledenv.plot.style import BLUE, DASHES, INK, ORANGE, WIDTH, styled
 
+_POSE_LABELS = ("x [mm]", "y [mm]", "phi [deg]")
 _LABELS = ("u [m/s]", "v [m/s]", "omega [rad/s]")
 
 
@@ -38,6 +40,36 @@ def plot_residuals(found: Identification) -> Figure:
             below.label_outer()
         axes[0, 0].set_ylabel("recorded after the impact")
         axes[1, 0].set_ylabel("fitted - recorded,\nover the speed before")
+    return figure
+
+
+def plot_track_residuals(found: TrackFit, name: str | None = None) -> Figure:
+    """Draw recorded less simulated poses of a recording over time, with two standard deviations of its noise.
+
+    Frames that are not used are grey; wrong poses that would hide the others are drawn at the edge.
+    """
+    name = name or found.recordings[0].name
+    rows = found.residuals[found.residuals[RECORDING] == name]
+    noise = next(one.noise for one in found.recordings if one.name == name)
+    with styled():
+        figure = Figure((WIDTH, 4.8), layout="constrained")
+        axes = figure.subplots(3, 1, sharex=True)
+        hits = found.descent(name).rebounds["t"] + float(rows[TIME].iloc[0])
+        factors = (1e3, 1e3, np.degrees(1.0))
+        sizes = (noise.position, noise.position, noise.angle)
+        for axis, column, label, factor, size in zip(axes, POSE, _POSE_LABELS, factors, sizes, strict=True):
+            values = factor * rows[column].to_numpy()
+            edge = 1.1 * max(float(np.quantile(np.abs(values[rows["used"]]), 0.98)), 3.0 * factor * size)
+            axis.axhspan(-2.0 * factor * size, 2.0 * factor * size, color=BLUE, alpha=0.1, lw=0)
+            axis.vlines(hits, -edge, edge, color=INK, lw=0.5, alpha=0.4)
+            for used, colour in ((False, "0.75"), (True, BLUE)):
+                chosen = rows["used"].to_numpy() == used
+                axis.plot(rows[TIME].to_numpy()[chosen], np.clip(values[chosen], -edge, edge), ".", color=colour, ms=3)
+            axis.axhline(0.0, color=INK, lw=0.8, ls=DASHES)
+            axis.set_ylim(-1.03 * edge, 1.03 * edge)
+            axis.set_ylabel(label)
+        axes[0].set_title("recorded - simulated; band: twice the noise; lines: rebounds")
+        axes[-1].set_xlabel("time [s]")
     return figure
 
 

@@ -422,7 +422,7 @@ def read_rebounds(
     if (body is None) == (gyration_radius is None):
         raise ValueError("body, gyration_radius: one of them must be given, and one only")
     if not isinstance(table, pd.DataFrame):
-        table = _read(Path(table))
+        table = read_table(table)
     if not len(table):
         raise ValueError("the table has no rows")
     before = _columns(table, BEFORE)
@@ -448,7 +448,9 @@ def read_rebounds(
     return found
 
 
-def _read(file: Path) -> pd.DataFrame:
+def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
+    """Read a CSV or Parquet file, or raise OSError or ValueError."""
+    file = Path(place)
     kind = file.suffix.lower()
     if kind not in (".csv", ".parquet"):
         raise ValueError(f"{file}: must end in .csv or .parquet")

@@ -30,6 +30,7 @@ from sledenv.identification.flights import (
 )
 from sledenv.outline import drawable_rows, reach, states_at
 from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked
+from sledenv.replay import Ghost
 from sledenv.text import TRAJECTORY_COLUMNS
 
 Floats = NDArray[np.float64]
@@ -53,6 +54,8 @@ _BESIDE = (0.6, 0.8, 0.9, 1.1, 1.25, 1.6, 2.5)  # factors of a friction, where a
 _EQUAL = 1e-3  # difference of two costs that counts as none
 _ALIKE = 0.05  # of their scales: laws that differ by less are one
 _TAME = 3.0  # noise levels from which a pose counts as wrong
+_MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
+_CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level .95
 _LIMIT = 60  # steps of one minimisation on the way
 _FLOOR = 1e-6  # least noise, of the size of the body and [rad]: about the precision of a single float
 _LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
@@ -503,7 +506,8 @@ class TrackFit:
     fit : Fit
         With the values, their covariance and all starts that lasted.
     intervals : dict
-        Profile interval of each fitted parameter of the law, of level .95.
+        Profile interval of each fitted parameter of the law, of level .95; that of the stiffness is one of
+        ``log10_stiffness``.
     others : list of Fit
         Other laws that explain the recordings nearly as well, the best first.
     """
@@ -536,6 +540,56 @@ class TrackFit:
         rows = self.fit.vector[len(LAW) + 1 :].reshape(-1, 6).tolist()
         return {one.name: State(*row) for one, row in zip(self.recordings, rows, strict=True)}
 
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a parameter of the law: ``value``, ``low`` and ``high`` of the interval, ``unit``, ``note``."""
+        rows = []
+        for name in [_STIFFNESS] * (self.solver != "rigid") + list(LAW):
+            value, unit = self.fit.values[name], self.fit.problem.parameter(name).unit
+            low = high = math.nan
+            note = "not fitted"
+            if name in self.intervals:
+                low, high, _, low_on_bound, high_on_bound = self.intervals[name]
+                ends = [f"{end} end is its bound" for end, on in (("low", low_on_bound), ("high", high_on_bound)) if on]
+                note = ", ".join(ends)
+            if name == _STIFFNESS:
+                name, unit, (value, low, high) = "stiffness", "N/m", (10.0**value, 10.0**low, 10.0**high)
+            rows.append((name, value, low, high, unit, note))
+        names = ["parameter", "value", "low", "high", "unit", "note"]
+        return pd.DataFrame(rows, columns=names).set_index("parameter")
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What casts doubt on the result, a sentence each."""
+        found = []
+        for name, row in self.used.iterrows():
+            if not row["whole"]:
+                found.append(
+                    f"recording {name!r} is explained until {row['until_s']:.4g} s only, {row['rebounds']} rebounds: "
+                    "what follows is not used, and the law may be a wrong one that explains no more than this"
+                )
+            if row["misfit"] > _MISFIT:
+                found.append(f"recording {name!r}: residuals are {math.sqrt(row['misfit']):.1f} times the noise")
+        for name, interval in self.intervals.items():
+            if interval.low_on_bound and interval.high_on_bound:
+                found.append(f"the recordings say nothing of {name}: every value in its bounds is as good")
+        for other in self.others:
+            law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
+            rise = other.cost - self.fit.cost
+            if rise < _CLOSE:
+                found.append(f"another law explains the recordings as well, its cost higher by {rise:.2g}: {law}")
+        return found
+
+    def __str__(self) -> str:
+        """Return the result for a reader: what was used, the law, what to doubt."""
+        lines = [f"{len(self.recordings)} recordings, {self.solver} surfaces, flights and rebounds as simulated", ""]
+        lines.append(self.used.round(4).to_string())
+        lines += ["", f"{'':<20}{'value':>11}  {'95 % interval':^25} unit"]
+        for name, row in self.table.iterrows():
+            reach = "" if row["note"] == "not fitted" else f"[{row['low']:.5g}, {row['high']:.5g}]"
+            lines.append(f"{name!s:<20}{row['value']:>11.5g}  {reach:^25} {row['unit']:<4} {row['note']}".rstrip())
+        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
     def descent(self, name: str | None = None, time: float | None = None) -> Descent:
         """Simulate a recording's descent, with its trajectory, for as long as it was recorded or for ``time`` [s]."""
         i = self._number(name)
@@ -543,6 +597,13 @@ class TrackFit:
         length = float(times[-1] - times[0]) if time is None else time
         law, launch = self.fit.vector[: len(LAW) + 1], self.launches[self.recordings[i].name]
         return self.model.descent(law, launch, length)
+
+    def ghost(self, name: str | None = None) -> Ghost:
+        """Return a recording for :func:`sledenv.replay.replay_page` of its :meth:`descent`."""
+        i = self._number(name)
+        one = self.recordings[i]
+        rows = self.residuals[self.residuals[RECORDING] == one.name]
+        return Ghost(one.times - one.times[0], one.poses, rows[list(POSE)].to_numpy(), self.frames[i])
 
     @cached_property
     def residuals(self) -> pd.DataFrame:
