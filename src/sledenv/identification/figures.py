@@ -59,7 +59,7 @@ def plot_track_residuals(found: TrackFit, name: str | None = None) -> Figure:
         sizes = (noise.position, noise.position, noise.angle)
         for axis, column, label, factor, size in zip(axes, POSE, _POSE_LABELS, factors, sizes, strict=True):
             values = factor * rows[column].to_numpy()
-            edge = 1.1 * max(float(np.quantile(np.abs(values[rows["used"]]), 0.98)), 3.0 * factor * size)
+            edge = max(1.6 * float(np.quantile(np.abs(values[rows["used"]]), 0.9)), 4.0 * factor * size)
             axis.axhspan(-2.0 * factor * size, 2.0 * factor * size, color=BLUE, alpha=0.1, lw=0)
             axis.vlines(hits, -edge, edge, color=INK, lw=0.5, alpha=0.4)
             for used, colour in ((False, "0.75"), (True, BLUE)):

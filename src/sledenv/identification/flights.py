@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sledenv.descent import simulate, simulate_batch
+from sledenv.descent import simulate
 from sledenv.geometry import support_height
 from sledenv.identification.fitting import Parameter, Problem, solve
+from sledenv.identification.rebounds import arms_of
+from sledenv.impact import velocities_after
 from sledenv.params import Body, ContactLaw, Slope, State, asymmetry_of
 
 Floats = NDArray[np.float64]
@@ -31,7 +33,6 @@ _MEAN, _SPREAD = 3.0, 2.4  # of that square, three numbers a pose
 _WRONG = 0.05  # share of wrong poses that is allowed for
 _SURE = 4.0  # standard errors
 _GROSS = 0.1  # share of the root of the energy that counts as a gross error of a rebound
-_INSTANT = 1e-6  # [s] to see one rebound and no more
 _EVEN, _FEW = np.linspace(0.0, 1.0, 9), np.array([0.1, 0.5, 0.9])  # the same of the restitution
 _LEVELS = np.array(
     [0.0, 0.003, 0.01, 0.03, 0.07, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0]
@@ -215,24 +216,23 @@ def likely_laws(
         Values of those that are known.
     """
     pairs = [pair for track in tracks for pair in pairwise(track)]
-    landings = np.array([lifted(body, before.landing) for before, _ in pairs])
+    landings = np.array([before.landing for before, _ in pairs])
     after = np.array([after.launch[3:] for _, after in pairs])
-    weights = np.sqrt([body.mass, body.mass, body.inertia])
-    scale = np.linalg.norm(landings[:, 3:] * weights, axis=1)[:, None] / weights
+    k = math.sqrt(body.inertia / body.mass)
+    scales = np.array([1.0, 1.0, k]) / np.linalg.norm(landings[:, 3:] * [1.0, 1.0, k], axis=1)[:, None]
+    reach, corner = arms_of(body, landings[:, 2])
+    contacts = np.hstack([reach, landings[:, 3:]])
 
     def residuals(values: Floats) -> Floats:
         """Velocities after each rebound, in shares of the root of the energy before it; of laws of shape (..., 4)."""
-        laws = values.reshape(-1, len(LAW))
-        lanes = np.tile(landings, (len(laws), 1))
-        rows = np.repeat(np.array([law_of(1.0, law) for law in laws.tolist()]), len(pairs), axis=0)
-        found = simulate_batch(
-            body, rows, slope, lanes, solver="rigid", max_rebounds=1, max_time=_INSTANT, keep_rebounds=True
-        )
-        rates = np.stack([found.rebounds[f"{name}_after"][:, 0] for name in State._fields[3:]], axis=-1)
-        met = found.outcomes["rebounds"] > 0
-        apart = np.where(met[:, None], rates, lanes[:, 3:]).reshape(-1, len(pairs), 3) - after
-        shares: Floats = (apart / scale).reshape(*values.shape[:-1], len(pairs), 3)
-        return shares
+        laws = values.reshape(-1, 1, len(LAW))
+        rows = np.empty((len(laws), len(pairs), 3))
+        rows[..., :2] = laws[..., :2]
+        rows[..., 2] = np.where(corner, laws[..., 3], laws[..., 2])
+        hits = np.tile(contacts, (len(laws), 1))
+        found = velocities_after(k, hits, rows.reshape(-1, 3)).reshape(-1, len(pairs), 3)
+        apart: Floats = ((found - after) * scales).reshape(*values.shape[:-1], len(pairs), 3)
+        return apart
 
     problem = Problem(parameters, residuals, fixed, loss_scale=_GROSS)
     grid = grid_of(parameters, fixed)

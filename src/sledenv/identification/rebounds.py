@@ -430,7 +430,7 @@ def read_rebounds(
     if body is not None:
         body = Body(*body)
         k = math.sqrt(body.inertia / body.mass)
-        reach, corner = _arms_of(body, _columns(table, POSE)[:, 0])
+        reach, corner = arms_of(body, _columns(table, POSE)[:, 0])
     else:
         k = checked("identify", "gyration_radius", gyration_radius, POSITIVE)
         reach, corner = _columns(table, ARMS), np.zeros(len(table), bool)
@@ -484,7 +484,7 @@ def _alike(name: str, table: pd.DataFrame) -> str:
     return f"; the table has {', '.join(map(str, table.columns))}"
 
 
-def _arms_of(body: Body, phi: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def arms_of(body: Body, phi: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Arms [m] at orientations [rad], (N, 2), and whether a corner touches, (N,)."""
     local = within_a_turn(phi).tolist()
     features = [feature_at(body, one) for one in local]

@@ -48,15 +48,15 @@ _KEPT = 8  # laws that are followed at a time
 _DRAWS = 32  # laws and launches that are drawn for each rebound
 _BACK = 4  # rebounds from which more are drawn where none of those explains what follows
 _SCANNED = np.linspace(0.0, 1.0, 24) ** 3  # of bounds of friction and arm, where they are tried
-_TRIED = 4  # of them, fitted
+_TRIED = 3  # of them, fitted
 _WIDER = 3.0  # than their covariance
-_BESIDE = (0.6, 0.8, 0.9, 1.1, 1.25, 1.6, 2.5)  # factors of a friction, where a lower cost is looked for
+_BESIDE = (0.7, 0.9, 1.1, 1.4, 2.0)  # factors of a friction, where a lower cost is looked for
 _EQUAL = 1e-3  # difference of two costs that counts as none
 _ALIKE = 0.05  # of their scales: laws that differ by less are one
 _TAME = 3.0  # noise levels from which a pose counts as wrong
 _MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
 _CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level .95
-_LIMIT = 60  # steps of one minimisation on the way
+_LIMIT = 15  # steps of one minimisation on the way
 _FLOOR = 1e-6  # least noise, of the size of the body and [rad]: about the precision of a single float
 _LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
 _STIFFNESSES = 7  # that are tried at the start
@@ -154,6 +154,7 @@ def _nothing_told(search: _Search) -> str:
 
 def _settled(fit: Fit) -> tuple[Fit, dict[str, Interval]]:
     """Leave a local minimum if there is a lower one beside it; return the intervals of the law as well."""
+    fit = solve(fit.problem, fit.values, starts=1)
     friction = fit.problem.parameter("friction")
     if "friction" in fit.problem.free:
         for factor in _BESIDE:  # beyond a friction at which rebounds stop to slip, the cost hardly changes
@@ -427,15 +428,22 @@ class _Search:
         begun = [horizon[k] for horizon, k in zip(self.horizons, self.level, strict=True)]
         return [i for i in self.open if not (explained(rows[i]) and explained(rows[i][begun[i] :]))]
 
-    def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[dict[str, float]]:
-        """Laws and launches about as likely as those of fits to fewer frames; the best of them for more frames.
+    def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[Mapping[str, float]]:
+        """Laws and launches about as likely as those of fits to fewer frames, and the laws of the start: the best of each.
 
         Several laws may explain the first rebounds equally well, so that the next one tells which of them are right.
         """
+        found = []
+        for fit in fits:
+            guessed = [fit.values | {name: one[name] for name in LAW} for one in self.starts]
+            for group in (guessed, _like(fit, self.rng)):
+                found += self._cheapest(group, level)
+        return found
+
+    def _cheapest(self, group: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Mapping[str, float]]:
         problem = self.model.problem(self.frames(level), self.fixed)
-        drawn = [values for fit in fits for values in _like(fit, self.rng)]
-        costs = [problem.cost(problem.values(one)) for one in drawn]
-        return [drawn[k] for k in np.argsort(costs, kind="stable")[: _TRIED * len(fits)].tolist()]
+        costs = [problem.cost(problem.values(one)) for one in group]
+        return [group[k] for k in np.argsort(costs, kind="stable")[:_TRIED].tolist()]
 
 
 def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
