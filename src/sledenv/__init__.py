@@ -16,6 +16,7 @@ from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, sc
 from sledenv.wheel import WheelImpact, collide_wheel
 
 if TYPE_CHECKING:
+    from sledenv.identification.choice import identify
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "WheelImpact",
     "circular_segment",
     "collide_wheel",
+    "identify",
     "load_scenario",
     "load_study",
     "rigid_impact",
@@ -55,16 +57,20 @@ __all__ = [
     "study_names",
 ]
 
-# What needs pandas and scipy is loaded where it is first asked for.
-_ANALYSIS = dict.fromkeys(("Study", "StudyResult", "load_study", "study", "study_names"), "sledenv.uncertainty")
+# What needs the extra "analysis" is loaded where it is first asked for: the module of each name.
+_ANALYSIS = {
+    "identify": "sledenv.identification.choice",
+    **dict.fromkeys(("Study", "StudyResult", "load_study", "study", "study_names"), "sledenv.uncertainty"),
+}
 
 _register()
 
 
 def __getattr__(name: str) -> Any:
+    """Load a function that needs scipy and pandas."""
     if name not in _ANALYSIS:
-        raise AttributeError(f"module 'sledenv' has no attribute {name!r}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
         return getattr(importlib.import_module(_ANALYSIS[name]), name)
     except ModuleNotFoundError as error:
-        raise ImportError(f"{error}: sledenv.{name} needs pip install 'sledenv[analysis]'") from error
+        raise ImportError(f"sledenv.{name}: {error}: pip install 'sledenv[analysis]'") from error

@@ -1,4 +1,4 @@
-"""The command ``sledenv``: a scenario simulated, replayed or mapped, studies, the paper, benchmark, installation."""
+"""The command ``sledenv``: descents and what they depend on, laws from recordings, the paper, benchmark, installation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, get_args
+from typing import TYPE_CHECKING, Any, NoReturn, get_args
 
 import numpy as np
 
@@ -21,11 +21,15 @@ from sledenv.derivatives import sensitivity
 from sledenv.descent import Descent, Record, simulate
 from sledenv.doctor import examine
 from sledenv.files import publish, replacing, write_csv
+from sledenv.impact import Hypothesis
 from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.replay import replay_page
 from sledenv.reproduce import reproduce
 from sledenv.scenario import control_words, load_scenario, scenario_names, shipped_names
 from sledenv.text import TRAJECTORY_COLUMNS, sensitivity_table, setting, story, trajectory_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PICTURES = ("strobe.png", "series.png")
 _DPI = 150
@@ -180,6 +184,44 @@ def _parser() -> argparse.ArgumentParser:
     )
     landscape.add_argument("--out", type=Path, metavar="FILE", default=Path("map.png"), help="default: map.png")
 
+    measured = commands.add_parser(
+        "identify",
+        help="fit a contact law to measured rebounds, or to poses over time",
+        description="Fit restitution, friction and rolling arms to what was measured of one body, and print them with "
+        "their intervals. Columns of a table of rebounds, with their units: u_before_m_s, v_before_m_s, "
+        "omega_before_rad_s, the same with after, and phi_rad or the arms a_m and b_m of the contact. Of poses over "
+        "time: t_s, x_m, y_m and phi_rad, in the frame of the slope. recording, which tells recordings apart, is "
+        "optional.",
+    )
+    measured.set_defaults(run=_identify)
+    measured.add_argument("file", type=Path, metavar="FILE", help="that ends in .csv or .parquet")
+    measured.add_argument(
+        "--gyration-radius", type=_length, required=True, metavar="M", help="root of inertia over mass [m]"
+    )
+    measured.add_argument("--radius", type=_length, metavar="M", help="of the arc [m], for a table with phi_rad")
+    measured.add_argument(
+        "--eccentricity", type=float, default=0.0, metavar="M", help="of the mass centre in the arc [m] (default 0)"
+    )
+    measured.add_argument(
+        "--half-angle-deg", type=float, default=180.0, metavar="DEG", help="of the arc (default 180: no corners)"
+    )
+    _add_tracks(measured)
+    measured.add_argument("--hypothesis", choices=get_args(Hypothesis), default="energetic", help="of restitution")
+    measured.add_argument(
+        "--fix",
+        type=_fixed,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="do not fit this parameter: restitution, friction, rolling_arm, corner_rolling_arm; may be repeated",
+    )
+    measured.add_argument("--softening", action="store_true", help="let the restitution depend on the approach speed")
+    measured.add_argument("--compare", action="store_true", help="cross-validate other laws too")
+    measured.add_argument("--folds", type=_positive, default=10, metavar="N", help="parts for that (default 10)")
+    measured.add_argument("--starts", type=_positive, default=16, metavar="N", help="of the fit (default 16)")
+    measured.add_argument("--seed", type=_seed, default=0, help="of starts and folds (default 0)")
+    measured.add_argument("--out", type=Path, metavar="FOLDER", help="write tables and figures into this folder")
+
     doctor = commands.add_parser(
         "doctor",
         help="compile all kernels beforehand and check the installation",
@@ -196,6 +238,21 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ray", metavar="ADDRESS", help='use the Ray cluster at this address instead, or start one here: "local"'
     )
+
+
+def _add_tracks(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``identify`` that only poses over time need."""
+    tracks = parser.add_argument_group("for poses over time", "these need --radius and --slope-deg")
+    tracks.add_argument("--slope-deg", type=_within(89.0, "deg"), metavar="DEG", help="inclination; x runs downhill")
+    tracks.add_argument("--gravity", type=_length, default=9.81, metavar="M_S2", help="default 9.81")
+    tracks.add_argument(
+        "--mass", type=_length, default=1.0, metavar="KG", help="stiffness is in proportion (default 1)"
+    )
+    tracks.add_argument(
+        "--surfaces", choices=get_args(BatchSolver), default="rigid", help="compliant fits a stiffness too"
+    )
+    tracks.add_argument("--position-noise", type=_length, metavar="M", help="standard deviation (default: estimated)")
+    tracks.add_argument("--angle-noise-deg", type=_length, metavar="DEG", help="the same of the orientation")
 
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -256,6 +313,24 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _length(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number > 0 m: {text!r}")
+    return value
+
+
+def _fixed(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE: {text!r}") from None
+
+
 def _progress(command: str) -> Callable[[str], None]:
     return lambda line: print(f"{command}: {line}", flush=True)
 
@@ -310,6 +385,77 @@ def _map(options: argparse.Namespace) -> int:
         drawn.figure.savefig(picture, dpi=_DPI, format="png")
     print(drawn.words)
     _progress("map")(f"wrote {options.out}")
+    return 0
+
+
+def _identify(options: argparse.Namespace) -> int:
+    with _extra():
+        from sledenv.identification.choice import holds_tracks
+        from sledenv.identification.comparison import compare
+        from sledenv.identification.rebounds import identify, read_table
+        from sledenv.identification.report import COMPARED, FILES, write_identification
+
+    table = read_table(options.file)
+    if holds_tracks(table):
+        return _identify_tracks(options, table)
+    k = options.gyration_radius
+    body = None
+    if options.radius is not None:
+        body = Body(1.0, options.radius, options.eccentricity, k * k, math.radians(options.half_angle_deg))
+    with ExitStack() as places:
+        folder = options.out and _place(places, "--out", publish(options.out, (*FILES, *COMPARED)))
+        found = identify(
+            table,
+            body,
+            gyration_radius=None if body else k,
+            hypothesis=options.hypothesis,
+            fixed=dict(options.fix),
+            speed_dependent=options.softening,
+            starts=options.starts,
+            seed=options.seed,
+        )
+        print(found, flush=True)
+        compared = compare(found.rebounds, folds=options.folds, seed=options.seed) if options.compare else None
+        if compared is not None:
+            print(f"\nerrors on rebounds held out\n{compared.table.round(4).to_string()}")
+            print(f"\nand how much larger than the best\n{compared.differences().round(4).to_string()}")
+        if folder:
+            write_identification(found, folder, compared)
+    if folder:
+        _progress("identify")(f"wrote {options.out}")
+    return 0
+
+
+def _identify_tracks(options: argparse.Namespace, table: pd.DataFrame) -> int:
+    from sledenv.identification.report import track_files, write_tracks
+    from sledenv.identification.tracks import identify_tracks
+
+    for name in ("radius", "slope_deg"):
+        if getattr(options, name) is None:
+            raise ValueError(f"--{name.replace('_', '-')}: poses over time need it")
+    noise = options.position_noise, options.angle_noise_deg
+    if (noise[0] is None) != (noise[1] is None):
+        raise ValueError("--position-noise, --angle-noise-deg: both must be given, or none")
+    inertia = options.mass * options.gyration_radius**2
+    half_angle = math.radians(options.half_angle_deg)
+    body = Body(options.mass, options.radius, options.eccentricity, inertia, half_angle)
+    with ExitStack() as places:
+        files = track_files(table["recording"].nunique() if "recording" in table else 1)
+        folder = options.out and _place(places, "--out", publish(options.out, files))
+        found = identify_tracks(
+            table,
+            body,
+            Slope(math.radians(options.slope_deg), gravity=options.gravity),
+            solver=options.surfaces,
+            fixed=dict(options.fix),
+            noise=None if noise[0] is None else (noise[0], math.radians(noise[1])),
+            seed=options.seed,
+        )
+        print(found, flush=True)
+        if folder:
+            write_tracks(found, folder)
+    if folder:
+        _progress("identify")(f"wrote {options.out}")
     return 0
 
 

@@ -1,7 +1,8 @@
-"""The Python face of the rigid impact: :func:`rigid_impact`."""
+"""The Python face of the rigid impact: :func:`rigid_impact`, and many impacts told by their arms."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -16,6 +17,7 @@ from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impac
 from sledenv.kernel.records import ARC, PHASE, Mode
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
+from sledenv.programs.jit import kernel
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 
@@ -73,12 +75,73 @@ def collide(
     local = state.phi - whole_turns(state.phi)
     feature = feature_at(body, local)
     a, b = arms(body, feature, local)
-    hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
     hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
-    hop["v_t_landing"] = hop["v_t"] = state.u + b * state.omega
-    hop["v_n"], hop["omega"] = state.v - a * state.omega, state.omega
+    _touch(hop, a, b, state.u, state.v, state.omega)
     return impact(hypothesis, hop, phases)
+
+
+@kernel
+def _touch(hop: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
+    """Write the arms of the contact point and the velocities of the body at touch."""
+    hop["a"], hop["b"] = a, b
+    hop["v_t_landing"] = hop["v_t"] = u + b * omega
+    hop["v_n"], hop["omega"] = v - a * omega, omega
+
+
+@entry
+def _collide_each(
+    gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: int, hops: np.ndarray, after: np.ndarray
+) -> int:
+    """Follow many impacts; return the number of the first that did not end, -1 if all did. The mass is 1."""
+    hop = hops[0]
+    hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2
+    for i in range(contacts.shape[0]):
+        a, b = contacts[i, 0], contacts[i, 1]
+        hop["size"] = gyration_radius + math.hypot(a, b)
+        hop["restitution"], hop["friction"], hop["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
+        _touch(hop, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
+        if impact(hypothesis, hop, None) > MOST_PHASES:
+            return i
+        omega = hop["omega"]
+        after[i, 0], after[i, 1], after[i, 2] = hop["v_t"] - b * omega, hop["v_n"] + a * omega, omega
+    return -1
+
+
+def velocities_after(
+    gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: Hypothesis = "energetic"
+) -> np.ndarray:
+    """Velocities after many impacts of a body of any shape, told by where its contact point lies each time.
+
+    Parameters
+    ----------
+    gyration_radius : float
+        Root of inertia over mass [m], > 0; the mass itself cancels.
+    contacts : ndarray of float, shape (N, 5)
+        Arms a, b [m] of the contact point, which lies at (-a, -b) from the mass centre; u, v [m/s] and omega [rad/s]
+        at touch. A gap that does not close is not hit.
+    laws : ndarray of float, shape (N, 3)
+        Restitution [-] in [0, 1], friction [-] and rolling arm [m], both not negative. Neither they nor the contacts
+        are checked.
+    hypothesis : {"energetic", "poisson", "newton"}
+        As for :func:`rigid_impact`.
+
+    Returns
+    -------
+    ndarray of float, shape (N, 3)
+        u, v [m/s] and omega [rad/s].
+
+    Raises
+    ------
+    ArithmeticError
+        If an impact does not end within the bound on its phases.
+    """
+    after = np.empty((len(contacts), 3))
+    contacts, laws = np.ascontiguousarray(contacts, float), np.ascontiguousarray(laws, float)
+    lost = _collide_each(float(gyration_radius), contacts, laws, _CODES[hypothesis], new(HOP), after)
+    if lost >= 0:
+        raise ArithmeticError(f"the impact of row {lost} did not end within {MOST_PHASES} phases")
+    return after
 
 
 def rigid_impact(

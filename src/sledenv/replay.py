@@ -6,7 +6,7 @@ import json
 import math
 import os
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,19 @@ _POSES = 12
 _COLUMNS = ("t", *State._fields, "normal", "tangential", "feature", "slip", "spin")
 
 
-def replay_page(descent: Descent, title: str) -> str:
+class Ghost(NamedTuple):
+    """A recorded motion, shown as an outline beside the simulated one, with what both differ by over time.
+
+    The times count from the launch; poses may be less whole turns.
+    """
+
+    times: np.ndarray  # [s], shape (n,), increasing
+    poses: np.ndarray  # x, y [m], phi [rad], shape (n, 3)
+    residuals: np.ndarray  # recorded less simulated pose, [m] and [rad], shape (n, 3)
+    used: int  # of the first frames, which the simulated descent was fitted to
+
+
+def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str:
     """Return the page of a descent, which needs no other file and no network.
 
     Parameters
@@ -42,14 +54,17 @@ def replay_page(descent: Descent, title: str) -> str:
         Simulated with ``record="trajectory"``.
     title : str
         Its heading.
+    ghost : Ghost, optional
+        A recorded motion to show with it.
 
     Raises
     ------
     ValueError
         If the descent has no trajectory.
     """
+    content = _content(descent, title) | {"ghost": None if ghost is None else ghost._asdict()}
     # "</script>" in a title would end the data.
-    data = json.dumps(_plain(_content(descent, title)), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(_plain(content), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     page = files("sledenv").joinpath("replay.html").read_text(encoding="utf-8")
     return page.replace("/*DESCENT*/", data)
 

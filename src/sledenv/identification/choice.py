@@ -1,0 +1,58 @@
+"""A contact law from a table of rebounds or from tracks, whichever it is: :func:`identify`."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pandas as pd
+
+from sledenv.identification.rebounds import Identification, read_table
+from sledenv.identification.rebounds import identify as identify_rebounds
+from sledenv.identification.tracks import POSE, TIME, TrackFit, identify_tracks
+from sledenv.params import Body, Slope
+
+
+def holds_tracks(table: pd.DataFrame) -> bool:
+    """Whether a table holds poses over time, by its columns; of rebounds otherwise."""
+    return {TIME, *POSE} <= set(table.columns)
+
+
+def identify(
+    table: pd.DataFrame | str | os.PathLike[str], body: Body | None = None, slope: Slope | None = None, **settings: Any
+) -> Identification | TrackFit:
+    """Fit a contact law to what was recorded of one body: to its rebounds, or to its poses over time.
+
+    Parameters
+    ----------
+    table : DataFrame or path
+        A CSV or Parquet file if a path. With the columns ``t_s``, ``x_m``, ``y_m`` and ``phi_rad`` it holds poses over
+        time, see :func:`sledenv.identification.tracks.identify_tracks`; otherwise velocities before and after
+        rebounds, one a row, see :func:`sledenv.identification.rebounds.identify`.
+    body : Body
+        What was recorded; a table of rebounds may be told by arms and a ``gyration_radius`` instead.
+    slope : Slope
+        Where poses were recorded; velocities before and after rebounds do not need it.
+    **settings
+        Those of the function named above.
+
+    Returns
+    -------
+    Identification or TrackFit
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the column, row or argument, its value and what is allowed.
+    OSError
+        If the file cannot be read.
+    """
+    if not isinstance(table, pd.DataFrame):
+        table = read_table(table)
+    if not holds_tracks(table):
+        if slope is not None:
+            raise ValueError(f"slope = {slope!r}: a table of rebounds does not need it; poses over time need {TIME!r}")
+        return identify_rebounds(table, body, **settings)
+    if body is None or slope is None:
+        raise ValueError(f"{'body' if body is None else 'slope'}: poses over time need it")
+    return identify_tracks(table, body, slope, **settings)

@@ -1,0 +1,259 @@
+"""The flights of a recorded track, between one rebound and the next, and the contact laws that could tie them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from sledenv.descent import simulate
+from sledenv.geometry import support_height
+from sledenv.identification.fitting import Parameter, Problem, solve
+from sledenv.identification.rebounds import arms_of
+from sledenv.impact import velocities_after
+from sledenv.params import Body, ContactLaw, Slope, State, asymmetry_of
+
+Floats = NDArray[np.float64]
+
+LAW = ("restitution", "friction", "rolling_arm", "corner_rolling_arm")
+_FIRST = 5  # frames that a flight is first told from
+_LEAST = 3  # frames of a flight, below which it is not told from the ones beside it
+_GROWTH = 1.6  # of the frames of a flight, from one look to the next
+_LOOKS = 30  # at one flight
+_ANY_LAW = ContactLaw(1.0, 0.5, 0.0, 0.0)  # a touchdown does not depend on it
+_TAME = 3.0  # noise levels from which a pose counts as wrong
+_CAP = 16.3  # square of a pose's residual, in noise levels, that one of 1,000 exceeds: larger ones count as this
+_MEAN, _SPREAD = 3.0, 2.4  # of that square, three numbers a pose
+_WRONG = 0.05  # share of wrong poses that is allowed for
+_SURE = 4.0  # standard errors
+_GROSS = 0.1  # share of the root of the energy that counts as a gross error of a rebound
+_EVEN, _FEW = np.linspace(0.0, 1.0, 9), np.array([0.1, 0.5, 0.9])  # the same of the restitution
+_LEVELS = np.array(
+    [0.0, 0.003, 0.01, 0.03, 0.07, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0]
+)  # of the bounds, where a law is tried
+
+
+class Noise(NamedTuple):
+    """Standard deviations of recorded poses."""
+
+    position: float  # [m] of x and of y
+    angle: float  # [rad]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Poses of one body over time.
+
+    Attributes
+    ----------
+    name : str
+    times : ndarray, shape (n,)
+        [s], increasing.
+    poses : ndarray, shape (n, 3)
+        x, y of the mass centre [m] and phi [rad], which may be less whole turns.
+    noise : Noise
+    """
+
+    name: str
+    times: Floats
+    poses: Floats
+    noise: Noise
+
+    def residuals(self, poses: Floats) -> Floats:
+        """What poses, shape (m, 3), of the first m frames differ by from the recorded ones, in noise levels."""
+        apart = self.poses[: len(poses)] - poses
+        apart[:, 2] = np.remainder(apart[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+        apart[:, :2] /= self.noise.position
+        apart[:, 2] /= self.noise.angle
+        return apart
+
+    def until(self, time: float) -> int:
+        """Return the number of frames before a time [s]."""
+        return int(np.searchsorted(self.times, time))
+
+
+class Flight(NamedTuple):
+    """A flight and the rebound that ends it."""
+
+    start: float  # [s]
+    launch: State  # there
+    end: float  # [s] of its touchdown, inf if it has none
+    landing: State  # there
+
+
+def explained(rows: Floats) -> bool:
+    """Whether residuals, shape (n, 3), in noise levels, are noise but for a few wrong poses.
+
+    Compares the mean of their squares, each at most that which one in 1,000 exceeds, with what it is by chance.
+    """
+    if len(rows) == 0:
+        return True
+    squares = np.minimum(np.sum(rows * rows, axis=1), _CAP)
+    allowed = _MEAN + _WRONG * _CAP + _SURE * _SPREAD / math.sqrt(len(rows))
+    return bool(squares.mean() <= allowed)
+
+
+def flights_of(body: Body, slope: Slope, recording: Recording) -> Iterator[Flight]:
+    """Follow a track from flight to flight, as long as they have frames enough to be told apart.
+
+    A flight is fitted to more and more of its frames. The simulator tells from it when it touches down, and no later
+    frame is used; the next one begins with the pose there, so that its velocities alone are free.
+
+    Yields
+    ------
+    Flight
+        In order; none at all if the recording does not begin with one.
+    """
+    slope = slope._replace(length=math.inf)
+    start, pose = float(recording.times[0]), None
+    last = len(recording.times)
+    while True:
+        first = recording.until(start)
+        stop, end = min(first + _FIRST, last), math.inf
+        for _ in range(_LOOKS):
+            if stop - first < _LEAST:
+                return
+            launch = _ballistic(slope, recording, first, stop, start, pose)
+            end, landing = _touchdown(body, slope, launch, start)
+            before, stop = stop, min(recording.until(end), first + math.ceil((stop - first) * _GROWTH), last)
+            if stop == before:
+                break
+        if not explained(_apart(slope, recording, first, stop, start, launch)):
+            return
+        yield Flight(start, launch, end, landing)
+        if stop == last:
+            return
+        start, pose = end, np.array(landing[:3])
+
+
+def _pulls(slope: Slope) -> Floats:
+    """Acceleration [m/s^2], [rad/s^2] in flight."""
+    return np.array([slope.gravity * math.sin(slope.angle), -slope.gravity * math.cos(slope.angle), 0.0])
+
+
+def _along(slope: Slope, pose: Floats, rates: Floats, times: Floats) -> Floats:
+    """Poses, shape (n, 3), at times [s] after one of a flight."""
+    t = times[:, None]
+    found: Floats = pose + rates * t + 0.5 * _pulls(slope) * t * t
+    return found
+
+
+def _apart(slope: Slope, recording: Recording, first: int, stop: int, start: float, launch: State) -> Floats:
+    """Residuals of a flight in frames ``first`` to ``stop``."""
+    poses = _along(slope, np.array(launch[:3]), np.array(launch[3:]), recording.times[first:stop] - start)
+    return replace(recording, poses=recording.poses[first:stop]).residuals(poses)
+
+
+def _ballistic(slope: Slope, recording: Recording, first: int, stop: int, start: float, pose: Floats | None) -> State:
+    """Fit a flight to frames ``first`` to ``stop``; its pose at the start is free if it is None."""
+    frames = recording.poses[first:stop]
+    times = recording.times[first:stop] - start
+    turned = np.unwrap(frames[:, 2])
+    slopes = np.polyfit(times, np.column_stack([frames[:, :2], turned]), 1)[0]
+    begin = slopes - _pulls(slope) * times.mean()
+    known = [] if pose is None else pose.tolist()
+
+    def residuals(values: Floats) -> Floats:
+        state = State(*known, *values)
+        return _apart(slope, recording, first, stop, start, state).ravel()
+
+    free = begin if known else np.concatenate([frames[0, :2], turned[:1], begin])
+    found = least_squares(residuals, free, loss="soft_l1", f_scale=_TAME, x_scale="jac")
+    return State(*known, *found.x.tolist())
+
+
+def _touchdown(body: Body, slope: Slope, launch: State, start: float) -> tuple[float, State]:
+    """When [s] a flight touches down, and the state there."""
+    found = simulate(body, _ANY_LAW, slope, lifted(body, launch), solver="rigid", max_rebounds=1)
+    if len(found.rebounds) == 0:
+        return math.inf, launch
+    row = found.rebounds[0]
+    t = float(row["t_touchdown"])
+    pose = _along(slope, np.array(launch[:3]), np.array(launch[3:]), np.array([t]))[0]
+    return start + t, State(*pose.tolist(), *(float(row[f"{name}_before"]) for name in State._fields[3:]))
+
+
+def first_guess(slope: Slope, recording: Recording) -> State:
+    """State at the first frame, of a track that does not begin with a flight."""
+    return _ballistic(slope, recording, 0, _FIRST, float(recording.times[0]), None)
+
+
+def grid_of(parameters: Sequence[Parameter], fixed: Mapping[str, float], few: bool = False) -> Floats:
+    """Laws all over their bounds, shape (E, F, D, C, 4); closer together where friction and arms are small."""
+    levels = {one.name: one.low + (one.high - one.low) * (_LEVELS[2::3] if few else _LEVELS) for one in parameters}
+    levels["restitution"] = parameters[0].low + (parameters[0].high - parameters[0].low) * (_FEW if few else _EVEN)
+    levels |= {name: np.array([value]) for name, value in fixed.items()}
+    grid: Floats = np.stack(np.meshgrid(*(levels[name] for name in LAW), indexing="ij"), axis=-1)
+    return grid
+
+
+def likely_laws(
+    body: Body,
+    slope: Slope,
+    tracks: Sequence[Sequence[Flight]],
+    parameters: Sequence[Parameter],
+    fixed: Mapping[str, float],
+) -> list[dict[str, float]]:
+    """Laws that tie the flights of tracks, the likeliest first: the best, and one for each of some frictions and arms.
+
+    Each rebound counts by itself, from the velocities before it, so that an error does not grow from one to the next.
+    A rebound that does not slip to its end says nothing of a higher friction, and one that stops to turn nothing of a
+    longer arm: the cost is flat there, and no single law would be enough to begin with.
+
+    Parameters
+    ----------
+    tracks : sequence of sequences of Flight
+        At least one of them with two.
+    parameters : sequence of Parameter
+        Those of ``LAW``.
+    fixed : mapping
+        Values of those that are known.
+    """
+    pairs = [pair for track in tracks for pair in pairwise(track)]
+    landings = np.array([before.landing for before, _ in pairs])
+    after = np.array([after.launch[3:] for _, after in pairs])
+    k = math.sqrt(body.inertia / body.mass)
+    scales = np.array([1.0, 1.0, k]) / np.linalg.norm(landings[:, 3:] * [1.0, 1.0, k], axis=1)[:, None]
+    reach, corner = arms_of(body, landings[:, 2])
+    contacts = np.hstack([reach, landings[:, 3:]])
+
+    def residuals(values: Floats) -> Floats:
+        """Velocities after each rebound, in shares of the root of the energy before it; of laws of shape (..., 4)."""
+        laws = values.reshape(-1, 1, len(LAW))
+        rows = np.empty((len(laws), len(pairs), 3))
+        rows[..., :2] = laws[..., :2]
+        rows[..., 2] = np.where(corner, laws[..., 3], laws[..., 2])
+        hits = np.tile(contacts, (len(laws), 1))
+        found = velocities_after(k, hits, rows.reshape(-1, 3)).reshape(-1, len(pairs), 3)
+        apart: Floats = ((found - after) * scales).reshape(*values.shape[:-1], len(pairs), 3)
+        return apart
+
+    problem = Problem(parameters, residuals, fixed, loss_scale=_GROSS)
+    grid = grid_of(parameters, fixed)
+    costs = np.sum(np.sqrt(1.0 + np.sum(residuals(grid) ** 2, axis=-1) / _GROSS**2), axis=-1)
+    found = [solve(problem, dict(zip(LAW, grid[np.unravel_index(costs.argmin(), costs.shape)], strict=True)), starts=1)]
+    for axis, name in ((1, "friction"), (2, "rolling_arm")):
+        for i in range(grid.shape[axis]):
+            laws, sums = np.take(grid, i, axis), np.take(costs, i, axis)
+            law = dict(zip(LAW, laws[np.unravel_index(sums.argmin(), sums.shape)].tolist(), strict=True))
+            held = replace(problem, fixed={**fixed, name: law[name]})
+            if held.free:
+                found.append(solve(held, law, starts=1))
+    return [fit.values for fit in sorted(found, key=lambda fit: fit.cost)]
+
+
+def lifted(body: Body, state: State) -> State:
+    """Return the state above the surface, or on it: noise may have put it below."""
+    return state._replace(y=max(state.y, support_height(body, state.phi)))
+
+
+def law_of(stiffness: float, values: Sequence[float]) -> ContactLaw:
+    """Return the contact law of restitution, friction, rolling arms."""
+    restitution, *others = values
+    return ContactLaw(stiffness, float(asymmetry_of(restitution)), *others)

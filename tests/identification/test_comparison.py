@@ -1,0 +1,168 @@
+"""compare: the law that made the rebounds wins on those held out; intervals of differences; predictive coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sledenv.cli import main
+from sledenv.identification.comparison import Comparison, compare, impact_models, predictive_bands
+from sledenv.identification.figures import plot_errors
+from sledenv.identification.rebounds import ImpactModel, Rebounds, read_rebounds
+from tests.identification.rebound_tables import GYRATION, rebounding, told_by_arms
+
+
+def rebounds(seed: int, n: int, noise: float = 0.02, **truth) -> Rebounds:
+    rng = np.random.default_rng(seed)
+    return read_rebounds(rebounding(told_by_arms(rng, n), rng, noise, **truth), gyration_radius=GYRATION)
+
+
+def halves(n: int) -> np.ndarray:
+    return np.arange(n) % 2 == 0
+
+
+SPEED = {"energetic, speed", "energetic, rolling, speed"}
+ROLLING = {"energetic, rolling", "energetic, rolling, speed"}
+
+
+@pytest.mark.parametrize(
+    ("truth", "best", "alike"),
+    [
+        ({"rolling_arm": 0.002}, ROLLING, {"poisson, rolling"}),  # hypotheses differ where slip stops, here by little
+        ({"rolling_arm": 0.0, "softening": 0.6}, SPEED, set()),
+        ({"hypothesis": "newton", "friction": 0.35, "rolling_arm": 0.002}, {"newton, rolling"}, set()),
+    ],
+    ids=["rolling", "speed", "newton"],
+)
+def test_the_law_that_made_the_rebounds_wins_clearly(truth: dict, best: set[str], alike: set[str]) -> None:
+    comparison = compare(rebounds(1, 300, 0.01, **truth), held_out=halves(300), draws=1000)
+    assert set(comparison.errors) == set(impact_models())
+    assert str(comparison.table.index[0]) in best
+    others = comparison.differences().drop(index=list(best | alike), errors="ignore")
+    assert others["clear"].all()
+    assert (others["low"] > 0.0).all()
+
+
+def test_laws_that_are_equal_do_not_differ_clearly() -> None:
+    """Without friction and rolling resistance the three hypotheses are one (docs/physics.md, section 4)."""
+    given = rebounds(2, 120, 0.02, friction=0.0, rolling_arm=0.0)
+    held = {"friction": 0.0, "rolling_arm": 0.0, "softening": 0.0}
+    models = {name: ImpactModel(name, held) for name in ("energetic", "poisson", "newton")}
+    comparison = compare(given, models=models, folds=4, draws=500)
+    assert len(comparison.errors) == 120
+    assert not comparison.differences().loc[:, "clear"].any()
+
+
+def test_errors_are_those_of_the_definition() -> None:
+    """Oracle: sqrt(dv' M dv / v0' M v0) of predicted velocities, and their mean and percentile."""
+    given = rebounds(3, 50)
+    predicted = given.after + np.array([0.1, -0.2, 3.0])
+    comparison = compare(given, models={}, predicted={"other": predicted}, draws=300)
+    energy = given.before[:, 0] ** 2 + given.before[:, 1] ** 2 + GYRATION**2 * given.before[:, 2] ** 2
+    expected = np.sqrt((0.01 + 0.04 + 9.0 * GYRATION**2) / energy)
+    assert comparison.errors["other"].to_numpy() == pytest.approx(expected)
+    row = comparison.table.loc["other"]
+    assert row["mean"] == pytest.approx(expected.mean())
+    assert row["p90"] == pytest.approx(np.quantile(expected, 0.9))
+    assert row["mean_low"] < row["mean"] < row["mean_high"]
+    assert row["p90_low"] <= row["p90"] <= row["p90_high"]
+
+
+def test_paired_differences_are_surer_than_their_parts() -> None:
+    """Oracle: the normal interval of a mean; a constant difference is known exactly."""
+    rng = np.random.default_rng(4)
+    one = rng.gamma(4.0, 0.05, 400)
+    errors = pd.DataFrame({"one": one, "more": one + 0.001, "noisy": one + rng.normal(0.0, 0.05, 400)})
+    comparison = Comparison(errors, np.arange(400), 4000)
+    found = comparison.differences("one")
+    assert found.loc["more", ["low", "high"]].to_numpy(float) == pytest.approx([0.001, 0.001])
+    assert found.loc["more", "clear"]
+    reach = 2.2414 * np.std(errors["noisy"] - one) / 20.0  # of two at .95: each at .975
+    assert found.loc["noisy", "high"] - found.loc["noisy", "low"] == pytest.approx(2 * reach, rel=0.1)
+    with pytest.raises(ValueError, match="reference = 'two': must be one of one, more, noisy"):
+        comparison.differences("two")
+
+
+def test_recordings_are_drawn_and_held_out_as_a_whole() -> None:
+    """Forty rows of four recordings say no more than four; no row of a recording is fitted when another is held out."""
+    given = rebounds(5, 40)
+    together = Rebounds(given.gyration_radius, given.contacts, given.after, given.corner, np.repeat(np.arange(4), 10))
+    seen = []
+
+    def spy(train: Rebounds, test: Rebounds) -> np.ndarray:
+        seen.append((set(train.recordings), set(test.recordings)))
+        return test.after + 0.1 * (test.recordings[:, None] + 1.0)
+
+    comparison = compare(together, models={"spy": spy}, folds=2, draws=500)
+    assert len(seen) == 2
+    assert all(not train & test for train, test in seen)
+    alone = Comparison(comparison.errors, np.arange(40), 500).table.loc["spy"]
+    row = comparison.table.loc["spy"]
+    assert row["mean_high"] - row["mean_low"] > 1.5 * (alone["mean_high"] - alone["mean_low"])
+
+
+@pytest.mark.parametrize("level", [0.8, 0.95])
+def test_predictive_intervals_cover_new_impacts(level: float) -> None:
+    """Oracle: the share of 2,000 new impacts; 300 fitted ones leave it uncertain by 1.3 % (.95) and 2.3 % (.8)."""
+    model = impact_models()["energetic, rolling"]
+    given, new = rebounds(6, 300, 0.03), rebounds(7, 2000, 0.03)
+    bands = predictive_bands(model, given, level=level, folds=5)
+    velocities = model(given, new)
+    coverage = bands.coverage(new, velocities)
+    assert list(coverage) == ["u", "v", "omega", "norm"]
+    for share in coverage.values():
+        assert share == pytest.approx(level, abs=0.035 if level == 0.95 else 0.06)
+    low, high = bands.around(new, velocities)
+    inside = ((new.after >= low) & (new.after <= high)).mean(axis=0)
+    assert inside == pytest.approx(list(coverage.values())[:3])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"held_out": [True, False]}, "held_out: must be 30 flags"),
+        ({"held_out": np.ones(30, bool)}, "some of them true and some false"),
+        ({"held_out": np.zeros(30, bool)}, "some of them true and some false"),
+        ({"folds": 1}, "folds = 1: must be from 2 to the number of recordings, 30"),
+        ({"folds": 31}, "folds = 31"),
+        ({"models": {}, "predicted": {"other": np.zeros((3, 3))}}, r"predicted, other: must be finite .* \(30, 3\)"),
+        ({"draws": 0}, "draws = 0"),
+    ],
+)
+def test_what_is_wrong_is_named(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        compare(rebounds(8, 30), **{"models": {"energetic": impact_models()["energetic"]}} | options)
+
+
+def test_too_few_rebounds_for_a_predictive_interval() -> None:
+    with pytest.raises(ValueError, match=r"30 rebounds: an interval of level 0\.95 needs at least 39"):
+        predictive_bands(impact_models()["energetic"], rebounds(9, 30))
+
+
+def test_the_figure_names_every_model() -> None:
+    errors = pd.DataFrame({"one": [0.1, 0.2, 0.3], "two": [0.2, 0.2, 0.4]})
+    figure = plot_errors(Comparison(errors, np.arange(3), 50))
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["two", "one"]
+
+
+def test_the_command_compares(tmp_path, capsys) -> None:
+    rng = np.random.default_rng(10)
+    file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
+    rebounding(told_by_arms(rng, 24), rng, 0.02).to_csv(file, index=False)
+    command = [
+        "identify",
+        str(file),
+        "--gyration-radius",
+        str(GYRATION),
+        "--starts",
+        "2",
+        "--compare",
+        "--out",
+        str(out),
+    ]
+    assert main(command) == 0
+    assert "errors on rebounds held out" in capsys.readouterr().out
+    assert set(pd.read_csv(out / "models.csv")["model"]) == set(impact_models())
+    assert len(pd.read_csv(out / "errors.csv")) == 24
+    assert (out / "models.png").is_file()

@@ -1,0 +1,330 @@
+"""identify of rebounds: known truths come back, with intervals that cover; symmetry; what a wrong table is told."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sledenv
+from sledenv import Body, ContactLaw
+from sledenv.cli import main
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification, read_rebounds
+from tests.identification.rebound_tables import (
+    DISC,
+    ECCENTRIC,
+    GYRATION,
+    SEGMENT,
+    TRUTH,
+    of_body,
+    rebounding,
+    told_by_arms,
+)
+
+FITTED = list(TRUTH)
+
+
+def table(seed: int = 0, n: int = 200, noise: float = 0.02, **truth) -> pd.DataFrame:
+    rng = np.random.default_rng(seed)
+    return rebounding(told_by_arms(rng, n), rng, noise, **truth)
+
+
+def identified(given: pd.DataFrame, **options) -> Identification:
+    return sledenv.identify(given, gyration_radius=GYRATION, **{"starts": 4} | options)
+
+
+# --- recovery --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hypothesis", ["energetic", "poisson", "newton"])
+def test_exact_rebounds_give_the_law_back(hypothesis: str) -> None:
+    found = identified(table(1, 60, 0.0, hypothesis=hypothesis), hypothesis=hypothesis)
+    assert {name: found.values[name] for name in FITTED} == pytest.approx(TRUTH, rel=1e-5)
+    assert found.errors.max() < 1e-6
+
+
+@pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT], ids=["disc", "eccentric disc", "segment"])
+def test_bodies_told_by_their_pose(body: Body) -> None:
+    """The segment lands on its corners as well, which have an arm of their own."""
+    law = ContactLaw(1e6, 0.0, 0.12, 0.004, 0.002)
+    found = sledenv.identify(of_body(body, law, 0.55, np.random.default_rng(2), 80), body, starts=6)
+    corner = 0.002 if body is SEGMENT else 0.0
+    assert found.values == pytest.approx(
+        {"restitution": 0.55, "friction": 0.12, "rolling_arm": 0.004, "corner_rolling_arm": corner, "softening": 0.0},
+        rel=1e-4,
+        abs=1e-7,
+    )
+    assert found.rebounds.corner.any() == (body is SEGMENT)
+    assert found.warnings == []
+
+
+def test_a_body_that_lands_on_corners_only_has_no_arm_of_its_arc() -> None:
+    given = of_body(SEGMENT, ContactLaw(1e6, 0.0, 0.2, 0.004, 0.003), 0.5, np.random.default_rng(3), 60)
+    turned = np.abs(np.remainder(given["phi_rad"] + math.pi, 2 * math.pi) - math.pi)
+    found = sledenv.identify(given[turned > SEGMENT.half_angle].reset_index(drop=True), SEGMENT, starts=4)
+    assert found.fit.problem.fixed["rolling_arm"] == 0.0
+    assert found.values["corner_rolling_arm"] == pytest.approx(0.003, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("restitution", 0.0), ("restitution", 1.0), ("friction", 0.0), ("rolling_arm", 0.0)]
+)
+def test_a_truth_on_its_bound_is_in_a_one_sided_interval(name: str, value: float) -> None:
+    found = identified(table(4, 150, 0.03, **{name: value}))
+    low, high, _, low_on_bound, high_on_bound = found.intervals[name]
+    assert low <= value <= high
+    assert high_on_bound if value == 1.0 else low_on_bound
+    others = [other for other in FITTED if other != name]
+    for other in others:
+        assert found.values[other] == pytest.approx(TRUTH[other], abs=5 * found.fit.errors[other])
+
+
+def test_speed_dependent_restitution_is_found() -> None:
+    """At the median approach speed, v_m, restitution is that of the truth there: .6 (v_m/2)^-.25."""
+    given = table(5, 300, 0.01, softening=0.25)
+    found = identified(given, speed_dependent=True)
+    assert found.values["softening"] == pytest.approx(0.25, abs=0.03)
+    speed = found.model.reference_speed
+    assert speed == np.median(found.rebounds.approach)
+    assert found.values["restitution"] == pytest.approx(0.6 * (speed / 2.0) ** -0.25, abs=0.01)
+    assert identified(table(5), speed_dependent=True).intervals["softening"].low < 0.0
+
+
+def test_outliers_hardly_move_the_fit() -> None:
+    given = table(6, 200, 0.02)
+    given.loc[:9, "omega_after_rad_s"] *= -1.0
+    given.loc[:9, "v_after_m_s"] += 2.0
+    found = identified(given)
+    assert found.values["restitution"] == pytest.approx(0.6, abs=0.02)
+    assert identified(given, loss="linear").values["restitution"] > 0.62
+
+
+def test_a_mirrored_table_gives_the_same_law() -> None:
+    given = table(7)
+    mirrored = given.copy()
+    mirrored[["a_m", "u_before_m_s", "omega_before_rad_s", "u_after_m_s", "omega_after_rad_s"]] *= -1.0
+    one, other = identified(given), identified(mirrored)
+    assert one.values == pytest.approx(other.values, rel=1e-6)
+    assert one.intervals["friction"][:2] == pytest.approx(other.intervals["friction"][:2], rel=1e-5)
+
+
+def test_fixed_parameters_bounds_and_start() -> None:
+    given = table(8)
+    found = identified(given, fixed={"rolling_arm": 0.0006, "friction": 0.15})
+    assert found.fit.problem.free == ["restitution"]
+    assert found.values["friction"] == 0.15
+    bound = identified(given, bounds={"friction": (0.2, 0.5)}, start={"friction": 0.3})
+    assert bound.values["friction"] == 0.2
+    assert bound.fit.on_bound["friction"] == 0.2
+    assert any("friction is on its bound, 0.2" in text for text in bound.warnings)
+
+
+def test_rows_of_one_recording_are_not_counted_as_many() -> None:
+    """Each row ten times over, as one recording: the intervals are those of the rows by themselves."""
+    given = table(9, 60, 0.03)
+    tenfold = pd.concat([given.assign(recording=[f"film {k}" for k in range(60)])] * 10, ignore_index=True)
+    alone, many = identified(given), identified(tenfold)
+    assert many.fit.errors["friction"] == pytest.approx(alone.fit.errors["friction"], rel=0.02)
+    assert many.intervals["friction"].high == pytest.approx(alone.intervals["friction"].high, rel=0.02)
+
+
+def coverage(truths: int, seed: int) -> dict[str, float]:
+    rng = np.random.default_rng(seed)
+    inside = dict.fromkeys(FITTED, 0)
+    for _ in range(truths):
+        truth = {
+            "restitution": rng.uniform(0.2, 0.95),
+            "friction": rng.uniform(0.03, 0.3),
+            "rolling_arm": rng.choice([0.0, rng.uniform(0.0, 0.002)]),
+        }
+        given = rebounding(told_by_arms(rng, 60), rng, rng.uniform(0.01, 0.05), **truth)
+        found = identified(given, starts=2)
+        for name, value in truth.items():
+            inside[name] += found.intervals[name].low <= value <= found.intervals[name].high
+    return {name: count / truths for name, count in inside.items()}
+
+
+def test_intervals_cover_the_truth() -> None:
+    """At the level .95, of 40 truths: below .85 for one in 400 by chance."""
+    assert min(coverage(40, 12).values()) >= 0.85
+
+
+@pytest.mark.slow
+def test_intervals_cover_200_truths_at_their_level() -> None:
+    """.95 +- 3 of its standard errors; a rolling arm on its bound is covered more often than that."""
+    found = coverage(200, 11)
+    assert 0.90 <= found["restitution"] <= 0.995
+    assert 0.90 <= found["friction"] <= 0.995
+    assert found["rolling_arm"] >= 0.90
+
+
+# --- doubts ----------------------------------------------------------------------------------------------------------
+
+
+def test_spins_balance_the_moments_of_the_impulses() -> None:
+    """Oracle: k^2 domega = -a dv + b du of a contact without rolling resistance, docs/physics.md (1.5)."""
+    balance = read_rebounds(table(12, noise=0.0, rolling_arm=0.0), gyration_radius=GYRATION).balance()
+    assert balance["share"].to_numpy() == pytest.approx([1.0, 1.0], abs=1e-9)
+    assert identified(table(12)).warnings == []
+
+
+@pytest.mark.parametrize(
+    ("change", "arm"), [({"b_m": -1.0}, "b"), ({"a_m": -1.0}, "a"), ({"b_m": 1000.0}, "b")], ids=["b", "a", "mm"]
+)
+def test_an_arm_told_wrongly_is_noticed(change: dict[str, float], arm: str) -> None:
+    given = table(13)
+    for name, factor in change.items():
+        given[name] *= factor
+    given = given[given["a_m"] * given["omega_before_rad_s"] - given["v_before_m_s"] > 0.0].reset_index(drop=True)
+    found = identified(given, starts=1, fixed={"friction": 0.1, "rolling_arm": 0.0})
+    assert any(f"at the arm {arm}" in text for text in found.warnings)
+
+
+def test_rebounds_that_no_law_explains_are_counted() -> None:
+    given = table(14)
+    given.loc[3, "v_after_m_s"] = -1.0
+    given.loc[5, "v_after_m_s"] = 9.0
+    texts = identified(given).warnings
+    assert "1 rebounds still approach afterwards, the first of them in row 3" in texts
+    assert "1 rebounds have more energy after than before, the first of them in row 5" in texts
+
+
+def test_a_disc_that_only_slips_one_way_says_nothing_of_its_spin() -> None:
+    """Without spin before and after, and without friction, rolling resistance has nothing to act on."""
+    given = pd.DataFrame(0.0, range(6), ["phi_rad", *BEFORE, *AFTER])
+    given["v_before_m_s"], given["v_after_m_s"], given["u_before_m_s"], given["u_after_m_s"] = -2.0, 1.0, 1.0, 1.0
+    found = sledenv.identify(given, DISC, starts=2, fixed={"friction": 0.0})
+    assert found.values["restitution"] == pytest.approx(0.5)
+    assert "these rebounds say nothing of rolling_arm: every value in its bounds is as good" in found.warnings
+
+
+def test_one_rebound_is_enough_for_one_parameter() -> None:
+    found = identified(table(15, 1, 0.0), fixed={"friction": 0.15, "rolling_arm": 0.0006})
+    assert found.values["restitution"] == pytest.approx(0.6, rel=1e-6)
+    assert found.fit.covariance_kind == "model"
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_files_are_read_as_the_table_is(tmp_path, suffix: str) -> None:
+    given, file = table(16, 30), tmp_path / f"rebounds{suffix}"
+    given.to_csv(file, index=False) if suffix == ".csv" else given.to_parquet(file)
+    assert identified(file).values == identified(given).values
+
+
+def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: str = "") -> pd.DataFrame:
+    given = table(17, 10).drop(columns=drop or [])
+    if column:
+        given[column] = given[column].astype(object) if isinstance(value, str) else given[column]
+        given.loc[row, column] = value
+    return given
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has a_m"),
+        (spoilt().rename(columns={"b_m": "b"}), ValueError, "b_m: there is no such column, but b: a column is named w"),
+        (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), ValueError, "but omega_before_deg_s"),
+        (spoilt("v_before_m_s", value=np.nan), ValueError, "v_before_m_s, row 2: is nan, must be a finite number"),
+        (spoilt("omega_after_rad_s", value=np.inf), ValueError, "omega_after_rad_s, row 2: is inf"),
+        (spoilt("u_after_m_s", value="fast"), TypeError, "u_after_m_s: must be numbers"),
+        (spoilt("v_before_m_s", value=1.5), ValueError, "row 2: the gap opens at"),
+        (spoilt().iloc[:0], ValueError, "the table has no rows"),
+        (spoilt().assign(recording=[None, *range(9)]), ValueError, "recording, row 0: there is no value"),
+    ],
+)
+def test_a_bad_table_is_refused_by_column_and_row(given: pd.DataFrame, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        identified(given)
+
+
+def test_a_body_or_a_radius_of_gyration() -> None:
+    for options in ({}, {"body": DISC, "gyration_radius": 0.1}):
+        with pytest.raises(ValueError, match="one of them must be given"):
+            sledenv.identify(table(18), **options)
+    with pytest.raises(ValueError, match=r"gyration_radius = 0\.0: must be in"):
+        sledenv.identify(table(18), gyration_radius=0.0)
+    with pytest.raises(ValueError, match="phi_rad: there is no such column"):
+        sledenv.identify(table(18), DISC)
+    with pytest.raises(ValueError, match="'mass' is no parameter"):
+        identified(table(18), fixed={"mass": 1.0})
+    with pytest.raises(ValueError, match="'mass' is no parameter"):
+        identified(table(18), bounds={"mass": (0.0, 1.0)})
+    with pytest.raises(ValueError, match="hypothesis = 'hertz'"):
+        identified(table(18), hypothesis="hertz")
+
+
+def test_files_that_are_no_tables(tmp_path) -> None:
+    with pytest.raises(ValueError, match=r"must end in \.csv or \.parquet"):
+        identified(tmp_path / "rebounds.mat")
+    with pytest.raises(OSError, match="cannot be read: No such file"):
+        identified(tmp_path / "none.csv")
+    for name in ("empty.csv", "empty.parquet"):
+        (tmp_path / name).write_text("")
+        with pytest.raises(ValueError, match="is no table"):
+            identified(tmp_path / name)
+
+
+def test_other_impacts_are_predicted() -> None:
+    """Oracle: the truth, from exact rebounds; velocities after are not needed."""
+    found, other = identified(table(19, 60, 0.0)), table(20, 5, 0.0)
+    assert found.predict(other[[*ARMS, *BEFORE]]) == pytest.approx(other[list(AFTER)].to_numpy(), abs=1e-4)
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_the_fit_and_writes_a_folder(tmp_path, capsys) -> None:
+    file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
+    table(21, 80).to_csv(file, index=False)
+    assert main(["identify", str(file), "--gyration-radius", str(GYRATION), "--starts", "3", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "80 rebounds of 80 recordings, energetic restitution" in printed
+    assert "rolling_arm" in printed
+    names = ["balance.csv", "parameters.csv", "profiles.png", "rebounds.csv", "residuals.png", "starts.csv"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    parameters = pd.read_csv(out / "parameters.csv", index_col="parameter")
+    assert parameters.loc["restitution", "low"] < 0.6 < parameters.loc["restitution", "high"]
+    rows = pd.read_csv(out / "rebounds.csv")
+    assert len(rows) == 80
+    assert rows["error"].to_numpy() == pytest.approx(
+        np.linalg.norm(rows[["u_residual", "v_residual", "omega_residual"]], axis=1)
+    )
+
+
+def test_the_command_takes_a_body_and_fixed_values(tmp_path, capsys) -> None:
+    file = tmp_path / "rebounds.parquet"
+    of_body(SEGMENT, ContactLaw(1e6, 0.0, 0.2, 0.0), 0.5, np.random.default_rng(4), 20).to_parquet(file)
+    k = math.sqrt(SEGMENT.inertia / SEGMENT.mass)
+    shape = ["--radius", "0.2", "--eccentricity", repr(SEGMENT.eccentricity), "--half-angle-deg", "70"]
+    fixed = ["--fix", "rolling_arm=0", "--fix", "corner_rolling_arm=0", "--starts", "2"]
+    assert main(["identify", str(file), "--gyration-radius", repr(k), *shape, *fixed]) == 0
+    assert "restitution                 0.5 " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--gyration-radius", "-1"], "must be a number > 0 m: '-1'"),
+        (["--gyration-radius", "0.02", "--fix", "friction"], "must be NAME=VALUE: 'friction'"),
+        (["--gyration-radius", "0.02", "--fix", "friction=9"], r"fixed.friction = 9.0: must be in \[0, 2\]"),
+        (["--gyration-radius", "0.02", "--radius", "0.1"], "phi_rad: there is no such column"),
+    ],
+)
+def test_a_wrong_command_writes_nothing(tmp_path, capsys, arguments: list[str], message: str) -> None:
+    file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
+    table(22, 10).to_csv(file, index=False)
+    try:
+        status = main(["identify", str(file), *arguments, "--out", str(out)])
+    except SystemExit as end:
+        status = end.code
+    assert status == 2
+    error = capsys.readouterr().err
+    assert re.search(message, error)
+    assert not out.exists()
