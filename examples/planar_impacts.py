@@ -331,20 +331,25 @@ def study(recorded: Recorded, folder: Path) -> dict[str, Comparison]:
             velocities = models[law](rebounds.rows(~held_out), rebounds.rows(held_out))
             coverage.append({"arms": name, "law": law, **bands.coverage(rebounds.rows(held_out), velocities)})
     _write(pd.DataFrame(coverage).set_index(["arms", "law"]), folder / "coverage.csv")
-    best = models["energetic, rolling"]
-    found = Identification(readings["turned"], best, *profiled(best.fit(readings["turned"])))
-    print(f"\n{found}\n")
-    _write(remains(found, held_out).to_frame("value"), folder / "remains.csv")
+    found = {name: _identified(rebounds, models["energetic, rolling"]) for name, rebounds in readings.items()}
+    for name, one in found.items():
+        print(f"\nall impacts, b {_WORDS[name]}: {one}")
+    print(f"\nall impacts, b turned: {_identified(readings['turned'], models['energetic, speed'])}")
+    _write(remains(found["turned"], held_out).to_frame("value"), folder / "remains.csv")
     maps = {f"b {_WORDS[name]}": error_map(rebounds) for name, rebounds in readings.items()}
     figures = (
         plot_balance(told),
         plot_errors(_together(comparisons)),
         plot_arm({f"b {_WORDS[name]}": table for name, table in parts.items()}, maps),
-        plot_residuals(found),
+        plot_residuals(found["turned"]),
     )
     for name, figure in zip(FIGURES, figures, strict=True):
         figure.savefig(folder / name, dpi=130)
     return comparisons
+
+
+def _identified(rebounds: Rebounds, model: ImpactModel) -> Identification:
+    return Identification(rebounds, model, *profiled(model.fit(rebounds)))
 
 
 def _together(comparisons: dict[str, Comparison]) -> Comparison:
