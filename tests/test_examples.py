@@ -48,6 +48,14 @@ def test_the_page_on_sensitivity_runs(tmp_path, monkeypatch, capsys):
     assert "nearest change" in capsys.readouterr().out
 
 
+def test_the_page_on_identification_runs_from_top_to_bottom(capsys):
+    """Oracle: the law that made its recording."""
+    names = run(blocks("docs/identify.md"))
+    for name, truth in (("restitution", 0.6), ("friction", 0.12), ("rolling_arm", 0.002)):
+        assert names["found"].intervals[name].low < truth < names["found"].intervals[name].high
+    assert "95 % interval" in capsys.readouterr().out
+
+
 def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(blocks("README.md")[:1])

@@ -429,7 +429,7 @@ class _Search:
         return [i for i in self.open if not (explained(rows[i]) and explained(rows[i][begun[i] :]))]
 
     def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[Mapping[str, float]]:
-        """Laws and launches about as likely as those of fits to fewer frames, and the laws of the start: the best of each.
+        """Laws and launches about as likely as those of fits to fewer frames, and laws of the start: the best of each.
 
         Several laws may explain the first rebounds equally well, so that the next one tells which of them are right.
         """
