@@ -35,6 +35,7 @@ _DPI = 150
 _SOLVER: Solver = "compliant"  # unless another is asked for
 _USAGE = 2  # exit status of a wrong argument, as argparse has it
 _BROKEN_PIPE = 141
+_BENCHMARK = 'pip install "sledenv[benchmark]", for the shipped agents "sledenv[agents]"'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -343,7 +344,7 @@ def _map(options: argparse.Namespace) -> int:
 
 
 def _identify(options: argparse.Namespace) -> int:
-    with _extra():
+    with _extra('pip install "sledenv[analysis]"'):
         from sledenv.identification.choice import holds_tracks
         from sledenv.identification.comparison import compare
         from sledenv.identification.rebounds import identify, read_table
@@ -414,12 +415,11 @@ def _identify_tracks(options: argparse.Namespace, table: pd.DataFrame) -> int:
 
 
 @contextmanager
-def _extra() -> Iterator[None]:
+def _extra(extras: str = _BENCHMARK) -> Iterator[None]:
     """Say what to install where a package is missing that a simulation does not need."""
     try:
         yield
     except ModuleNotFoundError as error:
-        extras = 'pip install "sledenv[benchmark]", for the shipped agents "sledenv[agents]"'
         raise ImportError(f"{error}: this command needs {extras}") from error
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from sledenv.checks import BatchSolver, Solver
 from sledenv.descent import simulate, simulate_batch
 from sledenv.entries import cache_folder, entries
-from sledenv.impact import rigid_impact
+from sledenv.impact import rigid_impact, velocities_after
 from sledenv.params import Body, ContactLaw, Slope, State
 from sledenv.ride import Ride, RideBatch
 
@@ -169,6 +169,10 @@ def _hops(solver: BatchSolver) -> None:
     rides.hop(np.zeros(2))
 
 
+def _rebounds() -> None:
+    velocities_after(0.1, np.array([[0.01, 0.1, 1.0, -1.0, 1.0]]), np.array([[0.5, 0.1, 1e-3]]))
+
+
 _KERNELS: Final[tuple[tuple[str, Callable[[], None]], ...]] = (
     ("one descent, compliant", partial(_descent, "compliant")),
     ("a batch, compliant", partial(_lanes, "compliant")),
@@ -179,6 +183,7 @@ _KERNELS: Final[tuple[tuple[str, Callable[[], None]], ...]] = (
     ("hop by hop, rigid", partial(_ride, "rigid")),
     ("a batch of hops, rigid", partial(_hops, "rigid")),
     ("one descent, euler", partial(_descent, "euler")),
+    ("impacts told by their arms", _rebounds),
 )
 
 

@@ -146,7 +146,8 @@ def test_the_figure_names_every_model() -> None:
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["two", "one"]
 
 
-def test_the_command_compares(tmp_path, capsys) -> None:
+def test_the_command_compares(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("sledenv.identification.rebounds._FEW_STARTS", 1)
     rng = np.random.default_rng(10)
     file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
     rebounding(told_by_arms(rng, 24), rng, 0.02).to_csv(file, index=False)

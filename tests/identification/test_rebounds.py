@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 
 import numpy as np
 import pandas as pd
@@ -258,6 +259,16 @@ def test_a_body_or_a_radius_of_gyration() -> None:
         identified(table(18), bounds={"mass": (0.0, 1.0)})
     with pytest.raises(ValueError, match="hypothesis = 'hertz'"):
         identified(table(18), hypothesis="hertz")
+
+
+def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("sledenv.identification")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r"sledenv\.identify: .*pandas.*pip install 'sledenv\[analysis\]'"):
+        _ = sledenv.identify
+    with pytest.raises(AttributeError, match="no attribute 'identity'"):
+        _ = sledenv.identity
 
 
 def test_files_that_are_no_tables(tmp_path) -> None:

@@ -1,0 +1,103 @@
+"""examples/planar_impacts.py: on files of the dataset's layout with known truth, and on the dataset where it is."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from examples import planar_impacts
+from examples.planar_impacts import GOAL, GYRATION_RADIUS, MASS, PUBLISHED, read_impacts, slips, study, turned
+from sledenv.identification.comparison import impact_models
+from sledenv.identification.rebounds import Rebounds, read_rebounds
+
+DATASET = os.environ.get("SLEDENV_PLANAR_IMPACTS")
+
+
+def written(folder: Path, n: int = 12) -> np.ndarray:
+    """Write made-up impacts with e = .6 and f = .2 as the dataset has them; the last one creates energy."""
+    rng = np.random.default_rng(0)
+    a, b = rng.uniform(-0.01, 0.01, n), rng.uniform(0.025, 0.035, n)
+    before = np.stack([rng.uniform(0.4, 0.9, n), rng.uniform(-2.8, -2.2, n), rng.uniform(-8.0, 8.0, n)], axis=1)
+    contacts = np.hstack([np.stack([a, b], axis=1), before])
+    rebounds = Rebounds(GYRATION_RADIUS, contacts, before, np.zeros(n, bool), np.arange(n))
+    after = impact_models()["energetic"].velocities(rebounds, np.array([0.6, 0.2, 0.0, 0.0, 0.0]))
+    after[-1] *= 5.0
+    poses, zero, one = np.zeros((n, 3)), np.zeros(n), np.ones(n)
+    data = {
+        "states_i": np.hstack([poses, before]),
+        "states_f": np.hstack([poses, after]),
+        "n": np.stack([zero, one, -a], axis=1),
+        "d": np.stack([one, zero, b], axis=1),
+    }
+    savemat(folder / "data_ellipse.mat", {"data": data})
+    savemat(folder / "v_models.mat", {"v_models": np.hstack([after + k for k in range(len(PUBLISHED))])})
+    savemat(folder / "w_true_data.mat", {"W": np.zeros((n, 3))})
+    return after
+
+
+def test_files_of_the_datasets_layout_are_read(tmp_path) -> None:
+    """Oracle: the law that made them; the impact that creates energy is left out."""
+    after = written(tmp_path)
+    recorded = read_impacts(tmp_path)
+    assert len(recorded.table) == 11
+    rebounds = read_rebounds(recorded.table, gyration_radius=GYRATION_RADIUS)
+    assert rebounds.after == pytest.approx(after[:-1])
+    assert rebounds.balance()["share"].to_numpy() == pytest.approx([1.0, 1.0])
+    assert recorded.published["Wang-Mason"] == pytest.approx(after[:-1] + 4.0)
+    assert planar_impacts.missing_moment(rebounds, rebounds.after) == pytest.approx(0.0, abs=1e-12)
+    assert turned(turned(rebounds)).contacts == pytest.approx(rebounds.contacts)
+    assert turned(rebounds).balance()["share"].to_numpy() == pytest.approx([1.0, -1.0])
+
+
+def test_every_rival_is_the_law_where_its_number_is_neutral() -> None:
+    """Exact rebounds: rivals contain the truth, and find it."""
+    rng = np.random.default_rng(1)
+    contacts = np.stack(
+        [
+            rng.uniform(-0.01, 0.01, 40),
+            rng.uniform(0.025, 0.035, 40),
+            rng.uniform(0.4, 0.9, 40),
+            rng.uniform(-2.8, -2.2, 40),
+            rng.uniform(-8.0, 8.0, 40),
+        ],
+        axis=1,
+    )
+    given = Rebounds(GYRATION_RADIUS, contacts, contacts[:, 2:], np.zeros(40, bool), np.arange(40))
+    law = impact_models()["energetic"]
+    after = law.velocities(given, np.array([0.6, 0.2, 0.0, 0.0, 0.0]))
+    given = Rebounds(GYRATION_RADIUS, contacts, after, given.corner, given.recordings)
+    for name in ("... scale of b", "... offset of a", "... radius of gyration", "... friction by side"):
+        rival = planar_impacts.rivals()[name]
+        assert given.errors(rival(given, given)).max() < 1e-5, name
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATASET, reason="SLEDENV_PLANAR_IMPACTS does not name the folder of the dataset")
+def test_the_recorded_impacts_are_predicted_better_than_by_the_published_models(tmp_path) -> None:
+    """What docs/validation.md says of them: the goals, the balance, and that no rolling resistance is found."""
+    recorded = read_impacts(Path(str(DATASET)))
+    comparisons = study(recorded, tmp_path)
+    for name, comparison in comparisons.items():
+        best = comparison.table.iloc[0]
+        assert best["mean"] <= GOAL[0], name
+        assert best["p90"] <= GOAL[1], name
+        assert comparison.differences().loc[list(PUBLISHED), "low"].min() > 0.0
+    coverage = pd.read_csv(tmp_path / "coverage.csv").drop(columns=["arms", "law"]).to_numpy()
+    assert (coverage >= 0.93).all()
+    assert (coverage <= 0.97).all()
+    told = read_rebounds(recorded.table, gyration_radius=GYRATION_RADIUS)
+    share = told.balance()["share"]
+    assert share["a"] > 0.85
+    assert share["b"] < -0.85
+    assert comparisons["turned"].table.loc["energetic", "mean"] < 0.1
+    parts = pd.read_csv(tmp_path / "arms_turned.csv")
+    assert parts["rolling_arm"].max() < 5e-4
+    found = slips({"told": told, "turned": turned(told)})["median"]
+    assert found["told", "after"] > found["told", "before"]
+    assert abs(found["turned", "after"]) < 0.1 * found["turned", "before"]
+    assert MASS * np.abs(planar_impacts.missing_moment(told, told.after) - recorded.torque / MASS).max() < 1e-5
