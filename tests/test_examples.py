@@ -56,6 +56,14 @@ def test_the_page_on_identification_runs_from_top_to_bottom(capsys):
     assert "95 % interval" in capsys.readouterr().out
 
 
+def test_the_page_on_films_runs_from_top_to_bottom(capsys):
+    """Oracle: the law that made its film."""
+    names = run(blocks("docs/identify_tracks.md"))
+    for name, truth in (("restitution", 0.7), ("friction", 0.1), ("rolling_arm", 0.002)):
+        assert names["found"].intervals[name].low < truth < names["found"].intervals[name].high
+    assert "95 % interval" in capsys.readouterr().out
+
+
 def test_the_simulation_of_the_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(blocks("README.md")[:1])

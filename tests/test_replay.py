@@ -18,7 +18,7 @@ from sledenv.files import replacing
 from sledenv.geometry import support_height
 from sledenv.outline import film_times, pace, push_at, states_at
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
-from sledenv.replay import replay_page, write_replay
+from sledenv.replay import Ghost, replay_page, write_replay
 from sledenv.text import mode_name
 from tests.bodies import rod
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
@@ -180,6 +180,27 @@ def test_the_page_opens_at_the_launch(page: Browser, descent: Descent) -> None:
     assert page.run("return document.querySelectorAll('#rebounds tbody tr').length") == len(descent.rebounds)
     assert page.run("return document.querySelectorAll('#series svg').length") == 4
     assert page.run("return performance.getEntriesByType('resource').length") == 0
+
+
+@needs_chromium
+def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent: Descent, tmp_path: Path) -> None:
+    """Oracle: poses of the simulated descent itself, .1 m farther along the slope."""
+    times = np.linspace(0.0, descent.time, 40)
+    shift = np.array([0.1, 0.0, 0.0])
+    poses = states_at(descent.trajectory, times)[:, :3] + shift
+    file = tmp_path / "recorded.html"
+    ghost = Ghost(times, poses, np.tile(shift, (len(times), 1)), used=30)
+    file.write_text(replay_page(descent, "recorded", ghost), encoding="utf-8")
+    chromium.open(file)
+    assert chromium.log() == []
+    places = "['#sled', '#ghost'].map(name => document.querySelector(name).getBoundingClientRect().left)"
+    sled, recorded = chromium.run(f"return {places}")
+    width = chromium.run("return document.querySelector('#scene').getBoundingClientRect().width / 1160 * scale")
+    assert recorded - sled == pytest.approx(0.1 * math.cos(HILL.angle) * width, abs=2.0)
+    assert chromium.run("return document.querySelectorAll('#series svg').length") == 6
+    chromium.run(f"goTo({descent.time})")
+    colours = chromium.run("return document.querySelector('#ghost').getAttribute('stroke')")
+    assert colours == "#8d98a3"  # beyond what was used
 
 
 @needs_chromium

@@ -42,7 +42,7 @@ RECORDING = "recording"
 _STIFFNESS = "log10_stiffness"
 _UNITS = dict(zip(State._fields, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
 _FEWEST = 8  # frames of a recording
-_TAIL = 0.04  # [s] by which a horizon grows where flights are too short to be told apart
+_TAIL = 0.08  # [s] by which a horizon grows where flights are too short to be told apart
 _APART = 15.0  # by which the cost of a law may exceed the least one: half of what chi-squared may
 _KEPT = 8  # laws that are followed at a time
 _DRAWS = 32  # laws and launches that are drawn for each rebound
@@ -419,7 +419,7 @@ class _Search:
     def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Fit]:
         problem = self.model.problem(self.frames(level), self.fixed)
         costs = [problem.cost(problem.values(one)) for one in candidates]
-        order = np.argsort(costs, kind="stable")[: 2 * _KEPT]
+        order = np.argsort(costs, kind="stable")[:_KEPT]
         return _distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
 
     def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
@@ -429,7 +429,7 @@ class _Search:
         return [i for i in self.open if not (explained(rows[i]) and explained(rows[i][begun[i] :]))]
 
     def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[Mapping[str, float]]:
-        """Laws and launches about as likely as those of fits to fewer frames, and laws of the start: the best of each.
+        """Laws and launches like those of fits to fewer frames, and laws of the start: the best of each.
 
         Several laws may explain the first rebounds equally well, so that the next one tells which of them are right.
         """

@@ -1,0 +1,310 @@
+"""From tracks to laws: recovery of known truths, how often intervals cover them, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binom
+
+import sledenv
+from sledenv.cli import main
+from sledenv.identification.figures import plot_track_residuals
+from sledenv.identification.flights import flights_of
+from sledenv.identification.report import write_tracks
+from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
+from sledenv.params import Body, ContactLaw, Slope, State
+from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
+
+SEGMENT, DISC, SLED = BODIES
+LAW = ("restitution", "friction", "rolling_arm")
+# A drop whose two rebounds slip and turn to their end, so that they tell all of the law.
+PLAIN = Drop(
+    DISC,
+    ContactLaw.from_restitution(0.7, stiffness=1e6, friction=0.1, rolling_arm=0.002),
+    Slope(0.1),
+    State(0.0, 0.35, 0.3, 1.2, 0.0, 2.0),
+)
+
+
+def cost_of_truth(found: TrackFit, one: Drop) -> float:
+    values = {name: one.truth.get(name, value) for name, value in found.fit.values.items()}
+    return found.fit.problem.cost(np.array(list(values.values())))
+
+
+def covered(found: TrackFit, one: Drop) -> dict[str, bool]:
+    return {name: found.intervals[name].low <= one.truth[name] <= found.intervals[name].high for name in LAW}
+
+
+def near(found: TrackFit, one: Drop, times: float = 3.0) -> bool:
+    """Whether the truth is within some half widths of each interval."""
+    for name in LAW:
+        interval = found.intervals[name]
+        middle, half = 0.5 * (interval.low + interval.high), 0.5 * (interval.high - interval.low)
+        if abs(one.truth[name] - middle) > times * half:
+            return False
+    return True
+
+
+@pytest.fixture(scope="module")
+def plain() -> TrackFit:
+    return identify_tracks(track(PLAIN, np.random.default_rng(0), seconds=0.8), PLAIN.body, PLAIN.slope)
+
+
+def test_flights_end_where_the_body_touches_down() -> None:
+    """Oracle: the simulated rebounds, to within half of an interval of frames."""
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        one = drop(rng, DISC)
+        (recording,) = recordings_of(track(one, rng), 0.1)
+        ends = [flight.end for flight in flights_of(one.body, one.slope, recording)]
+        rebounds = descent(one, 1.0).rebounds["t"]
+        assert len(ends) >= 2
+        np.testing.assert_allclose(ends[:2], rebounds[:2], atol=0.5 / 240.0)
+
+
+def test_flights_of_exact_poses_are_exact() -> None:
+    table = track(PLAIN, np.random.default_rng(0), noise=(0.0, 0.0))
+    (recording,) = recordings_of(table, 0.1)
+    first, second, *_ = flights_of(PLAIN.body, PLAIN.slope, recording)
+    rebounds = descent(PLAIN, 1.0).rebounds
+    np.testing.assert_allclose(first.launch, PLAIN.launch, atol=1e-9)
+    assert first.end == pytest.approx(rebounds["t"][0], abs=1e-9)
+    assert second.launch[3:] == pytest.approx([rebounds[f"{name}_after"][0] for name in ("u", "v", "omega")], abs=1e-7)
+
+
+def test_the_noise_is_told_from_the_poses() -> None:
+    rng = np.random.default_rng(2)
+    (recording,) = recordings_of(track(PLAIN, rng, rate=1000.0, wrong=0.03), 0.1)
+    assert recording.noise == pytest.approx(NOISE, rel=0.25)
+
+
+def test_a_law_and_a_launch_are_recovered(plain: TrackFit) -> None:
+    assert all(covered(plain, PLAIN).values())
+    assert plain.used.loc["0", "whole"]
+    assert plain.used.loc["0", "rebounds"] == len(descent(PLAIN, 0.8 - 1.0 / 240.0).rebounds)
+    assert plain.fit.cost <= cost_of_truth(plain, PLAIN)
+    assert plain.warnings == []
+    found = np.array(plain.launches["0"]) - np.array(PLAIN.launch)
+    errors = np.array([plain.fit.errors[name] for name in State._fields])
+    assert (np.abs(found) < 4.0 * errors).all()
+
+
+def test_dropped_bodies_of_several_kinds_are_recovered() -> None:
+    rng = np.random.default_rng(3)
+    for body in BODIES:
+        one = drop(rng, body)
+        found = identify_tracks(track(one, rng, seconds=0.6), one.body, one.slope)
+        assert near(found, one), (one, found.table)
+        assert found.fit.cost <= cost_of_truth(found, one) + 0.1
+
+
+def test_what_a_mirror_shows_has_the_same_law(plain: TrackFit) -> None:
+    table = track(PLAIN, np.random.default_rng(0), seconds=0.8)
+    mirrored = table.assign(x_m=-table["x_m"], phi_rad=-table["phi_rad"])
+    found = identify_tracks(mirrored, PLAIN.body, Slope(-PLAIN.slope.angle))
+    for name in LAW:
+        assert found.values[name] == pytest.approx(plain.values[name], abs=0.1 * plain.fit.errors[name])
+    assert found.launches["0"].u == pytest.approx(-plain.launches["0"].u, abs=0.1 * plain.fit.errors["u"])
+
+
+def test_whole_turns_of_the_orientation_do_not_matter(plain: TrackFit) -> None:
+    table = track(PLAIN, np.random.default_rng(0), seconds=0.8)
+    table["phi_rad"] = np.remainder(table["phi_rad"], 2.0 * math.pi)
+    found = identify_tracks(table, PLAIN.body, PLAIN.slope, fixed={"rolling_arm": plain.values["rolling_arm"]})
+    assert found.values["restitution"] == pytest.approx(plain.values["restitution"], abs=1e-6)
+
+
+def test_wrong_poses_and_lost_frames_are_borne() -> None:
+    table = track(PLAIN, np.random.default_rng(5), seconds=0.8, wrong=0.04)
+    table.loc[[3, 50, 51, 52, 120], "x_m"] = np.nan
+    found = identify_tracks(table, PLAIN.body, PLAIN.slope)
+    assert near(found, PLAIN, 2.0)
+    assert found.used.loc["0", "frames"] == len(table) - 5
+    assert found.used.loc["0", "whole"]
+
+
+def test_several_recordings_tell_more_than_one() -> None:
+    rng = np.random.default_rng(6)
+    drops = [PLAIN, PLAIN._replace(launch=launch(rng, DISC))]
+    tables = [track(one, rng, seconds=0.6).assign(recording=f"drop {k}") for k, one in enumerate(drops)]
+    both = identify_tracks(pd.concat(tables), DISC, PLAIN.slope)
+    alone = identify_tracks(tables[0], DISC, PLAIN.slope)
+    assert near(both, PLAIN, 2.0)
+    assert list(both.launches) == ["drop 0", "drop 1"]
+    assert both.fit.errors["restitution"] < alone.fit.errors["restitution"]
+
+
+@pytest.mark.parametrize("rate", [60.0, 1000.0])
+def test_cameras_of_60_and_1000_frames_a_second_do(rate: float) -> None:
+    found = identify_tracks(track(PLAIN, np.random.default_rng(7), rate=rate, seconds=0.7), DISC, PLAIN.slope)
+    assert near(found, PLAIN, 2.0)
+    assert found.used.loc["0", "whole"]
+
+
+def test_a_corner_that_hits_is_told_from_the_arc() -> None:
+    """Oracle: the law, of which only the arm of the arc needs a rebound on the arc."""
+    one = PLAIN._replace(body=SLED, launch=State(0.0, 0.45, -1.2, 0.5, 0.0, -1.0))
+    assert descent(one, 0.5).rebounds["feature"][0] == sledenv.Feature.NOSE
+    found = identify_tracks(track(one, np.random.default_rng(8), seconds=0.5), SLED, one.slope)
+    assert near(found, one, 2.0)
+
+
+def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
+    law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.4, rolling_arm=0.002)
+    one = Drop(SLED, law, Slope(0.05), State(0.0, 0.2, math.pi - 0.3, 0.4, 0.0, 0.5))
+    truth = descent(one, 1.0)
+    assert truth.on_chord is not None
+    assert truth.status == "jammed"
+    found = identify_tracks(track(one, np.random.default_rng(9)), SLED, one.slope, fixed={"rolling_arm": 0.002})
+    assert found.used.loc["0", "whole"]
+    assert found.intervals["restitution"].low <= 0.3 <= found.intervals["restitution"].high
+
+
+def test_a_friction_that_no_rebound_reaches_has_no_upper_end() -> None:
+    """A disc without spin or slip: friction does nothing, so that every value in the bounds is as good."""
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.0)
+    one = Drop(Body(1.0, 0.1, 0.0, 0.005), law, Slope(0.0), State(0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
+    found = identify_tracks(track(one, np.random.default_rng(4), seconds=0.7), one.body, one.slope)
+    assert found.intervals["friction"].high_on_bound
+    assert found.intervals["friction"].low <= 0.3
+    assert found.intervals["restitution"].low <= 0.6 <= found.intervals["restitution"].high
+
+
+def test_a_soft_contact_has_its_stiffness_told() -> None:
+    law = PLAIN.law._replace(stiffness=2e4)
+    one = PLAIN._replace(law=law)
+    table = track(one, np.random.default_rng(10), rate=1000.0, seconds=0.5, solver="compliant")
+    found = identify_tracks(table, DISC, one.slope, solver="compliant")
+    interval = found.intervals["log10_stiffness"]
+    assert interval.low <= math.log10(2e4) <= interval.high
+    assert interval.high - interval.low < 0.2
+    assert found.values["stiffness"] == pytest.approx(2e4, rel=0.2)
+
+
+def test_what_follows_another_law_is_said_not_to_be_explained() -> None:
+    """After its first rebound the body is pushed: the recording is used until there."""
+    table = track(PLAIN, np.random.default_rng(11), seconds=0.8)
+    pushed = table["t_s"] > 0.45
+    assert 0.2 < descent(PLAIN, 0.8).rebounds["t"][0] < 0.4
+    table.loc[pushed, "x_m"] += 2.0 * (table["t_s"][pushed] - 0.45)
+    found = identify_tracks(table, DISC, PLAIN.slope)
+    assert not found.used.loc["0", "whole"]
+    assert found.used.loc["0", "until_s"] < 0.5
+    assert "explained until" in found.warnings[0]
+
+
+def bad(**columns: object) -> pd.DataFrame:
+    return track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(**columns)
+
+
+def test_bad_tables_are_refused_by_name() -> None:
+    good = bad()
+    for table, words in (
+        (good.drop(columns="y_m"), "no column 'y_m'"),
+        (good.iloc[:5], "5 frames with a pose: must be at least 8"),
+        (good.iloc[:0], "0 frames"),
+        (good.iloc[::-1], r"t_s = .* in row 1: must increase"),
+        (bad(t_s=np.nan), "t_s = nan in row 0"),
+        (bad(x_m=np.inf), "x_m = inf in row 0"),
+        (bad(x_m=np.nan), "0 frames with a pose"),
+        (bad(recording=None), "'recording', row 0"),
+        (bad(t_s=good["t_s"] ** 2 + good["t_s"]), "too unevenly spaced"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            identify_tracks(table, DISC, PLAIN.slope)
+    with pytest.raises(TypeError, match="'x_m' must hold numbers"):
+        identify_tracks(bad(x_m="here"), DISC, PLAIN.slope)
+
+
+def test_bad_arguments_are_refused_by_name() -> None:
+    table = bad()
+    for settings, words in (
+        ({"fixed": {"mass": 1.0}}, "'mass' is no parameter"),
+        ({"fixed": {"restitution": 1.5}}, "restitution"),
+        ({"bounds": {"friction": (0.5, 0.2)}}, "must be in order"),
+        ({"bounds": {"stiffness": (1e3, 1e5)}}, "'stiffness' is not fitted"),
+        ({"bounds": {"friction": (0.0, 1.0)}, "fixed": {"friction": 0.2}}, "'friction' is fixed"),
+        ({"noise": (0.0, 0.1)}, "noise.position"),
+        ({"solver": "euler"}, "solver"),
+        ({"loss": "huber"}, "loss"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            identify_tracks(table, DISC, PLAIN.slope, **settings)  # type: ignore[arg-type]
+
+
+def test_a_track_without_a_rebound_tells_no_law() -> None:
+    with pytest.raises(ValueError, match="touches the slope in no recording"):
+        identify_tracks(track(PLAIN, np.random.default_rng(0), seconds=0.15), DISC, PLAIN.slope)
+
+
+def test_a_track_in_another_unit_is_not_explained() -> None:
+    table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
+    with pytest.raises(ValueError, match="no law explains the first rebound"):
+        identify_tracks(table.assign(phi_rad=np.degrees(table["phi_rad"])), DISC, PLAIN.slope)
+
+
+def test_identify_tells_tracks_from_rebounds_by_their_columns(plain: TrackFit, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    file = tmp_path / "track.parquet"
+    track(PLAIN, np.random.default_rng(0), seconds=0.8).to_parquet(file)
+    found = sledenv.identify(file, DISC, PLAIN.slope)
+    assert found.values == plain.values
+    with pytest.raises(ValueError, match="slope: poses over time need it"):
+        sledenv.identify(file, DISC)
+    rebounds = pd.DataFrame({"phi_rad": [0.0]})
+    with pytest.raises(ValueError, match="a table of rebounds does not need it"):
+        sledenv.identify(rebounds, DISC, PLAIN.slope)
+
+
+def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
+    file, folder = tmp_path / "track.csv", tmp_path / "out"
+    track(PLAIN, np.random.default_rng(0), seconds=0.5).to_csv(file, index=False)
+    body = ["--gyration-radius", str(math.sqrt(0.004)), "--radius", "0.1", "--eccentricity", "0.02"]
+    assert main(["identify", str(file), *body, "--out", str(folder)]) == 2
+    assert "--slope-deg: poses over time need it" in capsys.readouterr().err
+    slope = ["--slope-deg", str(math.degrees(0.1))]
+    assert main(["identify", str(file), *body, *slope, "--fix", "rolling_arm=0.002", "--out", str(folder)]) == 0
+    assert "restitution" in capsys.readouterr().out
+    assert {one.name for one in folder.iterdir()} == {
+        "parameters.csv",
+        "recordings.csv",
+        "launches.csv",
+        "residuals.csv",
+        "motion_0.html",
+        "residuals_0.png",
+    }
+    table = pd.read_csv(folder / "parameters.csv", index_col=0)
+    assert table.loc["restitution", "low"] <= 0.7 <= table.loc["restitution", "high"]
+
+
+def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    assert "restitution" in str(plain)
+    assert len(plot_track_residuals(plain).axes) == 3
+    write_tracks(plain, tmp_path)
+    assert '"ghost":{' in (tmp_path / "motion_0.html").read_text(encoding="utf-8")
+    squares = plain.residuals["noise_levels"] ** 2
+    assert squares.mean() == pytest.approx(3.0, rel=0.25)
+
+
+@pytest.mark.slow
+def test_intervals_of_200_drop_tests_cover_at_their_level() -> None:
+    """240 frames a second, 1 mm, .2 degrees: each interval of level .95 covers within the binomial's 99.9 %.
+
+    Either the truth's cost is reached, or the result says that the recording is not explained to its end.
+    """
+    counts = dict.fromkeys(LAW, 0)
+    unseen = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        one = drop(rng)
+        found = identify_tracks(track(one, rng), one.body, one.slope)
+        for name, hit in covered(found, one).items():
+            counts[name] += hit
+        if found.fit.cost > cost_of_truth(found, one) + 0.01 and found.used["whole"].all():
+            unseen.append(seed)
+    print(counts, unseen)
+    least = binom.ppf(0.0005, 200, 0.95)
+    assert unseen == []
+    assert all(count >= least for count in counts.values()), counts
