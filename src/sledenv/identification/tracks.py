@@ -353,8 +353,7 @@ class _Search:
         self.model, self.fixed, self.rng = model, fixed, rng
         body, slope, recordings = model.body, model.slope, model.recordings
         self.flights = [list(flights_of(body, slope, one)) for one in recordings]
-        pairs = zip(self.flights, recordings, strict=True)
-        self.horizons = [_horizons(track, one) for track, one in pairs]
+        self.horizons = [_horizons(track, one) for track, one in zip(self.flights, recordings, strict=True)]
         self.level = [0] * len(recordings)
         self.open = [i for i, horizon in enumerate(self.horizons) if len(horizon) > 1]
         self.starts: list[dict[str, float]] = []
@@ -405,9 +404,9 @@ class _Search:
             laws = [
                 dict(zip(LAW, values, strict=True)) for values in grid_of(law, held, few=True).reshape(-1, len(LAW))
             ]
-        levels = (
-            [self.fixed[_STIFFNESS]] if _STIFFNESS in self.fixed else np.linspace(stiff.low, stiff.high, _STIFFNESSES)
-        )
+        levels = np.linspace(stiff.low, stiff.high, _STIFFNESSES)
+        if _STIFFNESS in self.fixed:
+            levels = np.array([self.fixed[_STIFFNESS]])
         begun = np.concatenate([np.array(launch) for launch in launches])
         low, high = np.array([one[2:4] for one in model.parameters]).T
         return [
@@ -481,7 +480,7 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
     """Fits whose costs are near the least one, the best first, one for each law."""
     kept: list[Fit] = []
     for fit in sorted(fits, key=lambda fit: fit.cost):
-        if fit.cost > kept[0].cost + _APART if kept else False:
+        if kept and fit.cost > kept[0].cost + _APART:
             break
         if all(_differ(fit, other) for other in kept):
             kept.append(fit)
@@ -582,10 +581,10 @@ class TrackFit:
             if interval.low_on_bound and interval.high_on_bound:
                 found.append(f"the recordings say nothing of {name}: every value in its bounds is as good")
         for other in self.others:
-            law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
-            rise = other.cost - self.fit.cost
-            if rise < _CLOSE:
-                found.append(f"another law explains the recordings as well, its cost higher by {rise:.2g}: {law}")
+            beyond = [n for n, ends in self.intervals.items() if not ends.low <= other.values[n] <= ends.high]
+            if beyond and other.cost - self.fit.cost < _CLOSE:
+                law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
+                found.append(f"another law explains the recordings nearly as well: {law}")
         return found
 
     def __str__(self) -> str:
