@@ -401,8 +401,9 @@ class _Search:
             rebounds = any(level[i] < len(self.flights[i]) for i in self.open)
             drawn = self._drawn(history[-1:], level) if rebounds else []
             fits = self._fitted([*candidates, *drawn], level)
-            if history and self._unexplained(fits[0], level):
-                fits = _distinct([*fits, *self._fitted(self._drawn(history[-_BACK:], level), level)])
+            if self._unexplained(fits[0], level):
+                more = self._drawn(history[-_BACK:], level) if history else candidates
+                fits = _distinct([*fits, *self._fitted(more, level, len(more))])
             failed = self._unexplained(fits[0], level)
             if failed:
                 self.open = [i for i in self.open if i not in failed]
@@ -448,10 +449,11 @@ class _Search:
             for one in laws
         ]
 
-    def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Fit]:
+    def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int], most: int = _KEPT) -> list[Fit]:
+        """Fit from those candidates whose cost is lowest."""
         problem = self.model.problem(self.frames(level), self.fixed)
         costs = [problem.cost(problem.values(one)) for one in candidates]
-        order = np.argsort(costs, kind="stable")[:_KEPT]
+        order = np.argsort(costs, kind="stable")[:most]
         return _distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
 
     def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
