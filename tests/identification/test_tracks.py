@@ -184,6 +184,13 @@ def test_a_soft_contact_has_its_stiffness_told() -> None:
     assert found.values["stiffness"] == pytest.approx(2e4, rel=0.2)
 
 
+def test_launches_are_found_where_the_law_is_known() -> None:
+    law = {name: PLAIN.truth[name] for name in LAW}
+    found = identify_tracks(track(PLAIN, np.random.default_rng(3), seconds=0.5), DISC, PLAIN.slope, fixed=law)
+    assert found.intervals == {}
+    assert found.launches["0"].u == pytest.approx(PLAIN.launch.u, abs=4.0 * found.fit.errors["u"])
+
+
 def test_what_follows_another_law_is_said_not_to_be_explained() -> None:
     """After its first rebound the body is pushed: the recording is used until there."""
     table = track(PLAIN, np.random.default_rng(11), seconds=0.8)

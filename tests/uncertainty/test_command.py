@@ -87,4 +87,4 @@ def test_without_the_extra_the_command_to_install_it_is_named() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "False False\n")
-    assert "needs pip install 'sledenv[analysis]'" in done.stderr
+    assert "pip install 'sledenv[analysis]'" in done.stderr

@@ -314,6 +314,9 @@ class Fit:
 
     def _widening(self, name: str) -> float:
         """Factor of chi-squared in twice the rise of the profiled cost (Kent 1982): 1 for normal errors of size 1."""
+        hessian, middle, kind = self._spread
+        if kind == "model" and np.trace(hessian) > 0.0:  # one factor for all, however little is told of this one
+            return float(np.trace(middle) / np.trace(hessian))
         names = [one for one in self.problem.free if one == name or one not in self.on_bound]
         at = [self.problem.names.index(one) for one in names]
         hessian, k = self._spread[0][np.ix_(at, at)], names.index(name)
@@ -374,7 +377,10 @@ class Fit:
         def rise(value: float) -> float:
             if value not in known:
                 near = known[min(known, key=lambda other: abs(other - value))][1]
-                found = _descend(replace(self.problem, fixed={**self.problem.fixed, one.name: value}), near)
+                problem = replace(self.problem, fixed={**self.problem.fixed, one.name: value})
+                found = _descend(problem, near)
+                if found.cost > self.cost + allowed:  # where the cost is rough, one start may miss the least
+                    found = min(found, _descend(problem, self.vector), key=lambda descended: descended.cost)
                 known[value] = found.cost - self.cost - allowed, found.values
                 if found.cost < self.cost - _LOWER * allowed:
                     raise LocalMinimumError(one.name, self.cost, found.cost, self.problem.named(found.values))

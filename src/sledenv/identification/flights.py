@@ -33,10 +33,9 @@ _MEAN, _SPREAD = 3.0, 2.4  # of that square, three numbers a pose
 _WRONG = 0.05  # share of wrong poses that is allowed for
 _SURE = 4.0  # standard errors
 _GROSS = 0.1  # share of the root of the energy that counts as a gross error of a rebound
-_EVEN, _FEW = np.linspace(0.0, 1.0, 9), np.array([0.1, 0.5, 0.9])  # the same of the restitution
-_LEVELS = np.array(
-    [0.0, 0.003, 0.01, 0.03, 0.07, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0]
-)  # of the bounds, where a law is tried
+# Of the bounds, where a law is tried: friction and arms, restitution.
+_LEVELS = np.array([0.0, 0.003, 0.01, 0.03, 0.07, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
+_EVEN, _FEW = np.linspace(0.0, 1.0, 9), np.array([0.1, 0.5, 0.9])
 
 
 class Noise(NamedTuple):
@@ -235,6 +234,8 @@ def likely_laws(
         return apart
 
     problem = Problem(parameters, residuals, fixed, loss_scale=_GROSS)
+    if not problem.free:
+        return [dict(fixed)]
     grid = grid_of(parameters, fixed)
     costs = np.sum(np.sqrt(1.0 + np.sum(residuals(grid) ** 2, axis=-1) / _GROSS**2), axis=-1)
     found = [solve(problem, dict(zip(LAW, grid[np.unravel_index(costs.argmin(), costs.shape)], strict=True)), starts=1)]

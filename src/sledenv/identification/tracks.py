@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import get_args
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sledenv.checks import BatchSolver, checked_choice
 from sledenv.descent import Descent, simulate
-from sledenv.identification.fitting import Fit, Interval, Loss, Parameter, Problem, profiled, solve
+from sledenv.identification.fitting import Fit, Interval, LocalMinimumError, Loss, Parameter, Problem, profiled, solve
 from sledenv.identification.flights import (
     LAW,
     Flight,
@@ -50,7 +50,7 @@ _BACK = 4  # rebounds from which more are drawn where none of those explains wha
 _SCANNED = np.linspace(0.0, 1.0, 24) ** 3  # of bounds of friction and arm, where they are tried
 _TRIED = 3  # of them, fitted
 _WIDER = 3.0  # than their covariance
-_BESIDE = (0.7, 0.9, 1.1, 1.4, 2.0)  # factors of a friction, where a lower cost is looked for
+_BESIDE = (1.05, 1.15, 1.3, 1.6, 2.2, 4.0)  # factors of a friction, where another minimum is looked for
 _EQUAL = 1e-3  # difference of two costs that counts as none
 _ALIKE = 0.05  # of their scales: laws that differ by less are one
 _TAME = 3.0  # noise levels from which a pose counts as wrong
@@ -131,7 +131,7 @@ def identify_tracks(
     fits = search.run()
     if not fits:
         raise ValueError(_nothing_told(search))
-    best, intervals = _settled(fits[0])
+    best, intervals = _settled(fits)
     others = [fit for fit in _distinct([best, *fits]) if fit is not best]
     return TrackFit(body, slope, solver, recordings, search.frames(search.level), best, intervals, others, model)
 
@@ -152,17 +152,50 @@ def _nothing_told(search: _Search) -> str:
     )
 
 
-def _settled(fit: Fit) -> tuple[Fit, dict[str, Interval]]:
-    """Leave a local minimum if there is a lower one beside it; return the intervals of the law as well."""
-    fit = solve(fit.problem, fit.values, starts=1)
+def _settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
+    """Return the best fit, and intervals of the law that hold those of all minima that are as good.
+
+    A minimum with a lower cost, here or beside an interval, is where the fit goes on.
+    """
+    names = [name for name in fits[0].problem.free if name in (*LAW, _STIFFNESS)]
+    fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names=names)
+    rows = fit.problem.rows(fit.vector)
+    allowed = 2.0 * _CLOSE * fit.cost / (rows.size - len(fit.problem.free))
+    for values in (*(other.values for other in fits[1:]), *_beside(fit, intervals)):
+        other = solve(fit.problem, values, starts=1)
+        inside = all(ends.low <= other.values[name] <= ends.high for name, ends in intervals.items())
+        if not inside and fit.cost - _EQUAL < other.cost < fit.cost + allowed:
+            there = replace(other, cost=fit.cost)  # against which costs around this minimum are compared
+            try:
+                intervals = {name: _hull(ends, there.interval(name)) for name, ends in intervals.items()}
+            except LocalMinimumError as lower:
+                other = solve(fit.problem, lower.values, starts=1)
+        if other.cost < fit.cost - _EQUAL:
+            return _settled([other, fit])
+    return fit, intervals
+
+
+def _beside(fit: Fit, intervals: Mapping[str, Interval]) -> Iterator[dict[str, float]]:
+    """Values that may belong to another minimum, with a friction outside of its interval.
+
+    Beyond a friction at which a rebound stops to slip, the cost may rise at first and fall again.
+    """
+    if "friction" not in intervals:
+        return
+    low, high, *_ = intervals["friction"]
     friction = fit.problem.parameter("friction")
-    if "friction" in fit.problem.free:
-        for factor in _BESIDE:  # beyond a friction at which rebounds stop to slip, the cost hardly changes
-            value = min(max(factor * fit.values["friction"], friction.low), friction.high)
-            cost, values = fit.held(friction=value)
-            if cost < fit.cost + _APART:
-                fit = min(fit, solve(fit.problem, values, starts=1), key=lambda one: one.cost)
-    return profiled(fit, names=[name for name in fit.problem.free if name in (*LAW, _STIFFNESS)])
+    for factor in _BESIDE:
+        for value in (low / factor, high * factor):
+            if friction.low <= value <= friction.high:
+                cost, values = fit.held(friction=value)
+                if cost < fit.cost + _APART:
+                    yield values
+
+
+def _hull(one: Interval, other: Interval) -> Interval:
+    """Return the smallest interval that holds both."""
+    low, high = min(one, other, key=lambda ends: ends.low), max(one, other, key=lambda ends: ends.high)
+    return Interval(low.low, high.high, one.level, low.low_on_bound, high.high_on_bound)
 
 
 def recordings_of(table: pd.DataFrame, size: float, noise: Noise | None = None) -> list[Recording]:
@@ -353,8 +386,7 @@ class _Search:
         self.model, self.fixed, self.rng = model, fixed, rng
         body, slope, recordings = model.body, model.slope, model.recordings
         self.flights = [list(flights_of(body, slope, one)) for one in recordings]
-        pairs = zip(self.flights, recordings, strict=True)
-        self.horizons = [_horizons(track, one) for track, one in pairs]
+        self.horizons = [_horizons(track, one) for track, one in zip(self.flights, recordings, strict=True)]
         self.level = [0] * len(recordings)
         self.open = [i for i, horizon in enumerate(self.horizons) if len(horizon) > 1]
         self.starts: list[dict[str, float]] = []
@@ -369,8 +401,9 @@ class _Search:
             rebounds = any(level[i] < len(self.flights[i]) for i in self.open)
             drawn = self._drawn(history[-1:], level) if rebounds else []
             fits = self._fitted([*candidates, *drawn], level)
-            if history and self._unexplained(fits[0], level):
-                fits = _distinct([*fits, *self._fitted(self._drawn(history[-_BACK:], level), level)])
+            if self._unexplained(fits[0], level):
+                more = self._drawn(history[-_BACK:], level) if history else candidates
+                fits = _distinct([*fits, *self._fitted(more, level, len(more))])
             failed = self._unexplained(fits[0], level)
             if failed:
                 self.open = [i for i in self.open if i not in failed]
@@ -405,9 +438,9 @@ class _Search:
             laws = [
                 dict(zip(LAW, values, strict=True)) for values in grid_of(law, held, few=True).reshape(-1, len(LAW))
             ]
-        levels = (
-            [self.fixed[_STIFFNESS]] if _STIFFNESS in self.fixed else np.linspace(stiff.low, stiff.high, _STIFFNESSES)
-        )
+        levels = np.linspace(stiff.low, stiff.high, _STIFFNESSES)
+        if _STIFFNESS in self.fixed:
+            levels = np.array([self.fixed[_STIFFNESS]])
         begun = np.concatenate([np.array(launch) for launch in launches])
         low, high = np.array([one[2:4] for one in model.parameters]).T
         return [
@@ -416,10 +449,11 @@ class _Search:
             for one in laws
         ]
 
-    def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Fit]:
+    def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int], most: int = _KEPT) -> list[Fit]:
+        """Fit from those candidates whose cost is lowest."""
         problem = self.model.problem(self.frames(level), self.fixed)
         costs = [problem.cost(problem.values(one)) for one in candidates]
-        order = np.argsort(costs, kind="stable")[:_KEPT]
+        order = np.argsort(costs, kind="stable")[:most]
         return _distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
 
     def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
@@ -481,7 +515,7 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
     """Fits whose costs are near the least one, the best first, one for each law."""
     kept: list[Fit] = []
     for fit in sorted(fits, key=lambda fit: fit.cost):
-        if fit.cost > kept[0].cost + _APART if kept else False:
+        if kept and fit.cost > kept[0].cost + _APART:
             break
         if all(_differ(fit, other) for other in kept):
             kept.append(fit)
@@ -582,10 +616,10 @@ class TrackFit:
             if interval.low_on_bound and interval.high_on_bound:
                 found.append(f"the recordings say nothing of {name}: every value in its bounds is as good")
         for other in self.others:
-            law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
-            rise = other.cost - self.fit.cost
-            if rise < _CLOSE:
-                found.append(f"another law explains the recordings as well, its cost higher by {rise:.2g}: {law}")
+            beyond = [n for n, ends in self.intervals.items() if not ends.low <= other.values[n] <= ends.high]
+            if beyond and other.cost - self.fit.cost < _CLOSE:
+                law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
+                found.append(f"another law explains the recordings nearly as well: {law}")
         return found
 
     def __str__(self) -> str:
