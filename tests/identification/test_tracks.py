@@ -291,6 +291,9 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
     assert len(plot_track_residuals(plain).axes) == 3
     write_tracks(plain, tmp_path)
     assert '"ghost":{' in (tmp_path / "motion_0.html").read_text(encoding="utf-8")
+    shown = plain.descent().trajectory
+    assert shown is not None
+    assert np.diff(shown["t"]).max() < 0.0101  # or flights would be drawn as chords of their parabolas
     squares = plain.residuals["noise_levels"] ** 2
     assert squares.mean() == pytest.approx(3.0, rel=0.25)
 

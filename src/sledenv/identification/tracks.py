@@ -57,6 +57,7 @@ _TAME = 3.0  # noise levels from which a pose counts as wrong
 _MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
 _CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level .95
 _LIMIT = 15  # steps of one minimisation on the way
+_DRAWN = 0.01  # [s] between two rows in flight of a descent that is shown, simulate's default
 _FLOOR = 1e-6  # least noise, of the size of the body and [rad]: about the precision of a single float
 _LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
 _STIFFNESSES = 7  # that are tried at the start
@@ -148,7 +149,8 @@ def _nothing_told(search: _Search) -> str:
     )
     return (
         "the table: no law explains the first rebound of any recording to within its noise "
-        f"({noise}): are the body, the slope, the units and the frame right, and is the noise?"
+        f"({noise}): are the body, the slope, the units and the frame right, and is the noise? "
+        "A contact that lasts for some frames needs compliant surfaces"
     )
 
 
@@ -365,8 +367,11 @@ class _Model:
         descent = self.descent(np.frombuffer(law), State(*np.frombuffer(launch).tolist()), float(times[-1]))
         return recording.residuals(states_at(drawable_rows(descent), times)[:, :3])
 
-    def descent(self, law: Floats, launch: State, time: float) -> Descent:
-        """Simulate a descent for ``time`` [s]; ``law`` holds the parameters before the launches."""
+    def descent(self, law: Floats, launch: State, time: float, interval: float | None = None) -> Descent:
+        """Simulate a descent for ``time`` [s], with rows every ``interval`` in flight or, by default, at its ends.
+
+        ``law`` holds the parameters before the launches.
+        """
         return simulate(
             self.body,
             law_of(10.0 ** float(law[0]), law[1:].tolist()),
@@ -375,7 +380,7 @@ class _Model:
             solver=self.solver,
             max_time=time,
             record="trajectory",
-            sample_interval=time,
+            sample_interval=interval or time,
         )
 
 
@@ -638,7 +643,7 @@ class TrackFit:
         times = self.recordings[i].times
         length = float(times[-1] - times[0]) if time is None else time
         law, launch = self.fit.vector[: len(LAW) + 1], self.launches[self.recordings[i].name]
-        return self.model.descent(law, launch, length)
+        return self.model.descent(law, launch, length, _DRAWN)
 
     def ghost(self, name: str | None = None) -> Ghost:
         """Return a recording for :func:`sledenv.replay.replay_page` of its :meth:`descent`."""
