@@ -747,6 +747,14 @@ def test_one_law_and_one_slope_serve_all_lanes() -> None:
     assert single.outcomes[0] == shared.outcomes[0]
 
 
+def test_no_lane_is_a_batch_too() -> None:
+    """What a selection that nothing matches gives; laws of no lane would not say what kind they are."""
+    nothing = np.zeros((0, 6))
+    assert len(simulate_batch(SEGMENT, LAW, INCLINE, nothing, keep_rebounds=True).rebounds) == 0
+    with pytest.raises(ValueError, match="law has no row: give one ContactLaw for all where there are no launches"):
+        simulate_batch(SEGMENT, np.zeros((0, len(LAW))), INCLINE, nothing)
+
+
 # --- trajectories -----------------------------------------------------------------------------------------------------
 
 

@@ -162,6 +162,8 @@ def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: objec
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
+    if not lanes:
+        raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
     rows = checked_table(name, given, kind._fields)
     owner = f"{name}[{{lane}}]"
     if kind is Body:
