@@ -70,7 +70,7 @@ def test_a_page_holds_the_descent(descent: Descent) -> None:
 
 
 def test_a_title_cannot_break_out_of_its_page(descent: Descent) -> None:
-    title = "</script><script>alert(1)</script> <b>&amp; /*DESCENT*/"
+    title = "</script><script>alert(1)</script> <b>&amp; /*DATA*/"
     page = replay_page(descent, title)
     assert page.count("</script>") == replay_page(descent, "").count("</script>")
     assert data_of(page)["title"] == title

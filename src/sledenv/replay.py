@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,11 +21,11 @@ from sledenv.outline import (
     reach,
     strobe_states,
 )
+from sledenv.page import filled
 from sledenv.params import State
 from sledenv.plot import energy_layers
 from sledenv.text import REBOUND_COLUMNS, feature_name, metric_name, mode_name, motion_words, rebound_cells, setting
 
-_DIGITS = 9  # significant, of every number in the page
 _POSES = 12
 _COLUMNS = ("t", *State._fields, "normal", "tangential", "feature", "slip", "spin")
 
@@ -63,10 +60,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
         If the descent has no trajectory.
     """
     content = _content(descent, title) | {"ghost": None if ghost is None else ghost._asdict()}
-    # "</script>" in a title would end the data.
-    data = json.dumps(_plain(content), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    page = files("sledenv").joinpath("replay.html").read_text(encoding="utf-8")
-    return page.replace("/*DESCENT*/", data)
+    return filled("replay.html", content)
 
 
 def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> None:
@@ -145,18 +139,3 @@ def _contacts(descent: Descent, film: np.ndarray) -> list[dict[str, Any]]:
             }
         )
     return contacts
-
-
-def _plain(value: Any) -> Any:
-    """Turn arrays into lists, round numbers, and put None in place of what is no finite number, as JSON has it."""
-    match value:
-        case dict():
-            return {key: _plain(entry) for key, entry in value.items()}
-        case list() | tuple():
-            return [_plain(entry) for entry in value]
-        case np.ndarray() | np.generic():
-            return _plain(value.tolist())
-        case float():
-            return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
-        case _:
-            return value
