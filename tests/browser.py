@@ -51,6 +51,19 @@ class Browser:
     def press(self, selector: str, keys: str) -> None:
         _call("POST", f"{self._find(selector)}/value", {"text": keys})
 
+    def screen(self, width: int, height: int) -> None:
+        """Show pages as on a screen of this size [px], narrower than a window can be."""
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
+        _call("POST", f"{self.session}/goog/cdp/execute", command)
+
+    def drag(self, *places: tuple[float, float], kind: str = "mouse") -> None:
+        """Press at the first place of the window [px], move over the others, let go; ``kind`` may be "touch"."""
+        moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]
+        steps = [moves[0], {"type": "pointerDown", "button": 0}, *moves[1:], {"type": "pointerUp", "button": 0}]
+        finger = {"type": "pointer", "id": kind, "parameters": {"pointerType": kind}, "actions": steps}
+        _call("POST", f"{self.session}/actions", {"actions": [finger]})
+
     def log(self) -> list[str]:
         """Messages of the console since the last call: errors of the script and refused requests."""
         return [entry["message"] for entry in _call("POST", f"{self.session}/se/log", {"type": "browser"})]

@@ -504,7 +504,7 @@ def test_a_wheel_carries_every_module_and_scenario(tmp_path: Path) -> None:
         archive.extractall(unpacked)
     package = ROOT / "src" / "sledenv"
     expected = {path.relative_to(package) for path in package.rglob("*.py")} | {
-        Path(name) for name in ("py.typed", "page.css", "replay.html", "scene.js")
+        Path(name) for name in ("py.typed", "map.html", "page.css", "replay.html", "scene.js")
     }
     expected.add(Path("benchmark", "report.html"))
     expected |= {Path("scenarios", f"{name}.yaml") for name in SHIPPED}

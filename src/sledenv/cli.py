@@ -169,8 +169,9 @@ def _parser() -> argparse.ArgumentParser:
 
     landscape = commands.add_parser(
         "map",
-        help="draw the jam map of a context: the reward of every launch",
-        description="Draw the reward of all launches of one context, with the best one and what trained agents choose.",
+        help="draw the jam map of a context, the reward of every launch, or make it a page to play them",
+        description="Draw the reward of all launches of one context, with the best one and what trained agents choose; "
+        "or write a page for any browser, offline, that plays the descent of each of them.",
     )
     landscape.set_defaults(run=_map)
     _add_scenario(landscape)
@@ -179,11 +180,20 @@ def _parser() -> argparse.ArgumentParser:
         dest="runs",
         type=Path,
         action="append",
-        default=[],
         metavar="RUN",
-        help="folder of a trained agent; may be repeated",
+        help="folder of a trained agent; may be repeated (default of a page: the shipped one, if it is here)",
     )
-    landscape.add_argument("--out", type=Path, metavar="FILE", default=Path("map.png"), help="default: map.png")
+    landscape.add_argument(
+        "--out", type=Path, metavar="FILE", help="picture (default: map.png, unless --html is given)"
+    )
+    landscape.add_argument("--html", type=Path, metavar="FILE", help="write this page")
+    landscape.add_argument(
+        "--seeds",
+        type=_seed,
+        nargs="+",
+        metavar="SEED",
+        help="contexts to page through in it (default: that of --seed)",
+    )
 
     measured = commands.add_parser(
         "identify",
@@ -379,13 +389,25 @@ def _study(options: argparse.Namespace) -> int:
 def _map(options: argparse.Namespace) -> int:
     with _extra():
         from sledenv.benchmark.landscape import landscape
+        from sledenv.benchmark.map_page import map_page
 
+    if options.seeds is not None and options.html is None:
+        raise ValueError(f"--seeds = {options.seeds}: only a page has several contexts, see --html")
+    picture = options.out or (None if options.html else Path("map.png"))
     with ExitStack() as places:
-        picture = _place(places, "--out", replacing(options.out, ".png"))
-        drawn = landscape(options.scenario, options.seed, options.runs)
-        drawn.figure.savefig(picture, dpi=_DPI, format="png")
-    print(drawn.words)
-    _progress("map")(f"wrote {options.out}")
+        page = options.html and _place(places, "--html", replacing(options.html, ".html", ".htm"))
+        drawing = picture and _place(places, "--out", replacing(picture, ".png"))
+        if drawing:
+            drawn = landscape(options.scenario, options.seed, options.runs or [])
+            drawn.figure.savefig(drawing, dpi=_DPI, format="png")
+            words = drawn.words
+        if page:
+            made = map_page(options.scenario, options.seeds or [options.seed], options.runs)
+            page.write_text(made.html, encoding="utf-8")
+            words = made.words
+    print(words)
+    for file in filter(None, (picture, options.html)):
+        _progress("map")(f"wrote {file}")
     return 0
 
 

@@ -40,7 +40,7 @@ class Scene {
     this.scale = Math.min(width / wide, highest / high, 90 / size);
     this.follow = this.scale * size < 10;  // the sled would be too small to see
     if (this.follow) this.scale = 45 / size;
-    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale, lowest, highest);
+    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + 24, lowest, highest);  // room for what is written below the slope
     this.middle = this.follow ? this.world(...points[0]) : [0.5 * (low[0] + top[0]), 0.5 * (low[1] + top[1])];
   }
   world(x, y) { return [x * this.cosine + y * this.sine, y * this.cosine - x * this.sine]; }
@@ -76,7 +76,7 @@ class Scene {
     }
     parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="#788a9c" stroke-width="2"/>`);
     if (slope.length !== null) {
-      const top = 4 * this.size, [column, row] = this.pixel(slope.length, top);
+      const top = 4 * this.size, [end, row] = this.pixel(slope.length, top), column = this.follow ? end : Math.min(end, W - 20);
       parts.push(`<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="#2d343c" stroke-width="4" ` +
         `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="#62707e">finish</text>`);
     }

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sledenv.benchmark.figures import label, look, style
 from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
-from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot.style import INK
@@ -25,6 +25,15 @@ class Landscape(NamedTuple):
 
     figure: Figure
     words: str
+
+
+class Chooser(NamedTuple):
+    """A trained agent whose choice is marked."""
+
+    name: str
+    seed: int  # of its training
+    problem: Problem
+    agent: Agent
 
 
 def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequence[Path]) -> Landscape:
@@ -47,16 +56,14 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
         If a run is of another scenario, or of agents that choose something else.
     """
     problem = Problem(scenario)
+    choosers = load_choosers(problem, runs)
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-    best = best_launches(problem, context)
-    chosen = [_choice(problem, context, folder) for folder in runs]
-    actions = [f"action_{i}" for i in range(len(problem.task.controlled))]
-    results = pd.DataFrame(chosen, columns=["agent", "seed", *actions, "reward"])
+    best, results = marked(problem, context, choosers)
     names = problem.task.controlled
     grid = {name: CONTROLS[name].drawn for name in names[:2]} | {name: CONTROLS[name].searched for name in names[2:]}
     (one,) = jam_map(problem, context, grid)
-    figure = _drawn(problem, one, best.iloc[0], results, f"{problem.scenario.title}, context of seed {seed}")
-    return Landscape(figure, _words(problem, best.iloc[0], results))
+    figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
+    return Landscape(figure, words(problem, best, results))
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
@@ -65,7 +72,7 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
     Where more are chosen, a cell is the best of all launches that belong there.
     """
     names, others = problem.task.controlled[:2], problem.task.controlled[2:]
-    axes = [_physical(problem, name, values) for name, values in zip(names, one.launches, strict=False)]
+    axes = [physical(problem, name, values) for name, values in zip(names, one.launches, strict=False)]
     labels = [f"{name} at launch [{CONTROLS[name].unit}]" for name in names]
     with style({"figure.constrained_layout.use": True}):
         figure = Figure(figsize=(6.4, 4.6))
@@ -80,8 +87,8 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
         height = "action_1" if len(names) == 2 else "reward"
 
         def place(rows: Any) -> tuple[Any, Any]:
-            upright = _physical(problem, names[1], rows[height]) if len(names) == 2 else rows[height]
-            return _physical(problem, names[0], rows["action_0"]), upright
+            upright = physical(problem, names[1], rows[height]) if len(names) == 2 else rows[height]
+            return physical(problem, names[0], rows["action_0"]), upright
 
         marks: dict[str, Any] = {"ls": "", "clip_on": False}
         for agent, rows in results.groupby("agent", sort=False):
@@ -94,27 +101,56 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
     return figure
 
 
-def _physical(problem: Problem, name: str, values: Any) -> Any:
-    """Turn values in [-1, 1] of something that is chosen into its unit."""
+def physical(problem: Problem, name: str, values: Any) -> Any:
+    """Return values in [-1, 1] of a control in its unit."""
     low, high = problem.scenario.control_bounds[name]
     return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
 
 
-def _choice(problem: Problem, context: Contexts, folder: Path) -> tuple[Any, ...]:
-    theirs, agent, config = load_run(folder)
-    if (theirs.scenario.hash, theirs.control) != (problem.scenario.hash, problem.control):
-        raise ScenarioError(f"{folder} was trained on another scenario ({theirs.scenario.id}, {theirs.control})")
-    trials = theirs.trials(context, "test")[0]
-    batch, actions = theirs.judge(agent, trials)
-    reward = float(batch.jam.reward.mean())
-    return agent_name(config["agent"]), int(config["seed"]), *actions[0].tolist(), reward
+def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:
+    """Load the agents of folders.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If a folder is no finished run.
+    ScenarioError
+        If a run is of another scenario, or of agents that choose something else.
+    """
+    choosers = []
+    for folder in runs:
+        theirs, agent, config = load_run(folder)
+        if (theirs.scenario.hash, theirs.control) != (problem.scenario.hash, problem.control):
+            raise ScenarioError(f"{folder} was trained on another scenario ({theirs.scenario.id}, {theirs.control})")
+        choosers.append(Chooser(agent_name(config["agent"]), int(config["seed"]), theirs, agent))
+    return choosers
 
 
-def _words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
+def marked(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> tuple[pd.Series, pd.DataFrame]:
+    """Return what a map of a context, shape (1, 8), marks.
+
+    Returns
+    -------
+    Series
+        The best launch, a row of :func:`sledenv.benchmark.oracle.best_launches`.
+    DataFrame
+        A row for each agent: ``agent``, ``seed``, ``action_0``, ... and the expected ``reward``.
+    """
+    chosen = []
+    for name, seed, theirs, agent in choosers:
+        batch, actions = theirs.judge(agent, theirs.trials(context, "test")[0])
+        chosen.append((name, seed, *actions[0].tolist(), float(batch.jam.reward.mean())))
+    columns = ["agent", "seed", *(f"action_{i}" for i in range(problem.actions)), "reward"]
+    return best_launches(problem, context).iloc[0], pd.DataFrame(chosen, columns=columns)
+
+
+def words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
+    """Return what :func:`marked` has found in words, a line each."""
+
     def launch(row: pd.Series) -> str:
         parts = []
         for i, name in enumerate(problem.task.controlled):
-            control, value = CONTROLS[name], _physical(problem, name, row[f"action_{i}"])
+            control, value = CONTROLS[name], physical(problem, name, row[f"action_{i}"])
             parts.append(f"{value:{control.printed}} {control.unit}")
         return " ".join(parts)
 

@@ -54,7 +54,7 @@ def jam_map(
     ``grid`` says how many values are tried of each control that is chosen, both bounds among them, but of orientations
     a full turn apart only one. Launch noise is that of a split.
     """
-    axes = _axes(problem, grid)
+    axes = grid_axes(problem, grid)
     points = _points(axes)
     rewards = _expect(problem, contexts, np.broadcast_to(points, (len(contexts), *points.shape)), split)
     return [JamMap(axes, row.reshape([len(axis) for axis in axes])) for row in rewards]
@@ -217,7 +217,7 @@ def _steadiest(
     than that of the search, so that it owes nothing to luck.
     """
     earned = partial(_earned, problem, contexts, split="validation", trembling=True)
-    axes = _axes(problem, GRID)
+    axes = grid_axes(problem, GRID)
     cells, shape = _points(axes), [len(axis) for axis in axes]
     alone = _earned(problem, contexts, np.broadcast_to(cells, (len(contexts), *cells.shape)))
     modes = ["wrap" if turning else "nearest" for turning in problem.turns]
@@ -266,7 +266,7 @@ def _refined(
 
     A cloud reaches from a cell of the grid to the next at level 0, and half as far at every further level.
     """
-    width = np.array([2.0 / (len(axis) - (not problem.turns[i])) for i, axis in enumerate(_axes(problem, GRID))])
+    width = np.array([2.0 / (len(axis) - (not problem.turns[i])) for i, axis in enumerate(grid_axes(problem, GRID))])
     for level in levels:
         tried = problem.inside(points[:, :, np.newaxis] + 0.5**level * width * cloud)
         found = earned(tried.reshape(len(points), -1, problem.actions)).reshape(*values.shape, -1)
@@ -319,7 +319,8 @@ def _expect(
     return np.concatenate(parts)
 
 
-def _axes(problem: Problem, grid: Mapping[str, int]) -> tuple[NDArray[np.float64], ...]:
+def grid_axes(problem: Problem, grid: Mapping[str, int]) -> tuple[NDArray[np.float64], ...]:
+    """Return the values in [-1, 1] that a grid has of each control that is chosen, see :func:`jam_map`."""
     return tuple(
         np.linspace(-1.0, 1.0, grid[name], endpoint=not problem.turns[i])
         for i, name in enumerate(problem.task.controlled)
@@ -331,13 +332,13 @@ def _grids(problem: Problem, grid: Mapping[str, int]) -> list[tuple[tuple[NDArra
     chosen = len(problem.task.controlled)
     # Along each axis of a bound. Of n axes the whole bound has the n-th root of FINE: it has more coarse cells anyhow.
     finer = round(FINE ** (1.0 / max(chosen - 1, 1) ** 2))
-    fine = _axes(problem, {name: finer * count for name, count in grid.items()})
+    fine = grid_axes(problem, {name: finer * count for name, count in grid.items()})
     apart = max(finer // 2, 1)  # half a coarse cell
     if chosen == 1:
         return [(fine, STARTS, apart)]
     bounds = [(i, np.array([bound])) for i in range(chosen) if not problem.turns[i] for bound in (-1.0, 1.0)]
     edges = [(*fine[:i], bound, *fine[i + 1 :]) for i, bound in bounds]
-    return [(_axes(problem, grid), STARTS, 1), *((edge, STARTS // len(edges), apart) for edge in edges)]
+    return [(grid_axes(problem, grid), STARTS, 1), *((edge, STARTS // len(edges), apart) for edge in edges)]
 
 
 def _points(axes: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:

@@ -1,0 +1,211 @@
+"""The jam map of contexts as one HTML page in which every launch can be played: ``sledenv map --html``."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.colors import to_hex
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from sledenv.benchmark.figures import label, look
+from sledenv.benchmark.landscape import load_choosers, marked, physical, words
+from sledenv.benchmark.oracle import grid_axes
+from sledenv.benchmark.problem import TRIALS, Problem
+from sledenv.benchmark.runs import read_config
+from sledenv.envs.task import Contexts
+from sledenv.kernel.records import STATUS_OF_CODE
+from sledenv.keyframes import encoded, keyframes, packed, steps_for
+from sledenv.outline import body_outline, heavy_side, reach
+from sledenv.page import filled
+from sledenv.scenario import CONTROLS, Context, Scenario, ScenarioError
+
+MOST_SEEDS: Final = 24  # contexts of a page
+DESCENTS: Final = 36_000  # that a page holds, in about 8 MB: the grid is coarser where contexts are many
+_ALONE: Final = 4  # times as many values of a control that is chosen alone as along an axis of a map
+_COLOURS: Final = 33  # of the map, between which a page interpolates
+_TRAINED: Final = Path("agents/trained")  # of the working folder, as the agents themselves
+_COUNTS: Final = ("status", "rebounds")  # of each descent
+_NUMBERS: Final = ("reward", "progress", "retention", "end_time", "end_x", "end_u")
+
+
+class MapPage(NamedTuple):
+    """A page, and what it marks in words."""
+
+    html: str
+    words: str
+
+
+def map_page(
+    scenario: str | os.PathLike[str] | Scenario, seeds: Sequence[int], runs: Sequence[Path] | None = None
+) -> MapPage:
+    """Return a page with the launches of contexts, each of which it can play.
+
+    The map is over the first two things that are chosen; others stay in the middle of their bounds.
+
+    Parameters
+    ----------
+    scenario : str, path or Scenario
+        As for :func:`sledenv.load_scenario`.
+    seeds : sequence of int
+        Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different.
+    runs : sequence of Path, optional
+        Folders of trained agents, whose choices are marked; the shipped ones by default, if they are in the working
+        folder and torch is installed.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the seeds are wrong or a folder is no finished run.
+    ScenarioError
+        If a run is of another scenario, or of agents that choose something else or trim.
+    """
+    if not 1 <= len(seeds) <= MOST_SEEDS or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds = {list(seeds)}: must be 1 to {MOST_SEEDS} integers, all different")
+    problem = Problem(scenario)
+    choosers = load_choosers(problem, _shipped_runs(problem) if runs is None else runs)
+    for chooser in choosers:
+        if chooser.problem.environment != "launch":
+            raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
+    axes = _axes(problem, len(seeds))
+    told, contexts = [], []
+    for seed in seeds:
+        context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
+        best, results = marked(problem, context, choosers)
+        contexts.append(_context(problem, context, axes, best, results, seed))
+        told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
+    return MapPage(filled("map.html", _content(problem, axes, contexts)), "\n\n".join(told))
+
+
+def _shipped_runs(problem: Problem) -> list[Path]:
+    """Folders of the shipped agents of a problem, none where they cannot be loaded."""
+    if importlib.util.find_spec("torch") is None:
+        return []
+    folders = sorted(_TRAINED.glob(f"{problem.scenario.id}-{problem.environment}-{problem.control}-*"))
+    return [folder for folder in folders if read_config(folder)["scenario_hash"] == problem.scenario.hash]
+
+
+def _axes(problem: Problem, contexts: int) -> tuple[NDArray[np.float64], ...]:
+    """Return the values in [-1, 1] that are tried of each control."""
+    names, others = problem.task.controlled[:2], problem.task.controlled[2:]
+    full = {name: CONTROLS[name].drawn * (_ALONE if len(names) == 1 else 1) for name in names}
+    share = min(1.0, DESCENTS / contexts / math.prod(full.values())) ** (1.0 / len(names))
+    axes = grid_axes(problem, {name: int(share * count) for name, count in full.items()} | dict.fromkeys(others, 1))
+    return (*axes[: len(names)], *(np.zeros(1) for _ in others))
+
+
+def _content(problem: Problem, axes: tuple[NDArray[np.float64], ...], contexts: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the script of the page draws."""
+    scenario, body = problem.scenario, problem.scenario.body()
+    controls = []
+    for name, values, turning in zip(problem.task.controlled, axes, problem.turns, strict=True):
+        digits = int(CONTROLS[name].printed.rstrip("f").partition(".")[2])
+        unit = CONTROLS[name].unit.replace("deg", "°")
+        tried = physical(problem, name, values)
+        controls.append({"name": name, "unit": unit, "digits": digits, "values": tried, "turns": turning})
+    length, limits = scenario.slope_section.length_m, scenario.limits
+    return {
+        "title": scenario.title,
+        "id": scenario.id,
+        "question": scenario.question,
+        "controls": controls,
+        "trials": TRIALS if problem.noisy else 1,
+        "colours": [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _COLOURS))],
+        "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
+        "size": max(reach(body), 1e-6),  # a point mass has none
+        "steps": _exactly(steps_for(body, length, limits.max_time_s)),
+        "counts": _COUNTS,
+        "numbers": ["expected", *_NUMBERS],
+        "statuses": [str(status) for status in STATUS_OF_CODE],
+        "contexts": contexts,
+    }
+
+
+def _context(
+    problem: Problem,
+    context: Contexts,
+    axes: tuple[NDArray[np.float64], ...],
+    best: pd.Series,
+    results: pd.DataFrame,
+    seed: int,
+) -> dict[str, Any]:
+    """Return what the page holds of one context: launches of the grid, the best one and those that agents choose."""
+    given = problem.task.context(context)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    names = [f"action_{i}" for i in range(len(axes))]
+    marks = pd.concat([best.to_frame().T[[*names, "reward"]], results[[*names, "reward"]]]).to_numpy(np.float64)
+    actions = np.concatenate([grid, marks[:, :-1]])
+    frames, outcomes = _recorded(problem, context, actions, f"seed {seed}")
+    expected = problem.expect(context, actions[np.newaxis], "test")[0] if problem.noisy else outcomes["reward"]
+    numbers = [outcomes[name].to_numpy(np.float64) for name in _NUMBERS]
+    slope, limits = problem.scenario.slope(given), problem.scenario.limits
+    gravity = slope.gravity * math.sin(slope.angle), -slope.gravity * math.cos(slope.angle)
+    steps = steps_for(problem.scenario.body(), slope.length, limits.max_time_s)
+    counts = [outcomes[name].to_numpy(np.int32) for name in _COUNTS]
+    columns = [*counts, expected, *numbers, *packed(frames, gravity, steps)]
+    kinds = [("best launch", "★", "#ffffff")]
+    for agent, trained in zip(results["agent"], results["seed"], strict=True):
+        name = label(agent)
+        several = (results["agent"] == agent).sum() > 1
+        kinds.append((f"{name}, seed {trained}" if several else name, name[0].upper(), look(agent, results)[0]))
+    return {
+        "seed": seed,
+        "setting": _setting(problem, given),
+        "slope": slope._asdict(),
+        "gravity": _exactly(gravity),
+        "launches": encoded(columns),
+        "marks": [
+            {
+                "name": name,
+                "sign": sign,
+                "colour": colour,
+                "values": [physical(problem, *chosen) for chosen in zip(problem.task.controlled, mark, strict=False)],
+                "expected": mark[-1],
+            }
+            for (name, sign, colour), mark in zip(kinds, marks, strict=True)
+        ],
+    }
+
+
+def _recorded(
+    problem: Problem, context: Contexts, actions: NDArray[np.float64], name: str
+) -> tuple[list[tuple[np.ndarray, np.ndarray]], pd.DataFrame]:
+    """Simulate launches of shape (n, k), without noise; return their keyframes and a row of each outcome."""
+    launches = problem.task.launches(np.repeat(context, len(actions), axis=0), actions)
+    frames, rows = [], []
+    for i in tqdm(range(len(launches)), name, leave=False, disable=None):
+        descent = problem.task.descend(context, launches[i : i + 1], "trajectory")
+        frames.append(keyframes(descent))
+        end, jam = descent.outcome, descent.jam
+        counts = int(end["status"]), len(descent.rebounds)
+        rows.append((*counts, *map(float, (jam.reward, jam.progress, jam.retention, end["t"], end["x"], end["u"]))))
+    return frames, pd.DataFrame(rows, columns=[*_COUNTS, *_NUMBERS])
+
+
+def _setting(problem: Problem, context: Context) -> str:
+    """Return a context in words, without what is chosen."""
+    parts = [
+        f"slope {math.degrees(context.angle):.2f}°",
+        f"friction {context.friction:.3f}",
+        f"restitution {context.restitution:.3f}",
+        f"let go {context.drop:.2f} m above the slope",
+    ]
+    left = {"speed": f"speed {context.speed:.2f} m/s", "spin": f"spin {context.spin:.2f} rad/s"}
+    left["orientation"] = f"orientation {math.degrees(context.orientation):.1f}°"
+    parts += [said for name, said in left.items() if name not in problem.task.controlled]
+    if context.fall:
+        parts.append(f"fall {context.fall:.2f} m/s")
+    return ", ".join(parts)
+
+
+def _exactly(numbers: Iterable[float]) -> list[str]:
+    """Return numbers as text: rounded, as others are in a page, they would decode into other keyframes."""
+    return [repr(float(number)) for number in numbers]
