@@ -76,7 +76,8 @@ class Scene {
     }
     parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="#788a9c" stroke-width="2"/>`);
     if (slope.length !== null) {
-      const top = 4 * this.size, [end, row] = this.pixel(slope.length, top), column = this.follow ? end : Math.min(end, W - 20);
+      const room = (this.pixel(slope.length, 0)[1] - 24) / scale, top = this.follow ? 4 * this.size : Math.min(4 * this.size, room);
+      const [end, row] = this.pixel(slope.length, top), column = this.follow ? end : Math.min(end, W - 20);
       parts.push(`<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="#2d343c" stroke-width="4" ` +
         `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="#62707e">finish</text>`);
     }

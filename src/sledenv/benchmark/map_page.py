@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, NoReturn
 
 import matplotlib
 import numpy as np
@@ -23,13 +23,15 @@ from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.benchmark.runs import read_config
 from sledenv.envs.task import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
-from sledenv.keyframes import encoded, keyframes, packed, steps_for
+from sledenv.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
 from sledenv.outline import body_outline, heavy_side, reach
 from sledenv.page import filled
 from sledenv.scenario import CONTROLS, Context, Scenario, ScenarioError
 
 MOST_SEEDS: Final = 24  # contexts of a page
-DESCENTS: Final = 36_000  # that a page holds, in about 8 MB: the grid is coarser where contexts are many
+DESCENTS: Final = 36_000  # that a page holds: the grid is coarser where contexts are many
+BYTES: Final = 9_000_000  # of them, in a page: sleds that rock for a minute take more
+_SAMPLE: Final = 256  # launches that tell how many that is
 _ALONE: Final = 4  # times as many values of a control that is chosen alone as along an axis of a map
 _COLOURS: Final = 33  # of the map, between which a page interpolates
 _TRAINED: Final = Path("agents/trained")  # of the working folder, as the agents themselves
@@ -75,13 +77,17 @@ def map_page(
     for chooser in choosers:
         if chooser.problem.environment != "launch":
             raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
-    axes = _axes(problem, len(seeds))
+    drawn = np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
+    axes = _axes(problem, drawn)
     told, contexts = [], []
-    for seed in seeds:
-        context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-        best, results = marked(problem, context, choosers)
-        contexts.append(_context(problem, context, axes, best, results, seed))
-        told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
+    launches = len(seeds) * (math.prod(map(len, axes)) + 1 + len(choosers))
+    with tqdm(total=launches, unit="launch", leave=False, disable=None) as bar:  # where there is a terminal
+        for seed, context in zip(seeds, drawn[:, np.newaxis], strict=True):
+            bar.set_description(f"seed {seed}, best launch")
+            best, results = marked(problem, context, choosers)
+            bar.set_description(f"seed {seed}, all launches")
+            contexts.append(_context(problem, context, axes, best, results, seed, bar))
+            told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
     return MapPage(filled("map.html", _content(problem, axes, contexts)), "\n\n".join(told))
 
 
@@ -93,12 +99,17 @@ def _shipped_runs(problem: Problem) -> list[Path]:
     return [folder for folder in folders if read_config(folder)["scenario_hash"] == problem.scenario.hash]
 
 
-def _axes(problem: Problem, contexts: int) -> tuple[NDArray[np.float64], ...]:
+def _axes(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], ...]:
     """Return the values in [-1, 1] that are tried of each control."""
     names, others = problem.task.controlled[:2], problem.task.controlled[2:]
     full = {name: CONTROLS[name].drawn * (_ALONE if len(names) == 1 else 1) for name in names}
-    share = min(1.0, DESCENTS / contexts / math.prod(full.values())) ** (1.0 / len(names))
-    axes = grid_axes(problem, {name: int(share * count) for name, count in full.items()} | dict.fromkeys(others, 1))
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (-(-_SAMPLE // len(contexts)), problem.actions))
+    frames = [_recorded(problem, context, actions)[0] for context in contexts[:, np.newaxis]]
+    taken = sum(len(_text(problem, context, some)) for context, some in zip(contexts, frames, strict=True))
+    most = min(DESCENTS, BYTES * len(actions) * len(contexts) / taken)
+    share = min(1.0, most / len(contexts) / math.prod(full.values())) ** (1.0 / len(names))
+    counts = {name: max(int(share * count), 2) for name, count in full.items()}
+    axes = grid_axes(problem, counts | dict.fromkeys(others, 1))
     return (*axes[: len(names)], *(np.zeros(1) for _ in others))
 
 
@@ -111,7 +122,6 @@ def _content(problem: Problem, axes: tuple[NDArray[np.float64], ...], contexts: 
         unit = CONTROLS[name].unit.replace("deg", "°")
         tried = physical(problem, name, values)
         controls.append({"name": name, "unit": unit, "digits": digits, "values": tried, "turns": turning})
-    length, limits = scenario.slope_section.length_m, scenario.limits
     return {
         "title": scenario.title,
         "id": scenario.id,
@@ -121,9 +131,10 @@ def _content(problem: Problem, axes: tuple[NDArray[np.float64], ...], contexts: 
         "colours": [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _COLOURS))],
         "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
         "size": max(reach(body), 1e-6),  # a point mass has none
-        "steps": _exactly(steps_for(body, length, limits.max_time_s)),
+        "steps": _exactly(_steps(problem)),
         "counts": _COUNTS,
         "numbers": ["expected", *_NUMBERS],
+        "tolerance": f"{2e3 * TOLERANCE * reach(body):.1f} mm and {math.degrees(2.0 * TOLERANCE):.1f}°",
         "statuses": [str(status) for status in STATUS_OF_CODE],
         "contexts": contexts,
     }
@@ -136,6 +147,7 @@ def _context(
     best: pd.Series,
     results: pd.DataFrame,
     seed: int,
+    bar: tqdm[NoReturn],
 ) -> dict[str, Any]:
     """Return what the page holds of one context: launches of the grid, the best one and those that agents choose."""
     given = problem.task.context(context)
@@ -143,14 +155,10 @@ def _context(
     names = [f"action_{i}" for i in range(len(axes))]
     marks = pd.concat([best.to_frame().T[[*names, "reward"]], results[[*names, "reward"]]]).to_numpy(np.float64)
     actions = np.concatenate([grid, marks[:, :-1]])
-    frames, outcomes = _recorded(problem, context, actions, f"seed {seed}")
+    frames, outcomes = _recorded(problem, context, actions, bar)
     expected = problem.expect(context, actions[np.newaxis], "test")[0] if problem.noisy else outcomes["reward"]
     numbers = [outcomes[name].to_numpy(np.float64) for name in _NUMBERS]
-    slope, limits = problem.scenario.slope(given), problem.scenario.limits
-    gravity = slope.gravity * math.sin(slope.angle), -slope.gravity * math.cos(slope.angle)
-    steps = steps_for(problem.scenario.body(), slope.length, limits.max_time_s)
-    counts = [outcomes[name].to_numpy(np.int32) for name in _COUNTS]
-    columns = [*counts, expected, *numbers, *packed(frames, gravity, steps)]
+    columns = [*(outcomes[name].to_numpy(np.int32) for name in _COUNTS), expected, *numbers]
     kinds = [("best launch", "★", "#ffffff")]
     for agent, trained in zip(results["agent"], results["seed"], strict=True):
         name = label(agent)
@@ -159,9 +167,9 @@ def _context(
     return {
         "seed": seed,
         "setting": _setting(problem, given),
-        "slope": slope._asdict(),
-        "gravity": _exactly(gravity),
-        "launches": encoded(columns),
+        "slope": problem.scenario.slope(given)._asdict(),
+        "gravity": _exactly(_gravity(problem, given)),
+        "launches": _text(problem, context[0], frames, columns),
         "marks": [
             {
                 "name": name,
@@ -176,18 +184,41 @@ def _context(
 
 
 def _recorded(
-    problem: Problem, context: Contexts, actions: NDArray[np.float64], name: str
+    problem: Problem, context: Contexts, actions: NDArray[np.float64], bar: tqdm[NoReturn] | None = None
 ) -> tuple[list[tuple[np.ndarray, np.ndarray]], pd.DataFrame]:
     """Simulate launches of shape (n, k), without noise; return their keyframes and a row of each outcome."""
     launches = problem.task.launches(np.repeat(context, len(actions), axis=0), actions)
     frames, rows = [], []
-    for i in tqdm(range(len(launches)), name, leave=False, disable=None):
+    for i in range(len(launches)):
         descent = problem.task.descend(context, launches[i : i + 1], "trajectory")
         frames.append(keyframes(descent))
         end, jam = descent.outcome, descent.jam
         counts = int(end["status"]), len(descent.rebounds)
         rows.append((*counts, *map(float, (jam.reward, jam.progress, jam.retention, end["t"], end["x"], end["u"]))))
+        if bar is not None:
+            bar.update()
     return frames, pd.DataFrame(rows, columns=[*_COUNTS, *_NUMBERS])
+
+
+def _text(
+    problem: Problem,
+    context: NDArray[np.float64],
+    frames: Sequence[tuple[np.ndarray, np.ndarray]],
+    columns: Sequence[np.ndarray] = (),
+) -> str:
+    """Return columns of descents, and their keyframes, as text."""
+    return encoded([*columns, *packed(frames, _gravity(problem, Context(*context)), _steps(problem))])
+
+
+def _steps(problem: Problem) -> Steps:
+    scenario = problem.scenario
+    return steps_for(scenario.body(), scenario.slope_section.length_m, scenario.limits.max_time_s)
+
+
+def _gravity(problem: Problem, context: Context) -> tuple[float, float]:
+    """Return gravity along the slope and normal to it [m/s^2]."""
+    slope = problem.scenario.slope(context)
+    return slope.gravity * math.sin(slope.angle), -slope.gravity * math.cos(slope.angle)
 
 
 def _setting(problem: Problem, context: Context) -> str:
