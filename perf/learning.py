@@ -23,6 +23,7 @@ BUDGETS = {
 }
 REGRETS = (0.10, 0.05, 0.03, 0.02)  # how long it takes to come below them
 COLOURS = {"ppo": BLUE, "sac": GREEN, "td3": PURPLE, "critic": ORANGE}
+LEVELS = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)  # of the axis of regrets [%]
 ROOT = Path(__file__).parents[1]
 SETTINGS = ROOT / "configs" / "agents"
 RUNS = ROOT / "runs" / "perf" / "learning"  # kept, so that a measurement that was stopped goes on
@@ -83,6 +84,9 @@ def draw(result: dict[str, Any]) -> None:
                 x, y = np.array(row[quantity]), 100.0 * np.array(row["regret"])
                 ax.plot(x[x > 0], y[x > 0], "-o", ms=3, color=COLOURS[agent], label=words)
             ax.set(xscale="log", yscale="log", xlabel=f"{quantity} of training")
+            ax.set_yticks(LEVELS, [f"{level:g}" for level in LEVELS])
+            ax.minorticks_off()
+        axes[1].set_xlim(left=0.1)  # s
         axes[0].set_ylabel(f"mean regret on {result['contexts']} validation contexts [%]")
         axes[0].set_title(f"Learning on {result['scenario']}, a line a training", loc="left")
         axes[0].legend()
