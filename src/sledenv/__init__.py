@@ -5,19 +5,19 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from sledenv.derivatives import Sensitivity, sensitivity
-from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
 from sledenv.envs import register as _register
-from sledenv.impact import Phase, RigidImpact, rigid_impact
-from sledenv.kernel.records import Energy, Feature, Mode, Status
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
-from sledenv.ride import Ride, RideBatch
-from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-from sledenv.wheel import WheelImpact, collide_wheel
 
 if TYPE_CHECKING:
+    from sledenv.derivatives import Sensitivity, sensitivity
+    from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
     from sledenv.identification.choice import identify
+    from sledenv.impact import Phase, RigidImpact, rigid_impact
+    from sledenv.kernel.records import Energy, Feature, Mode, Status
+    from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
+    from sledenv.ride import Ride, RideBatch
+    from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
+    from sledenv.wheel import WheelImpact, collide_wheel
 
 __all__ = [
     "Body",
@@ -57,20 +57,38 @@ __all__ = [
     "study_names",
 ]
 
-# What needs the extra "analysis" is loaded where it is first asked for: the module of each name.
-_ANALYSIS = {
-    "identify": "sledenv.identification.choice",
-    **dict.fromkeys(("Study", "StudyResult", "load_study", "study", "study_names"), "sledenv.uncertainty"),
+# Loaded where they are first asked for, so that `import sledenv` is quick: what each module has.
+_MODULES = {
+    "sledenv.derivatives": ("Sensitivity", "sensitivity"),
+    "sledenv.descent": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
+    "sledenv.identification.choice": ("identify",),
+    "sledenv.impact": ("Phase", "RigidImpact", "rigid_impact"),
+    "sledenv.kernel.records": ("Energy", "Feature", "Mode", "Status"),
+    "sledenv.params": ("Body", "ContactLaw", "Slope", "State", "circular_segment", "sled"),
+    "sledenv.ride": ("Ride", "RideBatch"),
+    "sledenv.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
+    "sledenv.uncertainty": ("Study", "StudyResult", "load_study", "study", "study_names"),
+    "sledenv.wheel": ("WheelImpact", "collide_wheel"),
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
+_ANALYSIS = ("sledenv.identification.choice", "sledenv.uncertainty")  # need scipy and pandas
 
 _register()
 
 
 def __getattr__(name: str) -> Any:
-    """Load a function that needs scipy and pandas."""
-    if name not in _ANALYSIS:
+    """Load a public name."""
+    if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        return getattr(importlib.import_module(_ANALYSIS[name]), name)
+        found = getattr(importlib.import_module(_HOME[name]), name)
     except ModuleNotFoundError as error:
+        if _HOME[name] not in _ANALYSIS:
+            raise
         raise ImportError(f"sledenv.{name}: {error}: pip install 'sledenv[analysis]'") from error
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

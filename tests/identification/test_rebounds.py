@@ -264,6 +264,7 @@ def test_a_body_or_a_radius_of_gyration() -> None:
 def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
     for name in [name for name in sys.modules if name.startswith("sledenv.identification")]:
         monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(vars(sledenv), "identify", raising=False)  # it stays once it has been loaded
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"sledenv\.identify: .*pandas.*pip install 'sledenv\[analysis\]'"):
         _ = sledenv.identify
