@@ -25,6 +25,7 @@ class Landscape(NamedTuple):
 
     figure: Figure
     words: str
+    marks: dict[str, Any]  # of plain_marks
 
 
 class Chooser(NamedTuple):
@@ -63,7 +64,7 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     grid = {name: CONTROLS[name].drawn for name in names[:2]} | {name: CONTROLS[name].searched for name in names[2:]}
     (one,) = jam_map(problem, context, grid)
     figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
-    return Landscape(figure, words(problem, best, results))
+    return Landscape(figure, words(problem, best, results), plain_marks(problem, seed, best, results))
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
@@ -163,3 +164,18 @@ def words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
     lines.append(f"{'any launch':<20} mean reward {best['uniform']:.4f}; {best['width']:.2%} within 1 % of the best")
     lines.append(f"{'neighbours differ':<20} by {best['step_median']:.4f} (median), {best['step_p99']:.4f} (99 %)")
     return "\n".join(lines)
+
+
+def plain_marks(problem: Problem, seed: int, best: pd.Series, results: pd.DataFrame) -> dict[str, Any]:
+    """Return what :func:`marked` has found in the context of a seed as plain data, launches in the scenario's units."""
+
+    def launch(row: pd.Series) -> dict[str, Any]:
+        names = enumerate(problem.task.controlled)
+        values = {
+            f"{name} [{CONTROLS[name].unit}]": float(physical(problem, name, row[f"action_{i}"])) for i, name in names
+        }
+        return {"launch": values, "reward": row["reward"]}
+
+    agents = [{"agent": row["agent"], "seed": row["seed"], **launch(row)} for _, row in results.iterrows()]
+    around = {name: best[name] for name in ("uniform", "width", "step_median", "step_p99")}
+    return {"seed": seed, "best": launch(best), "agents": agents, **around}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sledenv.benchmark.figures import label, look
-from sledenv.benchmark.landscape import load_choosers, marked, physical, words
+from sledenv.benchmark.landscape import load_choosers, marked, physical, plain_marks, words
 from sledenv.benchmark.oracle import grid_axes
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.benchmark.runs import read_config
@@ -44,6 +44,7 @@ class MapPage(NamedTuple):
 
     html: str
     words: str
+    marks: list[dict[str, Any]]  # of plain_marks, one a context
 
 
 def map_page(
@@ -79,7 +80,7 @@ def map_page(
             raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
     drawn = np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
     axes = _axes(problem, drawn)
-    told, contexts = [], []
+    told, marks, contexts = [], [], []
     launches = len(seeds) * (math.prod(map(len, axes)) + 1 + len(choosers))
     with tqdm(total=launches, unit="launch", leave=False, disable=None) as bar:  # where there is a terminal
         for seed, context in zip(seeds, drawn[:, np.newaxis], strict=True):
@@ -87,8 +88,9 @@ def map_page(
             best, results = marked(problem, context, choosers)
             bar.set_description(f"seed {seed}, all launches")
             contexts.append(_context(problem, context, axes, best, results, seed, bar))
+            marks.append(plain_marks(problem, seed, best, results))
             told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
-    return MapPage(filled("map.html", _content(problem, axes, contexts)), "\n\n".join(told))
+    return MapPage(filled("map.html", _content(problem, axes, contexts)), "\n\n".join(told), marks)
 
 
 def _shipped_runs(problem: Problem) -> list[Path]:
