@@ -14,22 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sledenv import cli
 from sledenv.cli import PICTURES, main
 from sledenv.derivatives import sensitivity
+from sledenv.descent import simulate
 from sledenv.scenario import load_scenario, scenario_names
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Message of a command that must end with status 2 and print nothing else."""
-    try:
-        status = main(arguments)
-    except SystemExit as stop:
-        status = stop.code
+    """Message of a command that must end with status 2 and print nothing but this line."""
+    assert main(arguments) == 2
     out, err = capsys.readouterr()
-    assert status == 2
     assert out == ""
-    assert "Traceback" not in err
+    assert err.count("\n") == 1
     return err
 
 
@@ -46,6 +42,29 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
     assert ledger["hysteresis"] == "29.862748"
     assert abs(float(ledger["residual"])) < 1e-12
     assert max(map(len, out.splitlines())) <= 120
+
+
+def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the same descent, simulated here; words for its codes, no number that JSON does not have."""
+    file = tmp_path / "ride.csv"
+    assert main(["simulate", "sled_snow", "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    scenario = load_scenario("sled_snow")
+    context = scenario.sample(np.random.default_rng(3))
+    law, launch = scenario.law(context), scenario.launch(context, spin=-0.5)
+    descent = simulate(
+        scenario.body(), law, scenario.slope(context), launch, end_on_chord=True, max_time=scenario.limits.max_time_s
+    )
+    assert (found["scenario"], found["seed"], found["solver"]) == ("sled_snow", 3, "compliant")
+    assert found["launch"] == launch._asdict()
+    assert found["law"]["restitution"] == law.restitution
+    assert (found["status"], found["time"], found["state"]) == (descent.status, descent.time, descent.state._asdict())
+    assert found["jam"]["reward"] == descent.jam.reward
+    assert found["energy"]["residual"] == descent.energy.residual
+    assert [row["u_after"] for row in found["rebounds"]] == descent.rebounds["u_after"].tolist()
+    assert [row["grip"] for row in found["rebounds"]] == descent.rebound_jam.grip.tolist()
+    assert {row["feature"] for row in found["rebounds"]} <= {"arc", "nose", "tail"}
+    assert found["written"] == [str(file)]
 
 
 def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,10 +110,18 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
     assert rows["corner_rolling_arm"][2] == ">"
     assert rows["2"][3] == f"{found.growth[1, 0]:.4g}"
     assert max(map(len, out.splitlines())) <= 120
+    assert main([*arguments, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert told["parameters"]["friction"]["derivatives"]["reward"] == found.of_end("reward", "friction")
+    assert told["parameters"]["corner_rolling_arm"]["side"] == 1
+    assert told["growth"] == found.growth[:, 0].tolist()
+    assert told["written"] == [str(file)]
 
 
 def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "invalid choice: 'euler'" in refused(capsys, "sensitivity", "sled_snow", "--solver", "euler")
+    assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
+        capsys, "sensitivity", "sled_snow", "--solver", "euler"
+    )
     assert "must be an integer >= 1" in refused(capsys, "sensitivity", "sled_snow", "--rebounds", "0")
     file = tmp_path / "growth.pdf"
     assert "must end in .png" in refused(capsys, "sensitivity", "sled_snow", "--out", str(file))
@@ -107,6 +134,10 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
     assert [line.split()[0] for line in lines] == list(scenario_names())
     assert all(len(line) <= 120 and len(line) > header.index("what") for line in lines)
     assert next(line for line in lines if line.startswith("track_grade_20")).split()[1:3] == ["spin", "compliant"]
+    assert main(["scenarios", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == list(scenario_names())
+    assert next(row for row in rows if row["name"] == "track_grade_20")["agent_chooses"] == ["spin"]
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,6 +179,9 @@ def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[st
         text = page.read_text(encoding="utf-8")
         assert '"title":"ice_drop, seed 3, solver compliant"' in text
         assert f"spin {spin}00 rad/s" in text
+    assert main(["replay", "ice_drop", "--out", str(page), "--json"]) == 0
+    written = {"scenario": "ice_drop", "seed": 0, "solver": "compliant", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
 
 
 def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -162,7 +196,7 @@ def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys
 
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
-    assert "argument --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
+    assert "error: --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
     assert "--seed: must be an integer >= 0: '1.5'" in refused(capsys, "simulate", "ice_drop", "--seed", "1.5")
     assert "--spin: must be a finite number in [-1e+06, 1e+06] rad/s: 'inf'" in refused(
         capsys, "simulate", "ice_drop", "--spin", "inf"
@@ -170,10 +204,12 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
     for value in ("up", "1e300", "-360.1", "nan"):
         assert f"{bad}{value!r}" in refused(capsys, "simulate", "ice_drop", f"--orientation-deg={value}")
-    assert "invalid choice: 'magic'" in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
-    assert "required: SCENARIO" in refused(capsys, "simulate")
-    assert "required: COMMAND" in refused(capsys)
-    assert "invalid choice: 'solve'" in refused(capsys, "solve")
+    assert 'Invalid value "magic" for --solver' in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
+    assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
+    assert "sledenv: error: a command is needed" in refused(capsys)
+    assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
+    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", "ice_drop", "snow")
+    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", "ice_drop", "--ori", "3")
     (tmp_path / "broken.yaml").write_text("id: [")
     assert "broken.yaml: cannot be read" in refused(capsys, "simulate", str(tmp_path / "broken.yaml"))
 
@@ -212,7 +248,7 @@ def test_an_interrupt_is_not_a_traceback(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "reproduce", interrupted)
+    monkeypatch.setattr("sledenv.reproduce.reproduce", interrupted)
     before = signal.getsignal(signal.SIGTERM)
     assert main(["reproduce", "--out", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().err == "sledenv reproduce: interrupted\n"
@@ -228,9 +264,9 @@ def test_a_killed_run_leaves_nothing(
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     command = [sys.executable, "-m", "sledenv.cli", "reproduce", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert "figures 2 and 4" in process.stdout.readline()
-        assert "7-10" in process.stdout.readline()
+        assert process.stderr is not None
+        assert "figures 2 and 4" in process.stderr.readline()
+        assert "7-10" in process.stderr.readline()
         assert list(tmp_path.iterdir()) != []
         process.send_signal(number)
         assert process.wait(30) == status
@@ -248,8 +284,9 @@ def test_a_reader_that_stops_early_is_no_error() -> None:
 
 @pytest.mark.slow
 def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["reproduce", "--out", str(tmp_path / "out")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    assert main(["reproduce", "--json", "--out", str(tmp_path / "out")]) == 0
+    out, err = capsys.readouterr()
+    lines, found = err.splitlines(), json.loads(out)
     steps = (
         "Equation",
         "Figures 7-10",
@@ -259,11 +296,13 @@ def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixtu
         "Convergence",
         "Jamming",
         "Table of",
-        "wrote",
     )
     assert len(lines) == len(steps)
     assert all(line.startswith(f"reproduce: {step}") for line, step in zip(lines, steps, strict=True))
-    assert lines[-1] == f"reproduce: wrote {tmp_path / 'out' / 'index.md'}"
+    assert found["written"] == [str(tmp_path / "out" / "index.md")]
+    table = list(csv.DictReader((tmp_path / "out" / "table.csv").read_text(encoding="utf-8").splitlines()))
+    assert found["numbers"] == table
+    assert len(table) > 20
 
 
 # --- map and benchmark ------------------------------------------------------------------------------------------------
@@ -290,14 +329,18 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     content["control"] |= {"speed_m_s": [2, 8], "chosen": "all"}
     pack, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
     pack.write_text(json.dumps(content))  # JSON is YAML
-    assert main(["map", str(pack), "--out", str(picture)]) == 0
+    assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    words = capsys.readouterr().out.splitlines()[0].split()
-    assert [words[3], words[5], words[7]] == ["deg", "rad/s", "m/s"]
-    launch = [f"--orientation-deg={words[2]}", f"--spin={words[4]}", f"--speed={words[6]}"]
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    (context,) = found["contexts"]
+    assert (context["seed"], context["agents"], found["written"]) == (0, [], [str(picture)])
+    values = context["best"]["launch"]
+    assert list(values) == ["orientation [deg]", "spin [rad/s]", "speed [m/s]"]
+    options = "--orientation-deg", "--spin", "--speed"
+    launch = [f"{option}={value}" for option, value in zip(options, values.values(), strict=True)]
     assert main(["simulate", str(pack), *launch]) == 0
     told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
-    assert float(told) == pytest.approx(float(words[9]), abs=0.02)  # the launch is told to a thousandth
+    assert float(told) == pytest.approx(context["best"]["reward"], abs=1e-4)
 
 
 def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -319,8 +362,12 @@ def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: py
     assert "best fixed" in page.read_text()
     assert str(page) in capsys.readouterr().out
     first = page.read_bytes()
-    assert main(call) == 0
+    assert main([*call, "--json"]) == 0
     assert page.read_bytes() == first
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert (found["suite"], found["written"]) == ("two", [str(page)])
+    assert {row["agent"] for row in found["scores"]} == {"zero", "random_launch", "best_fixed"}
+    assert all(0.0 <= row["reward"] <= 1.0 for row in found["scores"])
 
 
 @pytest.mark.parametrize(

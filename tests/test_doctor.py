@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 from collections.abc import Callable
@@ -62,6 +63,20 @@ def test_a_wrong_result_is_found(ill: Ill) -> None:
     err = ill(_FIRST=doctor._FIRST | {"u_after": 0.73720907727848})
     assert "reference descent: u_after = 0.737209077558" in err
     assert "at the first rebound, not 0.73720907727848" in err
+
+
+def test_what_was_found_is_told_to_a_program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the same lines, on standard error while they become known."""
+    monkeypatch.setattr(doctor, "_KERNELS", ())
+    monkeypatch.setattr(doctor, "_FIRST", doctor._FIRST | {"u_after": 0.73720907727848})
+    assert main(["doctor", "--json"]) == 1
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert "reference descent: u_after = 0.7372090775" in found["problems"][0]
+    assert found["report"]["check"][0] == "reference descent: wrong"
+    assert f"versions   {found['report']['versions'][0]}\n" in err
 
 
 def test_a_cache_that_cannot_be_written_is_found(ill: Ill, tmp_path: Path) -> None:

@@ -69,8 +69,6 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
     place = Path(folder).resolve()
     check_free(place, folder, files)
     home = next(parent for parent in place.parents if parent.exists())
-    if not home.is_dir():
-        raise NotADirectoryError(f"{folder} cannot be written: {home} is a file")
     try:
         scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=home))
     except OSError as error:
@@ -103,12 +101,20 @@ def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 def check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:
     """Raise an OSError unless a folder is not there yet or holds nothing but ``files``; messages call it ``folder``."""
+    check_folder(folder)
     if not place.exists():
         return
-    if not place.is_dir():
-        raise NotADirectoryError(f"{folder} is a file: choose another folder")
     if place == Path.cwd():
         raise FileExistsError(f"{folder} is the current folder: choose another one")
     foreign = sorted(entry.name for entry in place.iterdir() if entry.name not in files)
     if foreign:
         raise FileExistsError(f"{folder} holds {foreign[0]!r}, which is not of this command: choose another folder")
+
+
+def check_folder(folder: str | Path) -> None:
+    """Raise an OSError where there is something that is no folder, or above it."""
+    place = Path(folder).resolve()
+    home = next(one for one in (place, *place.parents) if one.exists())
+    if not home.is_dir():
+        why = "is a file: choose another folder" if home == place else f"cannot be written: {home} is a file"
+        raise NotADirectoryError(f"{folder} {why}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -316,8 +317,14 @@ def test_the_command_takes_a_body_and_fixed_values(tmp_path, capsys) -> None:
     k = math.sqrt(SEGMENT.inertia / SEGMENT.mass)
     shape = ["--radius", "0.2", "--eccentricity", repr(SEGMENT.eccentricity), "--half-angle-deg", "70"]
     fixed = ["--fix", "rolling_arm=0", "--fix", "corner_rolling_arm=0", "--starts", "2"]
-    assert main(["identify", str(file), "--gyration-radius", repr(k), *shape, *fixed]) == 0
+    command = ["identify", str(file), "--gyration-radius", repr(k), *shape, *fixed]
+    assert main(command) == 0
     assert "restitution                 0.5 " in capsys.readouterr().out
+    assert main([*command, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    parameters = {row["parameter"]: row for row in found["parameters"]}
+    assert parameters["restitution"]["value"] == pytest.approx(0.5, abs=1e-6)
+    assert (parameters["rolling_arm"]["value"], parameters["rolling_arm"]["low"]) == (0.0, None)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,11 @@ def test_study_prints_and_writes_what_it_has_found(
         assert out.startswith("drop, 96 launches, solver rigid: A drop\n")
         assert out.endswith("study: wrote runs/study/drop\n")
         assert "96.0/96.0" in err
+    assert main(["study", str(file), "--launches", "90", "--workers", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert (told["study"], told["launches"], told["written"]) == ("drop", 96, ["runs/study/drop"])
+    assert sum(row["share"] for row in told["shares"]) == pytest.approx(1.0)
+    assert {row["output"] for row in told["quantiles"]} >= {"run_out_m"}
     mean = pd.read_parquet("runs/study/drop/quantiles.parquet").set_index("output").loc["run_out_m", "mean"]
     printed = next(line.split() for line in out.splitlines() if line.startswith("  run_out_m "))
     assert float(printed[1]) == pytest.approx(mean, rel=1e-3)

@@ -1,0 +1,169 @@
+"""How commands are run: errors of one line, exit status, kinds of arguments, progress."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn
+
+from cyclopts import App, CoercionError, CycloptsError, Parameter, Token
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FAILED: Final = 1
+WRONG: Final = 2
+_INTERRUPTED = 128 + signal.SIGINT
+_BROKEN_PIPE = 141
+_WIDTH = 120  # of a table that is not printed on a terminal
+STATUS: Final = "Exit status: 0 done, 1 failed, 2 wrong input, 130 interrupted."
+
+
+def app(name: str, text: str) -> App:
+    """Return a command without sub-commands yet; they are functions, and their docstrings are its help."""
+    return App(
+        name,
+        help=text,
+        help_format="markdown",
+        help_epilogue=STATUS,
+        version=lambda: version("sledenv"),
+        default_parameter=Parameter(negative="", show_default=_shown),
+        suppress_keyboard_interrupt=False,
+    )
+
+
+def _shown(default: Any) -> str | None:
+    return None if default is None or default is False or default == () else str(default)
+
+
+def run(command: App, arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    command : App
+    arguments : sequence of str, optional
+        Those of the command line by default.
+
+    Returns
+    -------
+    int
+        Exit status: what the command returns, 0 for None; 1 with a message on standard error where the memory is too
+        small; 2 with one where an argument is wrong, a file cannot be read or written, or a package is missing; 130 and
+        143 after an interrupt and a request to terminate; 141 where nobody reads on.
+    """
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    if not words and command.default_command is None:
+        return _told(f"{command.name[0]}: error: a command is needed, see --help", WRONG)
+    name = " ".join((*command.name, *(word for word in command.parse_commands(words)[0] if word[0] != "-")))
+    before = signal.signal(signal.SIGTERM, _terminate)  # or the folder being written would stay
+    try:
+        status = command(words, print_error=False, exit_on_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader, head for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _BROKEN_PIPE
+    except CycloptsError as error:
+        return _told(f"{name}: error: {' '.join(str(error).removeprefix('Invalid value for ').split())}", WRONG)
+    except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
+        return _told(f"{name}: error: {error}", WRONG)
+    except MemoryError as error:
+        return _told(f"{name}: error: {error}", FAILED)
+    except KeyboardInterrupt:
+        return _told(f"{name}: interrupted", _INTERRUPTED)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return status or 0
+
+
+def _told(message: str, status: int) -> int:
+    print(message, file=sys.stderr)
+    return status
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+def number(kind: type, words: str, accepts: Callable[[Any], bool], *, several: bool = False) -> Parameter:
+    """Return what reads a number of a kind, or several, which ``words`` tell to whoever gives another."""
+
+    def one(token: Token) -> Any:
+        try:
+            value = kind(token.value)
+        except ValueError:
+            value = math.nan
+        if not accepts(value):
+            raise CoercionError(msg=f"must be {words}: {token.value!r}", token=token)
+        return value
+
+    def read(_: Any, tokens: Sequence[Token]) -> Any:
+        return tuple(map(one, tokens)) if several else one(tokens[0])
+
+    return Parameter(converter=read, consume_multiple=(1, None) if several else None)
+
+
+def within(most: float, unit: str) -> Parameter:
+    """Return what reads a number in [-most, most]."""
+    words = f"a finite number in [-{most:g}, {most:g}] {unit}"
+    return number(float, words, lambda value: abs(value) <= most)
+
+
+def positive(unit: str) -> Parameter:
+    """Return what reads a number above 0."""
+    return number(float, f"a number > 0 {unit}", lambda value: 0.0 < value < math.inf)
+
+
+_SEED: Any = int, "an integer >= 0", lambda value: value >= 0
+Seed = Annotated[int, number(*_SEED)]
+Seeds = Annotated[tuple[int, ...], Parameter(metavar="SEED"), number(*_SEED, several=True)]
+Count = Annotated[int, Parameter(metavar="N"), number(int, "an integer >= 1", lambda value: value >= 1)]
+
+
+def tell(result: str | Table, data: Any, as_json: bool) -> None:
+    """Print a result on standard output: for a reader, or as one JSON document in which what is not finite is null."""
+    if as_json:
+        from pydantic_core import to_json
+
+        result = to_json(data, indent=2, inf_nan_mode="null", fallback=_plain).decode()
+    if isinstance(result, str):
+        print(result, flush=True)
+    else:
+        from rich.console import Console
+
+        Console(width=None if sys.stdout.isatty() else _WIDTH, highlight=False).print(result)
+
+
+def _plain(value: Any) -> Any:
+    """Return what numpy and pandas have as lists and numbers; rows of a table have their names."""
+    if hasattr(value, "to_dict"):
+        return value.reset_index().to_dict("records") if value.index.names != [None] else value.to_dict("records")
+    if getattr(value.dtype, "names", None):
+        return [dict(zip(value.dtype.names, row, strict=True)) for row in value.tolist()]
+    return value.tolist()
+
+
+@contextmanager
+def working(words: str) -> Iterator[None]:
+    """Show on standard error what is being done and for how long, if that is a terminal."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as shown:
+        shown.add_task(words, total=None)
+        yield
+
+
+def progress(name: str) -> Callable[[str], None]:
+    """Return what tells on standard error what a command is about to do."""
+    return lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True)
