@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -17,6 +16,7 @@ from agents.train import run_folder, train, trained
 from sledenv import Descent
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
+from sledenv.command import Count, Seed, app, run
 from sledenv.envs.task import Contexts
 from sledenv.plot import plot_strobe
 
@@ -45,43 +45,52 @@ def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
     return problem.contexts("test", gain.size)[[middle]]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the demo; runs that exist already are judged as they are."""
-    parser = argparse.ArgumentParser(prog="python -m agents.demo", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("runs/demo"))
-    parser.add_argument("--steps", type=int, help="budget of each agent in descents (default: as configured)")
-    given = parser.parse_args(arguments)
+command = app("python -m agents.demo", __doc__)
+
+
+@command.default
+def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None = None) -> None:
+    """Run the demo; runs that exist already are judged as they are.
+
+    Parameters
+    ----------
+    steps
+        Budget of each agent in descents; default: as configured.
+    """
     mpl.use("Agg")
     start = time.perf_counter()
-    given.out.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     problem = Problem(SCENARIO)
     for algo in ALGORITHMS:
-        if trained(algo, problem, seed=given.seed, folder=given.out, steps=given.steps):
+        if trained(algo, problem, seed=seed, folder=out, steps=steps):
             print(f"[{algo}] already trained", flush=True)
             continue
         print(f"[{algo}] training on {SCENARIO}", flush=True)
-        train(algo, problem, seed=given.seed, folder=given.out, steps=given.steps, overwrite=True)
+        train(algo, problem, seed=seed, folder=out, steps=steps, overwrite=True)
 
     print(f"\nJudging on {CONTEXTS} held-out contexts of {SCENARIO}, the same for all\n", flush=True)
     scores = []
     for algo in ALGORITHMS:
-        _, agent, _ = load_run(run_folder(given.out, algo, problem, given.seed))
+        _, agent, _ = load_run(run_folder(out, algo, problem, seed))
         scores.append(evaluate(problem, agent, algo))
     text = table(scores)
     print(text)
-    (given.out / "table.txt").write_text(text + "\n")
-    (given.out / "scores.json").write_text(json.dumps(as_json(scores)))
+    (out / "table.txt").write_text(text + "\n")
+    (out / "scores.json").write_text(json.dumps(as_json(scores)))
 
-    sac_run = run_folder(given.out, "sac", problem, given.seed)
+    sac_run = run_folder(out, "sac", problem, seed)
     untrained = Sac.load_untrained(problem, sac_run)
     before = evaluate(problem, untrained, "untrained")
-    picture = given.out / "before_after.png"
+    picture = out / "before_after.png"
     strobe(problem, untrained, agent, telling_context(problem, before, scores[-1]), picture)
     print(f"\nSAC before any learning: {before.mean:.4f}")
-    print(f"Table, scores and picture: {given.out}/table.txt, scores.json, {picture.name}")
+    print(f"Table, scores and picture: {out}/table.txt, scores.json, {picture.name}")
     print(f"Done in {time.perf_counter() - start:.0f} s")
-    return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line."""
+    return run(command, arguments)
 
 
 if __name__ == "__main__":

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
+from json import dumps
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
-from sledenv import ScenarioError
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
+from sledenv.command import app, number, run
 
 CONTEXTS = 400
 
@@ -73,30 +73,41 @@ def as_json(scores: list[Score]) -> list[dict[str, Any]]:
     ]
 
 
+command = app("python -m agents.evaluate", __doc__.partition(":")[0] + ".")
+
+
+@command.default
+def _evaluate(
+    runs: Annotated[list[Path], Parameter(name="RUN", required=True)],
+    /,
+    *,
+    contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
+    json: Path | None = None,
+) -> None:
+    """Judge trained agents.
+
+    Parameters
+    ----------
+    runs
+        Folders written by agents.train.
+    contexts
+        Number of held-out contexts.
+    json
+        Also write the rewards to this file.
+    """
+    loaded = [load_run(folder) for folder in runs]
+    problems = {(problem.scenario.hash, problem.control) for problem, _, _ in loaded}
+    if len(problems) > 1:
+        raise ValueError("the runs have different scenarios or controls: judge them apart")
+    scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for problem, agent, config in loaded]
+    print(table(scores))
+    if json:
+        json.write_text(dumps(as_json(scores)))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m agents.evaluate", description=__doc__)
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder written by agents.train")
-    parser.add_argument("--contexts", type=int, default=CONTEXTS, help="number of held-out contexts")
-    parser.add_argument("--json", type=Path, help="also write the rewards to this file")
-    given = parser.parse_args(arguments)
-    if given.contexts < 2:
-        parser.error(f"--contexts {given.contexts}: must be >= 2")
-    try:
-        loaded = [load_run(folder) for folder in given.runs]
-        problems = {(problem.scenario.hash, problem.control) for problem, _, _ in loaded}
-        if len(problems) > 1:
-            raise ValueError("the runs have different scenarios or controls: judge them apart")
-        scores = [
-            evaluate(problem, agent, agent_name(config["agent"]), given.contexts) for problem, agent, config in loaded
-        ]
-    except (ScenarioError, ValueError, FileNotFoundError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(table(scores))
-    if given.json:
-        given.json.write_text(json.dumps(as_json(scores)))
-    return 0
+    return run(command, arguments)
 
 
 if __name__ == "__main__":

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Annotated, Any, Final
 
-from sledenv import ScenarioError
+from cyclopts import Parameter
+
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
+from sledenv.command import Count, Seed, app, run
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),
@@ -100,34 +101,47 @@ def trained(
     return runs.is_trained(_module(algo), problem, settings, seed, run_folder(folder, algo, problem, seed))
 
 
+command = app("python -m agents.train", __doc__.partition(":")[0] + ".")
+
+
+@command.default
+def _train(
+    *,
+    algo: Annotated[str, Parameter(choices=ALGORITHMS)] = "sac",
+    scenario: str = "sled_snow",
+    environment: Environment = "launch",
+    control: str | None = None,
+    seed: Seed = 0,
+    steps: Count | None = None,
+    settings: Path = SETTINGS,
+    runs: Path = Path("runs"),
+    overwrite: bool = False,
+) -> None:
+    """Train one agent.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario or a .yaml file.
+    control
+        Such as orientation+spin; default: what the scenario says.
+    steps
+        Budget in environment steps; default: configs/agents/ALGO.yaml.
+    settings
+        Folder of the hyperparameters.
+    runs
+        Where the folder of the run is made.
+    overwrite
+        Replace a finished run.
+    """
+    problem = Problem(scenario, environment, control)
+    folder = train(algo, problem, seed=seed, folder=runs, steps=steps, settings=settings, overwrite=overwrite)
+    print(f"{folder}\njudge it:  python -m agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m agents.train", description=__doc__)
-    parser.add_argument("--algo", choices=ALGORITHMS, default="sac")
-    parser.add_argument("--scenario", default="sled_snow", help="name of a shipped scenario or a .yaml file")
-    parser.add_argument("--environment", choices=get_args(Environment), default="launch")
-    parser.add_argument("--control", help="such as orientation+spin; default: what the scenario says")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, help="budget in environment steps (default: configs/agents/ALGO.yaml)")
-    parser.add_argument("--settings", type=Path, default=SETTINGS, help="folder of the hyperparameters")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="where the folder of the run is made")
-    parser.add_argument("--overwrite", action="store_true", help="replace a finished run")
-    given = parser.parse_args(arguments)
-    try:
-        folder = train(
-            given.algo,
-            Problem(given.scenario, given.environment, given.control),
-            seed=given.seed,
-            folder=given.runs,
-            steps=given.steps,
-            settings=given.settings,
-            overwrite=given.overwrite,
-        )
-    except (ScenarioError, ValueError, FileExistsError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(f"{folder}\njudge it:  python -m agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
-    return 0
+    return run(command, arguments)
 
 
 def _module(algo: str) -> str:

@@ -147,7 +147,7 @@ def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(q
     ("arguments", "message"),
     [
         (["--scenario", "brake_mta"], "brake_mat"),
-        (["--algo", "zero", "--steps", "0"], "steps = 0: must be >= 1"),
+        (["--algo", "zero", "--steps", "0"], "--steps: must be an integer >= 1: '0'"),
     ],
 )
 def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, message, tmp_path, capsys):
