@@ -6,13 +6,14 @@ STAMP = $(VENV)/.installed
 CLIENTS ?= .venv-clients
 CLIENTS_STAMP = $(CLIENTS)/.installed
 BENCH_STAMP = $(VENV)/.installed-bench
+DOCS_STAMP = $(VENV)/.installed-docs
 
 HARD = brake_mat hard ice_drop sled_brake sled_frost sled_snow spinning_entry
 NEEDLES = sled_frost sled_snow
 EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients test test-slow test-nojit lint clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit lint clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -34,6 +35,17 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP) ## train and judge a small agent, results in runs/demo
 	$(BIN)/python -m agents.demo
+
+reproduce: $(STAMP) ## compute the paper's numbers and draw its figures, results in reproduction
+	$(BIN)/sledenv reproduce
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
+	@touch $@
+
+docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
+	@echo "Open site/index.html"
 
 agents: $(STAMP) ## train the agents of agents/trained anew: an hour on two cores
 	for name in $(HARD); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
@@ -85,5 +97,5 @@ clean-cache: ## remove the compiled kernels and byte code
 	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
-	rm -rf $(VENV) $(CLIENTS) build dist src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
+	rm -rf $(VENV) $(CLIENTS) build dist site .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
 		.pytest_cache .ruff_cache

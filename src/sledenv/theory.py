@@ -36,7 +36,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
     """Whether the body, laid on the slope at rest, stays: docs/physics.md (6.1).
 
     At rest N = m g cos(beta) and F = -m g sin(beta), so the moment to be borne by rolling resistance is
-    M = a N - b F. It rests if and only if |F| <= f N and |M| <= delta N, that is ``tan|beta| <= f`` and
+    M = a N - b F. It rests if and only if ``|F| <= f N`` and ``|M| <= delta N``, that is ``tan|beta| <= f`` and
     ``|a + b tan(beta)| <= delta`` with the arms a, b and the rolling arm delta of the feature that touches.
 
     Parameters
@@ -173,7 +173,7 @@ def chord_loads(body: Body, law: ContactLaw, slope: Slope, slip: ArrayLike) -> t
 
 
 def chord_tipping_friction(body: Body, law: ContactLaw) -> float:
-    """Ratio |F| / N [-] above which friction tips a body that lies on its chord over the corner ahead: (8.7).
+    """Ratio ``|F| / N`` [-] above which friction tips a body that lies on its chord over the corner ahead: (8.7).
 
     It is ``(L + delta) / |H|`` with the rolling arm delta of the corners: sliding flat needs a smaller friction
     coefficient, and lying at rest a smaller slope.
@@ -329,7 +329,7 @@ def painleve_threshold(body: Body, law: ContactLaw) -> float:
 def wheel_stuck_ratio(restitution: ArrayLike, friction: ArrayLike, rolling_arm: ArrayLike, radius: ArrayLike) -> Floats:
     """Largest ``|u0 / v0|`` [-] at which a wheel without spin gets stuck, ``(1 + e) min(f, delta/r)``.
 
-    Row 4 of Table 1, docs/physics.md, section 3: m u0 <= f P and m r u0 <= delta P with P = m |v0| (1 + e).
+    Row 4 of Table 1, docs/physics.md, section 3: ``m u0 <= f P`` and ``m r u0 <= delta P`` with ``P = m |v0| (1 + e)``.
 
     Parameters
     ----------

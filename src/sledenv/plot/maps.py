@@ -115,7 +115,7 @@ def plot_mode_map(
     phi : ndarray, shape (n,)
         Orientation at touch [rad], the middles of two or more equal cells.
     speed_ratio : ndarray, shape (m,)
-        Tangential over normal speed of approach u/|v| [-], likewise.
+        Tangential over normal speed of approach ``u/|v|`` [-], likewise.
     panels : mapping of str to ndarray of int, shape (m, n)
         Title to :class:`sledenv.Mode` of each cell.
     note : str
