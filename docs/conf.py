@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import operator
 import re
 import tomllib
 from importlib.util import find_spec
@@ -41,6 +42,8 @@ autodoc_typehints = "none"  # the types are in the docstrings, with shapes and u
 autosummary_generate = False
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_preprocess_types = True
+napoleon_type_aliases = {name: f"~sledenv.{name}" for name in sledenv.__all__}
 viewcode_line_numbers = True
 
 # Formulae are drawn by a copy of MathJax that travels with the site, so that it needs no network.
@@ -56,29 +59,32 @@ html_show_sphinx = False
 mathjax_path = MATHJAX.name
 
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#:? (.*)$", re.MULTILINE)
+_ESCAPED = str.maketrans({mark: "\\" + mark for mark in "*|`_"})
+_PAGE = re.compile(r"docs/(\w+)\.md")
 
 
 def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
-    """Give a field of a class the comment that stands beside it, with its unit."""
-    if what not in ("attribute", "property") or (lines and not lines[0].startswith("Alias for field")):
+    """Give a field of a class the comment that stands beside it, with its unit; leave a property its words."""
+    if what == "property" and inspect.getdoc(value):
+        lines[:] = inspect.getdoc(value).splitlines()  # Napoleon takes what stands before a colon for a type
+    if what != "attribute" or (lines and not lines[0].startswith("Alias for field")):
         return
     owner, field = name.rsplit(".", 1)
-    for kind in inspect.getmro(_find(owner)):
+    for kind in inspect.getmro(operator.attrgetter(owner.removeprefix("sledenv."))(sledenv)):
         if kind.__module__.startswith("sledenv"):
             comments = dict(_FIELD.findall(inspect.getsource(kind)))
             if field in comments:
-                lines[:] = [comments[field].replace("*", r"\*")]
+                lines[:] = [comments[field].translate(_ESCAPED)]
                 return
 
 
-def _find(path: str) -> Any:
-    found: Any = sledenv
-    for part in path.split(".")[1:]:
-        found = getattr(found, part)
-    return found
+def link_pages(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """Make a link of a page that a docstring names."""
+    lines[:] = [_PAGE.sub(r":doc:`\g<0> </docs/\1>`", line) for line in lines]
 
 
 def setup(app: Any) -> dict[str, bool]:
     """Add what Sphinx lacks."""
-    app.connect("autodoc-process-docstring", describe_field)
+    for change in (describe_field, link_pages):
+        app.connect("autodoc-process-docstring", change, priority=900)  # after Napoleon
     return {"parallel_read_safe": True, "parallel_write_safe": True}

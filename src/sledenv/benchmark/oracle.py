@@ -68,9 +68,10 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     DataFrame
         One row a context: its fields; ``action_0``, ... and ``reward`` of the best launch found; ``left``, by how much
         a better one may be missed (see below), with ``left_high``, the bound of 95 %, and ``searches``, from how many;
-        ``steady_0``, ... of the best launch under a tremble, see :meth:`Problem.trembling`, and its mean reward
-        ``steady``; and, from a grid of launches, ``uniform`` (mean reward), ``width`` (share of launches within 1 % of
-        the best) and ``step_median``, ``step_p99`` (difference of reward between neighbours).
+        ``steady_0``, ... of the best launch under a tremble, see
+        :meth:`~sledenv.benchmark.problem.Problem.trembling`, and its mean reward ``steady``; and, from a grid of
+        launches, ``uniform`` (mean reward), ``width`` (share of launches within 1 % of the best) and ``step_median``,
+        ``step_p99`` (difference of reward between neighbours).
 
     Notes
     -----
@@ -310,7 +311,7 @@ def _expect(
     *,
     trembling: bool = False,
 ) -> NDArray[np.float64]:
-    """Evaluate :meth:`Problem.expect` block by block, so that memory stays bounded."""
+    """Evaluate :meth:`~sledenv.benchmark.problem.Problem.expect` block by block, so that memory stays bounded."""
     rows = max(1, _BLOCK // actions.shape[1])
     parts = [
         problem.expect(contexts[start : start + rows], actions[start : start + rows], split, trembling=trembling)

@@ -102,7 +102,7 @@ def identify_tracks(
         Standard deviations of a position [m] and of an orientation [rad]. Estimated from the third differences of
         poses by default, by their median so that rebounds and wrong poses hardly count.
     loss : {"soft_l1", "linear"}
-        As for :class:`Problem`; ``"soft_l1"`` bears wrong poses.
+        As for :class:`~sledenv.identification.fitting.Problem`; ``"soft_l1"`` bears wrong poses.
     seed : int
         Of the laws and launches that are drawn where none of those that were followed explains what comes next.
 
