@@ -37,6 +37,7 @@ myst_heading_anchors = 4
 myst_dmath_allow_space = False
 highlight_language = "text"
 
+autodoc_default_options = {"exclude-members": "model_config"}  # pydantic's
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the types are in the docstrings, with shapes and units
 autosummary_generate = False
@@ -70,12 +71,12 @@ def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lin
     if what != "attribute" or (lines and not lines[0].startswith("Alias for field")):
         return
     owner, field = name.rsplit(".", 1)
+    lines.clear()
     for kind in inspect.getmro(operator.attrgetter(owner.removeprefix("sledenv."))(sledenv)):
-        if kind.__module__.startswith("sledenv"):
-            comments = dict(_FIELD.findall(inspect.getsource(kind)))
-            if field in comments:
-                lines[:] = [comments[field].translate(_ESCAPED)]
-                return
+        comments = dict(_FIELD.findall(inspect.getsource(kind))) if kind.__module__.startswith("sledenv") else {}
+        if field in comments:
+            lines.append(comments[field].translate(_ESCAPED))
+            return
 
 
 def link_pages(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
