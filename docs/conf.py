@@ -10,6 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+
 import sledenv
 
 ROOT = Path(__file__).parents[1]
@@ -61,6 +63,7 @@ mathjax_path = MATHJAX.name
 
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#:? (.*)$", re.MULTILINE)
 _ESCAPED = str.maketrans({mark: "\\" + mark for mark in "*|`_"})
+_QUOTED = re.compile(r"\$`([^`\n]+)`\$")
 _PAGE = re.compile(r"docs/(\w+)\.md")
 
 
@@ -84,8 +87,22 @@ def link_pages(app: Any, what: str, name: str, value: Any, options: Any, lines: 
     lines[:] = [_PAGE.sub(r":doc:`\g<0> </docs/\1>`", line) for line in lines]
 
 
+def read_formulae(app: Any, name: str, source: list[str]) -> None:
+    """Take GitHub's quotes off inline formulae, which MyST does not know."""
+    source[0] = _QUOTED.sub(r"$\1$", source[0])
+
+
+def leave_formulae(app: Any, tree: nodes.document) -> None:
+    """Keep Sphinx from putting displayed formulae of several lines into a split, in which no number is allowed."""
+    for formula in tree.findall(nodes.math_block):
+        formula["no-wrap"] = True
+        formula.children = [nodes.Text(rf"\[{formula.astext()}\]")]
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Add what Sphinx lacks."""
     for change in (describe_field, link_pages):
         app.connect("autodoc-process-docstring", change, priority=900)  # after Napoleon
+    app.connect("source-read", read_formulae)
+    app.connect("doctree-read", leave_formulae)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
