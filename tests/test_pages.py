@@ -6,6 +6,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import sledenv
 import sledenv.plot
 from docs import draw
 from sledenv.cli import main
+from tests import browser
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -82,15 +84,43 @@ def test_every_public_name_is_in_the_reference(module):
     assert whole or [name for name in module.__all__ if not re.search(rf"{module.__name__}\.{name}\b", pages)] == []
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning(tmp_path):
-    """Every page has a file, formulae need no network, and what a folder is opened with leads to the first page."""
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Folder of the site, built with warnings as errors."""
     pytest.importorskip("sphinx")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(tmp_path / "trees")]
-    subprocess.run([*command, "-c", "docs", ".", str(tmp_path / "site")], cwd=ROOT, check=True)
-    pages = [page.relative_to(ROOT).with_suffix(".html") for page in PAGES if page != ROOT / "README.md"]
-    assert [page for page in pages if not (tmp_path / "site" / page).is_file()] == []
-    physics = (tmp_path / "site/docs/physics.html").read_text(encoding="utf-8")
-    assert re.findall(r'<(?:script|link)[^>]*(?:src|href)="(https?:[^"]*)', physics) == []
-    assert 'src="../_static/tex-svg.js' in physics
-    assert "docs/index.html" in (tmp_path / "site/index.html").read_text(encoding="utf-8")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(folder / "trees")]
+    subprocess.run([*command, "-c", "docs", ".", str(folder / "site")], cwd=ROOT, check=True)
+    return folder / "site"
+
+
+@pytest.mark.slow
+def test_the_site_has_every_page_and_needs_no_network(site):
+    """What the folder is opened with leads to the first page."""
+    pages = [site / page.relative_to(ROOT).with_suffix(".html") for page in PAGES if page != ROOT / "README.md"]
+    for page in pages:
+        loaded = re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(https?:[^"]*)', page.read_text(encoding="utf-8"))
+        assert loaded == []
+    assert "docs/index.html" in (site / "index.html").read_text(encoding="utf-8")
+
+
+_SEEN = """return [
+  document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  [...document.images].filter(image => !image.naturalWidth).length,
+  document.querySelectorAll('.math').length - document.querySelectorAll('mjx-container').length,
+  document.querySelectorAll('[data-mml-node=merror]').length]"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser.CHROMEDRIVER is None or browser.CHROMIUM is None, reason="needs chromium and chromedriver")
+@pytest.mark.parametrize("width", [1280, 390])
+def test_pages_fit_a_desktop_and_a_phone(site, width, tmp_path):
+    """Nothing is wider than the screen but what scrolls by itself, no picture is missing, every formula is drawn."""
+    with browser.browser(tmp_path) as tab:
+        tab.screen(width, 900)
+        for page in sorted([*site.glob("docs/**/*.html"), site / "agents" / "README.html"]):
+            tab.open(page)
+            until = time.monotonic() + 60.0  # MathJax draws after the page has loaded
+            while (seen := tab.run(_SEEN)) != [0, 0, 0, 0] and time.monotonic() < until:
+                time.sleep(0.1)
+            assert (page.name, seen) == (page.name, [0, 0, 0, 0])
