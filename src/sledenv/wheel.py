@@ -75,8 +75,8 @@ class WheelImpact:
         SF and P = SN of the paper [N s], those of the slope on the wheel.
     arm : float or ndarray
         d of Table 1 [m]: moment impulse of the rolling resistance over normal impulse, ``|d| <= delta``.
-        Counter-clockwise is positive, as for a normal impulse that acts at d downhill of the contact point; positive throughout Table 1,
-        where u0 > 0 and omega0 = 0. 0 without normal impulse.
+        Counter-clockwise is positive, as for a normal impulse that acts at d downhill of the contact point; positive
+        throughout Table 1, where u0 > 0 and omega0 = 0. 0 without normal impulse.
     branch : int or ndarray
         Index into ``BRANCHES``.
     """
