@@ -26,12 +26,19 @@ root_doc = "docs/index"
 include_patterns = ["docs/**.md", "agents/README.md", "CHANGELOG.md"]
 exclude_patterns = [".*", "build", "dist", "out", "runs", "site", "reproduction", "src", "tests"]
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
+
+# The notebooks are run at each build, in an empty folder; an error in a cell, or two minutes, fail it.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
+nb_merge_streams = True
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_fence_as_directive = ["math"]
@@ -99,10 +106,16 @@ def leave_formulae(app: Any, tree: nodes.document) -> None:
         formula.children = [nodes.Text(rf"\[{formula.astext()}\]")]
 
 
+def run_notebooks(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
+    """Read the notebooks, and so run them, at each build: the package may have changed where they have not."""
+    return [name for name in env.found_docs if name.startswith("docs/notebooks/")]
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Add what Sphinx lacks."""
     for change in (describe_field, link_pages):
         app.connect("autodoc-process-docstring", change, priority=900)  # after Napoleon
+    app.connect("env-get-outdated", run_notebooks)
     app.connect("source-read", read_formulae)
     app.connect("doctree-read", leave_formulae)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -179,3 +179,51 @@ def test_the_page_on_studies_runs(tmp_path, monkeypatch, capsys):
 def test_the_study_file_of_the_page_is_valid(tmp_path):
     (tmp_path / "mine.yaml").write_text(blocks("docs/uncertainty.md", "yaml")[0])
     assert load_study(tmp_path / "mine.yaml").stations.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
+
+
+def notebook(name: str) -> dict[str, Any]:
+    """Run the cells of a notebook."""
+    return run(blocks(f"docs/notebooks/{name}.md", "{code-cell} ipython3"))
+
+
+def test_the_notebook_from_an_impact_to_a_descent_says_what_it_computes(capsys):
+    """Each sentence about a number, by the numbers."""
+    names = notebook("impact_to_descent")
+    wheels = names["wheels"]
+    rolls = wheels.scenario == "stop-roll"
+    assert not rolls[0]
+    assert rolls[-1]
+    np.testing.assert_allclose(wheels.u[rolls], -names["radius"] * wheels.omega[rolls])  # equal speeds
+    assert np.ptp(wheels.u[rolls]) < 1e-12  # more friction changes nothing
+    assert np.ptp(names["moving"]) > 0.1
+    assert names["duration"] < 1e-3
+    assert names["error"] < 1e-4
+    assert abs(names["descent"].energy.residual) < 1e-9
+    assert names["shares"][0.03] == 1.0
+    assert 0.2 < names["shares"][0.3] < 0.3
+
+
+@pytest.mark.slow
+def test_the_notebook_from_the_environment_to_a_regret_says_what_it_computes(capsys):
+    names = notebook("train_and_judge")
+    regret = names["scores"]["mean regret"]
+    assert regret["before learning"] > 0.3
+    assert regret["PPO"] < 0.05
+    assert regret["land flat"] < 0.05
+    missed = {name: rewards.mean() for name, rewards in names["missed"].items()}
+    assert names["missed"]["best"][20] > max(names["missed"]["PPO"][20], names["missed"]["land flat"][20])
+    assert missed["best"] < 0.7 < missed["PPO"]
+    assert [descent.status for descent in names["descents"]] == ["tumbled", "finish"]
+
+
+def test_the_notebook_from_recordings_to_a_law_says_what_it_computes(capsys):
+    """Oracle: the law that made them, and gravity during a contact, which the fitted law does not know."""
+    names = notebook("identify_a_law")
+    assert names["first"].rebounds.balance()["share"]["b"] < -0.9
+    assert names["found"].rebounds.balance()["share"]["b"] > 0.9
+    assert any("spins do not balance" in warning for warning in names["first"].warnings)
+    for name in ("friction", "rolling_arm"):
+        assert names["found"].intervals[name].low < names["truth"][name] < names["found"].intervals[name].high
+    assert names["comparison"].differences()["clear"].all()
+    assert names["found"].intervals["restitution"].high < names["truth"]["restitution"]
+    assert names["again"].intervals["restitution"].low < 0.6 < names["again"].intervals["restitution"].high
