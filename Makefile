@@ -97,5 +97,5 @@ clean-cache: ## remove the compiled kernels and byte code
 	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
-	rm -rf $(VENV) $(CLIENTS) build dist site .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
+	rm -rf $(VENV) $(CLIENTS) build dist site jupyter_execute .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
 		.pytest_cache .ruff_cache

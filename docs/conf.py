@@ -24,7 +24,7 @@ version = release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="
 # The source is the whole repository, so that the links of the pages are the same here and where Git shows them.
 root_doc = "docs/index"
 include_patterns = ["docs/**.md", "agents/README.md", "CHANGELOG.md"]
-exclude_patterns = [".*", "build", "dist", "out", "runs", "site", "reproduction", "src", "tests"]
+exclude_patterns = [".*", "build", "dist", "jupyter_execute", "out", "runs", "site", "reproduction", "src", "tests"]
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
