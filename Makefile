@@ -34,7 +34,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@echo "Ready: $(BIN)/python"
 
 demo: $(STAMP) ## train and judge a small agent, results in runs/demo
-	$(BIN)/python -m agents.demo
+	$(BIN)/python -m sledenv.agents.demo
 
 reproduce: $(STAMP) ## compute the paper's numbers and draw its figures, results in reproduction
 	$(BIN)/sledenv reproduce
@@ -48,11 +48,11 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	@echo "Open site/index.html"
 
 agents: $(STAMP) ## train the agents of agents/trained anew: an hour on two cores
-	for name in $(HARD); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+	for name in $(HARD); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--settings configs/agents/minutes --runs agents/trained --overwrite || exit; done
-	for name in $(EASY); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+	for name in $(EASY); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
-	for name in $(NEEDLES); do $(BIN)/python -m agents.train --algo critic --scenario $$name \
+	for name in $(NEEDLES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--settings configs/agents/steady --runs agents/trained/steady --overwrite || exit; done
 
 test: $(STAMP) ## run the fast tests

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import cma
 import numpy as np
 
-from agents.linear import Floats, Judge, Linear, size
+from sledenv.agents.linear import Floats, Judge, Linear, size
 from sledenv.benchmark.problem import Problem
+from sledenv.extras import needs
+
+with needs("benchmark", __name__):
+    import cma
 
 
 class Agent(Linear):

@@ -11,16 +11,20 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, Self, cast
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.stats import qmc
-from torch import nn
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from agents.curve import Curve
+from sledenv.agents.curve import Curve
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import FIELDS, Contexts
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    import torch
+    from torch import nn
+    from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
 
 Floats = NDArray[np.float32]
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
-from agents.sac import Agent as Sac
-from agents.train import run_folder, train, trained
 from sledenv import Descent
+from sledenv.agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
+from sledenv.agents.sac import Agent as Sac
+from sledenv.agents.train import run_folder, train, trained
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
 from sledenv.command import Count, Seed, app, run
@@ -45,7 +45,7 @@ def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
     return problem.contexts("test", gain.size)[[middle]]
 
 
-command = app("python -m agents.demo", __doc__)
+command = app("python -m sledenv.agents.demo", __doc__)
 
 
 @command.default

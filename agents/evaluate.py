@@ -1,4 +1,4 @@
-"""Judge trained agents on the same held-out contexts: ``python -m agents.evaluate RUN [RUN ...]``."""
+"""Judge trained agents on the same held-out contexts: ``python -m sledenv.agents.evaluate RUN [RUN ...]``."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def as_json(scores: list[Score]) -> list[dict[str, Any]]:
     ]
 
 
-command = app("python -m agents.evaluate", __doc__.partition(":")[0] + ".")
+command = app("python -m sledenv.agents.evaluate", __doc__.partition(":")[0] + ".")
 
 
 @command.default
@@ -89,7 +89,7 @@ def _evaluate(
     Parameters
     ----------
     runs
-        Folders written by agents.train.
+        Folders written by sledenv.agents.train.
     contexts
         Number of held-out contexts.
     json

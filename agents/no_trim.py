@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import best_fixed
+from sledenv.agents import best_fixed
 from sledenv.benchmark.problem import Problem
 
 

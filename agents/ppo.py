@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.policies import ActorCriticPolicy
-
-from agents.learning import Learned
+from sledenv.agents.learning import Learned
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import FIELDS
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.policies import ActorCriticPolicy
 
 
 class HopPolicy(ActorCriticPolicy):

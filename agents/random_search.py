@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.linear import Floats, Judge, Linear, size
+from sledenv.agents.linear import Floats, Judge, Linear, size
 from sledenv.benchmark.problem import Problem
 
 

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import no_trim, random_launch
+from sledenv.agents import no_trim, random_launch
 from sledenv.benchmark.problem import Problem
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from stable_baselines3 import SAC
-
-from agents.learning import Learned
-from agents.searching import SearchingSAC
+from sledenv.agents.learning import Learned
+from sledenv.agents.searching import SearchingSAC
 from sledenv.benchmark.problem import Problem
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    from stable_baselines3 import SAC
 
 
 class Agent(Learned):

@@ -5,11 +5,16 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-import torch
 from scipy.stats import qmc
-from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
-from stable_baselines3.sac.policies import SACPolicy
-from stable_baselines3.td3.policies import TD3Policy
+
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    import torch
+    from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+    from stable_baselines3.sac.policies import SACPolicy
+    from stable_baselines3.td3.policies import TD3Policy
+
 
 COARSE: Final = 96  # actions tried anywhere in the box
 FINE: Final = 16  # actions tried around the best so far, once for each of the widths

@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from stable_baselines3 import TD3
-from stable_baselines3.common.noise import NormalActionNoise
 
-from agents.learning import Learned
-from agents.searching import SearchingTD3
+from sledenv.agents.learning import Learned
+from sledenv.agents.searching import SearchingTD3
 from sledenv.benchmark.problem import Problem
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    from stable_baselines3 import TD3
+    from stable_baselines3.common.noise import NormalActionNoise
 
 
 class Agent(Learned):

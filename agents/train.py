@@ -1,4 +1,4 @@
-"""Train one agent on one scenario: ``python -m agents.train --algo sac --scenario sled_snow --seed 0``."""
+"""Train one agent on one scenario: ``python -m sledenv.agents.train --algo sac --scenario sled_snow --seed 0``."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from cyclopts import Parameter
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.command import Count, Seed, app, run
+from sledenv.scenario import CONFIGS
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),
     *("random_trim", "replan", "sac", "td3", "zero"),
 )
-TRAINED: Final = Path(__file__).parent / "trained"  # what ships: a run of agents.critic for every scenario
-SETTINGS: Final = Path(__file__).parents[1] / "configs" / "agents"
+TRAINED: Final = Path(__file__).parent / "trained"  # what ships: a run of sledenv.agents.critic for every scenario
+SETTINGS: Final = CONFIGS / "agents"
 
 
 def default_settings(algo: str, problem: Problem, settings: Path = SETTINGS) -> dict[str, Any]:
@@ -101,7 +102,7 @@ def trained(
     return runs.is_trained(_module(algo), problem, settings, seed, run_folder(folder, algo, problem, seed))
 
 
-command = app("python -m agents.train", __doc__.partition(":")[0] + ".")
+command = app("python -m sledenv.agents.train", __doc__.partition(":")[0] + ".")
 
 
 @command.default
@@ -136,7 +137,7 @@ def _train(
     """
     problem = Problem(scenario, environment, control)
     folder = train(algo, problem, seed=seed, folder=runs, steps=steps, settings=settings, overwrite=overwrite)
-    print(f"{folder}\njudge it:  python -m agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
+    print(f"{folder}\njudge it:  python -m sledenv.agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -145,7 +146,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _module(algo: str) -> str:
-    return f"agents.{algo}"
+    return f"sledenv.agents.{algo}"
 
 
 if __name__ == "__main__":

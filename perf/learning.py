@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from agents.curve import FILE, validation
 from perf.harness import BLUE, GREEN, ORANGE, PURPLE, drawing, save, table
+from sledenv.agents.curve import FILE, validation
 from sledenv.benchmark import runs
 from sledenv.benchmark.oracle import oracle
 from sledenv.benchmark.problem import Problem
+from sledenv.scenario import CONFIGS
 
 SCENARIO = "brake_mat"
 BUDGETS = {
@@ -25,13 +26,13 @@ REGRETS = (0.10, 0.05, 0.03, 0.02)  # how long it takes to come below them
 COLOURS = {"ppo": BLUE, "sac": GREEN, "td3": PURPLE, "critic": ORANGE}
 LEVELS = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)  # of the axis of regrets [%]
 ROOT = Path(__file__).parents[1]
-SETTINGS = ROOT / "configs" / "agents"
+SETTINGS = CONFIGS / "agents"
 RUNS = ROOT / "runs" / "perf" / "learning"  # kept, so that a measurement that was stopped goes on
 
 
 def trained(agent: str, settings: dict[str, Any], problem: Problem) -> pd.DataFrame:
     """Return the learning curve of an agent, training it unless that has been done."""
-    module, folder = f"agents.{agent}", RUNS / f"{agent}-{settings['n_timesteps']}"
+    module, folder = f"sledenv.agents.{agent}", RUNS / f"{agent}-{settings['n_timesteps']}"
     if not runs.is_trained(module, problem, settings, 0, folder):
         runs.train(module, problem, settings, 0, folder)
     return pd.read_csv(folder / FILE)
@@ -42,10 +43,10 @@ def main() -> None:
     problem = Problem(SCENARIO)
     cases = []
     for agent, budgets in BUDGETS.items():
-        usual = runs.read_settings(SETTINGS, f"agents.{agent}", problem)
+        usual = runs.read_settings(SETTINGS, f"sledenv.agents.{agent}", problem)
         buffer = [{"buffer_size": budget} if "buffer_size" in usual else {} for budget in budgets]
         cases += [(agent, usual | more | {"n_timesteps": n}) for n, more in zip(budgets, buffer, strict=True)]
-    cases.append(("critic", runs.read_settings(SETTINGS / "minutes", "agents.critic", problem)))
+    cases.append(("critic", runs.read_settings(SETTINGS / "minutes", "sledenv.agents.critic", problem)))
     best = oracle(problem, validation(problem), RUNS)["reward"].mean()
     rows = []
     for agent, settings in cases:

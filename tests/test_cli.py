@@ -238,7 +238,7 @@ def test_a_missing_matplotlib_is_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["simulate", "paper_impact", "--out", str(tmp_path / "out")]) == 2
-    assert 'pip install "sledenv[plot]"' in capsys.readouterr().err
+    assert "pip install 'sledenv[plot]'" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -350,7 +350,7 @@ def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.C
 
 def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the page names the agents; a second call finds everything done."""
-    agents = "{launch: {agents.zero: 1, agents.random_launch: 1, agents.best_fixed: 1}}"
+    agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
     suite = tmp_path / "two.yaml"
     suite.write_text(
         f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [ice_fast], maps: 0, agents: {agents}}}"

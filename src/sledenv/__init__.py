@@ -71,7 +71,6 @@ _MODULES = {
     "sledenv.wheel": ("WheelImpact", "collide_wheel"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
-_ANALYSIS = ("sledenv.identification.choice", "sledenv.uncertainty")  # need scipy and pandas
 
 _register()
 
@@ -80,12 +79,7 @@ def __getattr__(name: str) -> Any:
     """Load a public name."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        found = getattr(importlib.import_module(_HOME[name]), name)
-    except ModuleNotFoundError as error:
-        if _HOME[name] not in _ANALYSIS:
-            raise
-        raise ImportError(f"sledenv.{name}: {error}: pip install 'sledenv[analysis]'") from error
+    found = getattr(importlib.import_module(_HOME[name]), name)
     globals()[name] = found
     return found
 

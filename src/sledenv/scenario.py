@@ -12,8 +12,6 @@ import sys
 from collections.abc import Collection
 from difflib import get_close_matches
 from functools import lru_cache
-from importlib import resources
-from importlib.resources.abc import Traversable
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
@@ -55,6 +53,7 @@ from sledenv.params import (
 
 Pair = tuple[float, float]
 Split = Literal["train", "validation", "test"]
+CONFIGS: Final = Path(__file__).parent / "configs"  # all that ships as YAML: scenarios, studies, suites, settings
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
 
@@ -666,7 +665,6 @@ def read_config(
         Of the type ``error``, if there is no such file or it is no YAML.
     """
     name, known = os.fspath(name_or_path), shipped_names(kind)
-    file: Traversable
     if name.endswith((".yaml", ".yml")):
         source, file = name, Path(name)
     elif name in known:
@@ -685,11 +683,8 @@ def shipped_names(kind: Literal["scenario", "study"]) -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
-def _shipped(kind: Literal["scenario", "study"]) -> Traversable:
-    """Folder of the shipped files: in the installed package, or in the checkout it is edited in."""
-    folder = {"scenario": "scenarios", "study": "studies"}[kind]
-    installed = resources.files("sledenv") / folder
-    return installed if installed.is_dir() else Path(__file__).parents[2] / "configs" / folder
+def _shipped(kind: Literal["scenario", "study"]) -> Path:
+    return CONFIGS / {"scenario": "scenarios", "study": "studies"}[kind]
 
 
 class _Loader(yaml.SafeLoader):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
-import agents.demo
-import agents.train
-from agents.evaluate import Score, evaluate, interval, main, table
-from agents.sac import Agent as Sac
-from agents.train import default_settings, run_folder, train, trained
-from agents.zero import Agent as Zero
+import sledenv.agents.demo
+import sledenv.agents.train
+from sledenv.agents.evaluate import Score, evaluate, interval, main, table
+from sledenv.agents.sac import Agent as Sac
+from sledenv.agents.train import default_settings, run_folder, train, trained
+from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import load_run
 from sledenv.scenario import Scenario, load_scenario
@@ -44,7 +44,7 @@ def quick(monkeypatch):
             values |= {"coarser": 12, "trims": 3}
         return values
 
-    monkeypatch.setattr(agents.train, "default_settings", settings)
+    monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)
 
 
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
@@ -73,7 +73,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
     folder = train(algo, Problem("brake_mat", environment), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
-    assert config["agent"] == f"agents.{algo}"
+    assert config["agent"] == f"sledenv.agents.{algo}"
     assert config["scenario_hash"] == Problem("brake_mat").task.scenario.hash
     assert "numba" in config["versions"]
     assert not list(tmp_path.glob("*.part"))
@@ -151,7 +151,7 @@ def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(q
     ],
 )
 def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, message, tmp_path, capsys):
-    assert agents.train.main([*arguments, "--runs", str(tmp_path / "runs")]) == 2
+    assert sledenv.agents.train.main([*arguments, "--runs", str(tmp_path / "runs")]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
@@ -185,11 +185,11 @@ def test_the_table_compares_context_by_context():
 
 
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(agents.demo, "CONTEXTS", 12)
-    assert agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
+    assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
     assert "minus agent" in capsys.readouterr().out
     scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
-    assert [score["agent"] for score in scores] == list(agents.demo.ALGORITHMS)
+    assert [score["agent"] for score in scores] == list(sledenv.agents.demo.ALGORITHMS)
     assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
-    assert agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
     assert "already trained" in capsys.readouterr().out

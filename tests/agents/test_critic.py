@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
-from agents.train import TRAINED, default_settings, run_folder
+from sledenv.agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
+from sledenv.agents.train import TRAINED, default_settings, run_folder
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import load_run

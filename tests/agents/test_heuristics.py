@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from agents import cma_es, land_flat, linear, no_trim, ppo, random_search, random_trim, replan
 from sledenv import load_scenario
+from sledenv.agents import cma_es, land_flat, linear, no_trim, ppo, random_search, random_trim, replan
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Task
 from sledenv.scenario import Scenario

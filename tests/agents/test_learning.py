@@ -8,11 +8,11 @@ import pytest
 import torch
 from stable_baselines3 import PPO, SAC, TD3
 
-from agents.learning import Landed, Standardised, random_rewards
-from agents.ppo import Agent as PpoAgent
-from agents.searching import COARSE, SearchingSAC, SearchingTD3
-from agents.wrappers import Landed as Landed1
-from agents.wrappers import Standardised as Standardised1
+from sledenv.agents.learning import Landed, Standardised, random_rewards
+from sledenv.agents.ppo import Agent as PpoAgent
+from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTD3
+from sledenv.agents.wrappers import Landed as Landed1
+from sledenv.agents.wrappers import Standardised as Standardised1
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
@@ -94,9 +94,9 @@ def test_sac_explores_with_its_actor_and_td3_around_what_its_critic_rates_best()
 
 def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
     """Oracle: the seeds that the environments are asked for."""
-    from agents import learning
-    from agents.td3 import Agent
-    from agents.train import default_settings
+    from sledenv.agents import learning
+    from sledenv.agents.td3 import Agent
+    from sledenv.agents.train import default_settings
 
     asked = []
 
@@ -133,7 +133,7 @@ def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
 
 
 def test_the_noise_of_td3_is_normal():
-    from agents.td3 import Agent
+    from sledenv.agents.td3 import Agent
 
     with pytest.raises(ValueError, match="noise_type = 'ornstein-uhlenbeck': must be 'normal'"):
         Agent.prepared(Problem("ice_drop"), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})

@@ -352,10 +352,10 @@ def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, mon
     monkeypatch.setattr(module, "marked", None)
     with pytest.raises(FileNotFoundError, match="no finished run"):
         map_page(PACK, [0], [tmp_path])
-    other = train("agents.zero", Problem("talus"), {}, 0, tmp_path / "other")
+    other = train("sledenv.agents.zero", Problem("talus"), {}, 0, tmp_path / "other")
     with pytest.raises(ScenarioError, match="another scenario"):
         map_page(PACK, [0], [other])
-    trims = train("agents.zero", Problem(PACK, "descent"), {}, 0, tmp_path / "trims")
+    trims = train("sledenv.agents.zero", Problem(PACK, "descent"), {}, 0, tmp_path / "trims")
     with pytest.raises(ScenarioError, match="trims every hop"):
         map_page(PACK, [0], [trims])
 

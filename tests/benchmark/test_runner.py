@@ -23,12 +23,12 @@ SUITE = {
     "id": "tiny",
     "title": "A test",
     "contexts": 4,
-    "settings": str(ROOT / "configs" / "agents"),
+    "settings": str(ROOT / "src" / "sledenv" / "configs" / "agents"),
     "steps": 240,
     "noise": [0.05],
     "maps": 1,
     "scenarios": ["ice_drop", "brake_mat"],
-    "agents": {"launch": {"agents.zero": 1, "agents.random_launch": 2, "agents.best_fixed": 2}},
+    "agents": {"launch": {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}},
 }
 
 
@@ -105,7 +105,7 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
     config = folder / "trained" / "launch-ice_drop-best_fixed-s1" / "config.yaml"
     config.write_text(config.read_text().replace("n_timesteps: 240", "n_timesteps: 241"))
     same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
-    assert [(given[0], given[3]) for given in trained] == [("agents.best_fixed", 1)]
+    assert [(given[0], given[3]) for given in trained] == [("sledenv.agents.best_fixed", 1)]
 
 
 def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
@@ -139,10 +139,10 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"contexts": None}, "contexts: missing"),
         ({"scenarios": ["ice_dorp"]}, "did you mean 'ice_drop'"),
         ({"scenarios": ["ice_drop", "ice_drop"]}, "must not repeat a scenario"),
-        ({"agents": {"flight": {"agents.zero": 1}}}, "'launch' or 'descent'"),
-        ({"agents": {"launch": {"agents.zero": 0}}}, "agents.launch.agents.zero = 0"),
+        ({"agents": {"flight": {"sledenv.agents.zero": 1}}}, "'launch' or 'descent'"),
+        ({"agents": {"launch": {"sledenv.agents.zero": 0}}}, "agents.launch.sledenv.agents.zero = 0"),
         ({"agents": {}}, "agents = {}"),
-        ({"agents": {"launch": {"agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
+        ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
         ({"noise": [0.1, 0.1]}, "must not repeat a level"),
         ({"seeds": 3}, "seeds: unknown key; known: id, title, contexts"),
     ],
@@ -156,8 +156,8 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
 @pytest.mark.parametrize(
     ("agent", "message"),
     [
-        ("agents.zorro", "there is no such module"),
-        ("agents.evaluate", "no class Agent"),
+        ("sledenv.agents.zorro", "there is no such module"),
+        ("sledenv.agents.evaluate", "no class Agent"),
     ],
 )
 def test_an_agent_that_is_none_is_refused_before_anything_is_written(agent, message, tmp_path):
@@ -175,7 +175,7 @@ def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_p
 
 
 def test_every_shipped_suite_can_be_read_and_its_agents_imported():
-    for path in (ROOT / "configs" / "suites").glob("*.yaml"):
+    for path in (ROOT / "src" / "sledenv" / "configs" / "suites").glob("*.yaml"):
         suite = Suite.read(find_suite(path.stem))
         assert suite.id == path.stem
         assert len({job.name for job in suite.jobs(path.parent)}) == len(list(suite.jobs(path.parent))) > 0

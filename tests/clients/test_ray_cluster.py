@@ -38,9 +38,11 @@ def cluster() -> Iterator[str]:
 def test_two_workers_of_a_cluster_give_the_numbers_of_one_process(cluster, tmp_path):
     """Oracle: one process here."""
     file = tmp_path / "tiny.yaml"
-    content = {"id": "tiny", "title": "A test", "contexts": 3, "settings": str(ROOT / "configs" / "agents")}
+    settings = ROOT / "src" / "sledenv" / "configs" / "agents"
+    content = {"id": "tiny", "title": "A test", "contexts": 3, "settings": str(settings)}
     content |= {"steps": 200, "scenarios": ["ice_drop"], "maps": 1}
-    content |= {"agents": {"launch": {"agents.zero": 1, "agents.random_launch": 2, "agents.best_fixed": 2}}}
+    agents = {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}
+    content |= {"agents": {"launch": agents}}
     file.write_text(yaml.safe_dump(content))
     suite = Suite.read(file)
     run_suite(suite, file, tmp_path / "one", workers=1)

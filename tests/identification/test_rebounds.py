@@ -267,7 +267,7 @@ def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delitem(vars(sledenv), "identify", raising=False)  # it stays once it has been loaded
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"sledenv\.identify: .*pandas.*pip install 'sledenv\[analysis\]'"):
+    with pytest.raises(ImportError, match=r"sledenv\.identification: .*pandas.*pip install 'sledenv\[analysis\]'"):
         _ = sledenv.identify
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         _ = sledenv.identity

@@ -1,1 +1,10 @@
 """The benchmark: problems, the best launch of each context, agents trained and judged, scores and their report."""
+
+from sledenv.extras import needs
+
+with needs("benchmark", __name__):
+    import joblib  # noqa: F401
+    import pandas  # noqa: F401
+    import pyarrow  # noqa: F401
+    import scipy  # noqa: F401
+    import tqdm  # noqa: F401

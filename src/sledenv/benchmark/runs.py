@@ -24,7 +24,7 @@ _PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "s
 
 
 def agent_class(module: str) -> type[Agent]:
-    """Import an agent: the class ``Agent`` of a module such as "agents.sac", also of the working folder.
+    """Import an agent: the class ``Agent`` of a module such as "sledenv.agents.sac", also of the working folder.
 
     Raises
     ------
@@ -40,8 +40,8 @@ def agent_class(module: str) -> type[Agent]:
         if error.name is None or not module.startswith(error.name):
             raise  # something that the agent needs
         raise ValueError(
-            f"agent {module!r}: there is no such module here; the shipped agents need a checkout of sledenv as "
-            "working folder"
+            f"agent {module!r}: there is no such module, neither installed nor in the working folder; those that ship "
+            "are modules of sledenv.agents"
         ) from error
     if getattr(found, "Agent", Agent) is Agent:  # none, or the protocol that it imports
         raise ValueError(f"agent {module!r}: the module has no class Agent, see docs/benchmark.md")

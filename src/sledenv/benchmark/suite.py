@@ -14,9 +14,9 @@ from pydantic_core import ErrorDetails
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenario import ScenarioError, Section, load_scenario
+from sledenv.scenario import CONFIGS, ScenarioError, Section, load_scenario
 
-SUITES: Final = Path(__file__).parents[3] / "configs" / "suites"  # of a checkout
+SUITES: Final = CONFIGS / "suites"
 
 Count = Annotated[int, Field(ge=1)]
 
@@ -61,7 +61,7 @@ class Suite(Section):
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
     # module of the agent -> number of seeds
     agents: Annotated[dict[Environment, Annotated[dict[str, Count], Field(min_length=1)]], Field(min_length=1)]
-    settings: str  # folder of the hyperparameters, as seen from the file
+    settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
     steps: Count | None = None  # budget in environment steps in place of the configured one
     noise: tuple[Annotated[float, Field(gt=0.0)], ...] = ()  # extra launch noise, see Problem.disturbed
     maps: Annotated[int, Field(ge=0)] = 2  # contexts of each scenario whose jam map is kept
@@ -149,7 +149,7 @@ def _explain(error: ErrorDetails) -> str:
 
 
 def find_suite(name_or_path: str | os.PathLike[str]) -> Path:
-    """Return the file of a suite: a name such as "smoke" in a checkout, or a path that ends in .yaml.
+    """Return the file of a suite: a name such as "smoke", or a path that ends in .yaml.
 
     Raises
     ------
@@ -160,5 +160,5 @@ def find_suite(name_or_path: str | os.PathLike[str]) -> Path:
     path = Path(name) if name.endswith(".yaml") else SUITES / f"{name}.yaml"
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in SUITES.glob("*.yaml")))
-        raise SuiteError(f"no suite {name!r}: must be a file that ends in .yaml or, in a checkout, one of: {known}")
+        raise SuiteError(f"no suite {name!r}: must be a file that ends in .yaml or one of: {known}")
     return path

@@ -98,7 +98,7 @@ class DescentRenderer:
         try:
             import pygame  # noqa: F401
         except ImportError as error:
-            raise DependencyNotInstalled('rendering needs pygame: pip install "sledenv[render]"') from error
+            raise DependencyNotInstalled("rendering needs pygame: pip install 'sledenv[render]'") from error
         if size[0] < _SMALLEST[0] or size[1] < _SMALLEST[1]:
             raise ValueError(f"size = {size!r}: must be at least {_SMALLEST[0]} x {_SMALLEST[1]} px")
         if fps < 1:

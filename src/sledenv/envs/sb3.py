@@ -8,13 +8,16 @@ from typing import Any
 import gymnasium as gym
 import numba
 import numpy as np
-import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from sledenv.envs.vector import SledVectorEnv
+from sledenv.extras import needs
+
+with needs("agents", __name__):
+    import torch
+    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 
 def make_vec_env(

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 from sledenv.descent import Descent
+from sledenv.extras import needs
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -36,10 +37,8 @@ def styled(more: dict[str, Any] | None = None) -> AbstractContextManager[None]:
     ImportError
         If matplotlib is missing.
     """
-    try:
+    with needs("plot", "figures"):
         import matplotlib
-    except ImportError as error:
-        raise ImportError('figures need matplotlib: pip install "sledenv[plot]"') from error
     settings: Any = STYLE | (more or {})  # matplotlib types the names of its settings
     return matplotlib.rc_context(settings)
 

@@ -1,6 +1,9 @@
 """Uncertainty studies: what is not known of a launch, a law, a slope or a body, and what follows for the descent."""
 
-from sledenv.uncertainty.model import Study, StudyError, load_study, study_names
-from sledenv.uncertainty.run import StudyResult, study
+from sledenv.extras import needs
+
+with needs("analysis", __name__):
+    from sledenv.uncertainty.model import Study, StudyError, load_study, study_names
+    from sledenv.uncertainty.run import StudyResult, study
 
 __all__ = ["Study", "StudyError", "StudyResult", "load_study", "study", "study_names"]

@@ -1,0 +1,109 @@
+"""What is built of the package holds all that a checkout has, and works where there is none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import sledenv
+
+ROOT = Path(__file__).parents[1]
+BUILD = """
+import sys
+from setuptools import build_meta
+folder = sys.argv[1]  # setuptools changes sys.argv
+build_meta.build_sdist(folder)
+build_meta.build_wheel(folder)
+"""
+# Run from an empty folder: everything that is found by name is found and can be read.
+PROGRAM = """
+import sys
+from pathlib import Path
+import sledenv
+from sledenv.agents.train import ALGORITHMS, TRAINED, chosen_settings
+from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import agent_class, load_run
+from sledenv.benchmark.suite import SUITES, Suite, find_suite
+from sledenv.replay import replay_page
+from sledenv.scenario import load_scenario, scenario_names
+
+home = Path(sledenv.__file__).parent
+assert home.parent == Path(sys.argv[1]), home
+hashes = [load_scenario(name).hash for name in scenario_names()]
+studies = [sledenv.load_study(name).id for name in sledenv.study_names()]
+suites = sorted(file.stem for file in SUITES.glob("*.yaml"))
+for name in suites:
+    file = find_suite(name)
+    assert list(Suite.read(file).jobs(file.parent)), name
+for name in ALGORITHMS:
+    assert agent_class(f"sledenv.agents.{name}").__module__.startswith("sledenv.agents.")
+assert chosen_settings("sac", Problem("sled_snow"))
+for run in (TRAINED / "talus-launch-both-critic-s0", TRAINED / "steady" / "sled_snow-launch-both-critic-s0"):
+    problem, agent, config = load_run(run)
+    context = problem.contexts("test", 1)
+    assert agent.act(problem.task.observe(context)).shape == (1, 2), run
+print(*hashes, *studies, *suites)
+"""
+
+
+def files_below(folder: Path) -> set[str]:
+    """Paths of all files, through links too, without compiled code."""
+    walk = os.walk(folder, followlinks=True)
+    found = (Path(where, name).relative_to(folder) for where, _, names in walk for name in names)
+    return {path.as_posix() for path in found if "__pycache__" not in path.parts}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the wheel, the source distribution and the tree of which they were built: a copy with its links."""
+    home = tmp_path_factory.mktemp("built")
+    made = ("__pycache__", "*.egg-info", ".*_cache", ".git", ".hypothesis", ".venv*", "_build", "build", "dist", "runs")
+    shutil.copytree(ROOT, home / "tree", symlinks=True, ignore=shutil.ignore_patterns(*made))
+    subprocess.run([sys.executable, "-c", BUILD, str(home)], cwd=home / "tree", check=True, capture_output=True)
+    return home
+
+
+def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
+    """Oracle: the files of the checkout: modules, templates of pages, agents with what they learned, all YAML."""
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    expected = files_below(built / "tree" / "src" / "sledenv")
+    assert {"replay.html", "agents/sac.py", "configs/suites/smoke.yaml", "benchmark/report.html"} <= expected
+    assert names == {f"sledenv/{name}" for name in expected}
+
+
+def test_a_source_distribution_carries_package_tests_and_docs(built: Path) -> None:
+    """Oracle: the files of the checkout; agents and configs are where the package has them."""
+    (source,) = built.glob("*.tar.gz")
+    with tarfile.open(source) as archive:
+        names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
+    for folder in ("src/sledenv", "tests", "docs", "examples", "perf"):
+        assert {f"{folder}/{name}" for name in files_below(built / "tree" / folder)} <= names
+    assert {"README.md", "CHANGELOG.md", "LICENSE", "Makefile", "constraints.txt", "pyproject.toml"} <= names
+
+
+@pytest.mark.slow
+def test_the_unpacked_wheel_finds_all_that_has_a_name(built: Path, tmp_path: Path) -> None:
+    """Oracle: the same program in this checkout."""
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")
+    (tmp_path / "empty").mkdir()
+
+    def told(home: Path) -> str:
+        command = [sys.executable, "-c", PROGRAM, str(home)]
+        environment = os.environ | {"PYTHONPATH": str(home)}
+        done = subprocess.run(command, cwd=tmp_path / "empty", env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert told(tmp_path / "site") == told(Path(sledenv.__file__).parents[1])
+    assert list((tmp_path / "empty").iterdir()) == []
