@@ -13,7 +13,7 @@ NEEDLES = sled_frost sled_snow
 EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit lint clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit trial versions lint clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -86,6 +86,12 @@ $(CLIENTS_STAMP): pyproject.toml constraints.txt
 
 clients: $(CLIENTS_STAMP) ## install the clients of docs/clients.md in .venv-clients and run their tests
 	$(CLIENTS)/bin/python -m pytest -q tests/clients
+
+trial: ## install the wheel in an empty environment and try every command in an empty folder (EXTRAS="none benchmark agents")
+	PYTHON=$(PYTHON) .ci/trial $(EXTRAS)
+
+versions: ## run the fast tests with the lowest and the newest versions of all dependencies (VERSIONS="lowest tests/envs")
+	PYTHON=$(PYTHON) .ci/versions $(VERSIONS)
 
 lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/ruff check
