@@ -11,8 +11,10 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 import sledenv
+from sledenv.cli import main
 
 ROOT = Path(__file__).parents[1]
 BUILD = """
@@ -60,6 +62,36 @@ def files_below(folder: Path) -> set[str]:
     return {path.as_posix() for path in found if "__pycache__" not in path.parts}
 
 
+def test_the_version_is_told_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the file to cite."""
+    version = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
+    assert sledenv.__version__ == version
+    assert main(["--version"]) == 0
+    assert version in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("missing", "module", "extra"),
+    [
+        ("torch", "sledenv.envs.sb3", "agents"),
+        ("stable_baselines3", "sledenv.agents.demo", "agents"),
+        ("cma", "sledenv.agents.cma_es", "benchmark"),
+        ("pandas", "sledenv.agents.zero", "benchmark"),
+        ("scipy", "sledenv.benchmark.oracle", "benchmark"),
+        ("pyarrow", "sledenv.identification.tracks", "analysis"),
+        ("SALib", "sledenv.uncertainty.run", "analysis"),
+    ],
+)
+def test_a_missing_package_is_named_with_the_extra_that_brings_it(missing: str, module: str, extra: str) -> None:
+    """Oracle: a process that cannot import it."""
+    program = f"import sys; sys.modules[{missing!r}] = None; import {module}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("ImportError: sledenv")
+    assert missing in last
+    assert last.endswith(f"pip install 'sledenv[{extra}]'")
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the wheel, the source distribution and the tree of which they were built: a copy with its links."""
@@ -77,7 +109,7 @@ def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
     expected = files_below(built / "tree" / "src" / "sledenv")
     assert {"replay.html", "agents/sac.py", "configs/suites/smoke.yaml", "benchmark/report.html"} <= expected
-    assert names == {f"sledenv/{name}" for name in expected}
+    assert names == {f"sledenv/{name}" for name in expected} | {"sledenv_cli.py"}
 
 
 def test_a_source_distribution_carries_package_tests_and_docs(built: Path) -> None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
     from sledenv.wheel import WheelImpact, collide_wheel
 
+__version__ = "0.1.0"
+
 __all__ = [
     "Body",
     "ContactLaw",

@@ -167,6 +167,13 @@ def test_an_agent_that_is_none_is_refused_before_anything_is_written(agent, mess
     assert not (tmp_path / "out").exists()
 
 
+def test_settings_are_those_that_ship_unless_others_are_named(tmp_path):
+    """Oracle: the same suite that names their folder."""
+    jobs = [list(Suite.read(written(tmp_path, **named)).jobs(tmp_path)) for named in ({}, {"settings": None})]
+    assert jobs[0] == jobs[1]
+    assert {job.agent for job in jobs[0] if job.settings} == {"best_fixed"}
+
+
 def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_path):
     file = written(tmp_path, settings="../agents")
     with pytest.raises(SuiteError, match=r"settings = '\.\./agents': no folder"):

@@ -197,8 +197,10 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
 
 def _commit() -> str:
     """Commit of the checkout, with a mark if it has been changed; empty outside one."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
-    try:
+    git = ["git", "-C", str(Path(__file__).parent)]
+    try:  # an installation may lie in a repository that does not hold it
+        subprocess.run([*git, "ls-files", "--error-unmatch", __file__], capture_output=True, check=True)
+        command = [*git, "describe", "--always", "--dirty", "--abbrev=12"]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return ""
