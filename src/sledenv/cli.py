@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 PICTURES: Final = ("strobe.png", "series.png")
 _DPI = 150
-_BENCHMARK = 'pip install "sledenv[benchmark]", for the shipped agents "sledenv[agents]"'
-_ANALYSIS = 'pip install "sledenv[analysis]"'
 
 command = app("sledenv", "Sled descents as repeated oblique impacts.")
 command.register_install_completion_command(help="Install the completion of words in this shell.")
@@ -294,15 +292,14 @@ def benchmark(
     Parameters
     ----------
     suite
-        smoke, full, trims, or a file that ends in .yaml.
+        smoke, minutes, full, trims, or a file that ends in .yaml.
     out
         Default: runs/benchmark/SUITE.
     """
-    with _extra():
-        from sledenv.benchmark.report import write_report
-        from sledenv.benchmark.runner import run_suite
-        from sledenv.benchmark.scores import read_results, scores
-        from sledenv.benchmark.suite import Suite, find_suite
+    from sledenv.benchmark.report import write_report
+    from sledenv.benchmark.runner import run_suite
+    from sledenv.benchmark.scores import read_results, scores
+    from sledenv.benchmark.suite import Suite, find_suite
 
     file = find_suite(suite)
     one = Suite.read(file)
@@ -380,9 +377,8 @@ def draw_map(
     seeds
         Contexts to page through in it (default: that of --seed).
     """
-    with _extra():
-        from sledenv.benchmark.landscape import landscape
-        from sledenv.benchmark.map_page import map_page
+    from sledenv.benchmark.landscape import landscape
+    from sledenv.benchmark.map_page import map_page
     from sledenv.files import replacing
 
     if seeds and html is None:
@@ -542,10 +538,9 @@ def identify(
         Write tables and figures into this folder.
     """
     from sledenv.files import publish
+    from sledenv.identification.choice import holds_tracks
+    from sledenv.identification.rebounds import read_table
 
-    with _extra(_ANALYSIS):
-        from sledenv.identification.choice import holds_tracks
-        from sledenv.identification.rebounds import read_table
     table = read_table(file)
     if holds_tracks(table):
         files, fit = _of_tracks(table, shape, tracks, fixed=dict(fix), seed=seed)
@@ -685,15 +680,6 @@ def _place(places: ExitStack, option: str, place: AbstractContextManager[Path]) 
         return places.enter_context(place)
     except OSError as error:
         raise OSError(f"{option}: {error}") from error
-
-
-@contextmanager
-def _extra(extras: str = _BENCHMARK) -> Iterator[None]:
-    """Say what to install where a package is missing that a simulation does not need."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ImportError(f"{error}: this command needs {extras}") from error
 
 
 if __name__ == "__main__":
