@@ -277,7 +277,7 @@ def test_bad_options_are_named(options: dict, error: type[Exception], message: s
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (((*PAPER_BODY[:3], 0.0), PAPER_LAW, PAPER_STATE), r"Body\.inertia = 0\.0"),
+        (((*PAPER_BODY[:3], 0.0, PAPER_BODY.half_angle), PAPER_LAW, PAPER_STATE), r"Body\.inertia = 0\.0"),
         ((PAPER_BODY, (1.0, 0.5, -0.1, 0.0, 0.0), PAPER_STATE), r"ContactLaw\.friction = -0\.1"),
         ((PAPER_BODY, PAPER_LAW, (0.0, 0.0, math.inf, 0.0, -1.0, 0.0)), r"State\.phi = inf"),
     ],

@@ -52,7 +52,7 @@ OUT_OF_RANGE = [
     *((State, field, [], "a finite number") for field in State._fields),
     (Limits, "max_time", [0.0, -1.0], "(0, inf)"),
     (Limits, "tolerance", [0.0, 1e-19, 0.1], "[1e-18, 1e-3]"),
-    (Limits, "sample_interval", [0.0], "(0, inf)"),
+    (Limits, "sample_interval", [0.0, 1e-13], "[1e-12, inf) s"),
     (Limits, "step", [0.0], "(0, inf)"),
     (Limits, "printed_sign", [BELOW_ZERO, 1.5], "[0, 1]"),
     (circular_segment, "mass", [0.0], "(0, inf)"),

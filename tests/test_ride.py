@@ -226,6 +226,16 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
     for call, message in (
         (lambda: rides.hop(np.zeros(2)), r"trims = .*: must be finite numbers of shape \(3,\)"),
         (lambda: rides.hop(np.array([0.0, np.nan, 0.0])), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop(["a", "b", "c"]), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop(np.zeros(3, complex)), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop([[1.0], [1.0, 2.0]]), "trims = .*: must be finite numbers"),
+        (
+            lambda: rides.launch(np.array([-1]), laws[0], slopes[0], launches[:1]),
+            r"lanes holds -1: must be in \[0, 3\)",
+        ),
+        (lambda: rides.launch(np.array([3]), laws[0], slopes[0], launches[:1]), r"lanes holds 3: must be in \[0, 3\)"),
+        (lambda: rides.launch(np.array([1, 1]), laws[0], slopes[0], launches[:2]), "no two must be alike"),
+        (lambda: rides.launch(np.arange(3), laws[0], slopes[0], launches[:2]), r"has shape \(3,\): must be \(2,\)"),
         (lambda: batch(problems).hop(np.ones(3)), "no rotor"),
         (
             lambda: rides.launch(np.arange(2), laws[:2], slopes[:2], buried),
@@ -264,13 +274,25 @@ def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, 
     assert 0.0 <= descent.jam.reward <= 1.0
 
 
+def test_a_lane_that_is_not_there_is_named():
+    """Oracle: the message."""
+    problems = [problem("ice_drop", seed) for seed in range(3)]
+    rides, (laws, slopes, launches) = batch(problems), columns(problems)
+    for call in (rides.outcomes, rides.descents):
+        with pytest.raises(IndexError, match=r"lanes = \[5\]: must be among 3 lanes"):
+            call([5])
+    for lanes in (np.array([True]), ["a"], [0.0]):
+        with pytest.raises(TypeError, match=r"lanes = .*: must be whole numbers"):
+            rides.launch(lanes, laws[0], slopes[0], launches[:1])
+
+
 def test_misuse_is_named_and_leaves_the_ride_as_it_is():
     """Oracle: a copy that was not misused."""
     ride = Ride(*problem("ice_drop", 2), rotor_inertia=ROTOR)
     ride.hop()
     twin = ride.copy()
     for spin, error in ((math.nan, ValueError), (math.inf, ValueError), ("fast", TypeError)):
-        with pytest.raises(error, match=r"Ride.trim.spin = .*: must be a finite number|must be a number a finite"):
+        with pytest.raises(error, match=r"Ride.trim.spin = .*: must be a finite number|must be a number, a finite"):
             ride.trim(spin)
     assert_same(ride.run(), twin.run())
     for call in (ride.hop, lambda: ride.trim(1.0)):

@@ -75,6 +75,20 @@ def scenario() -> Scenario:
     return Scenario.model_validate(GOOD)
 
 
+@pytest.mark.parametrize("name", [None, 3, ["sled_snow"]], ids=str)
+def test_what_is_no_name_of_a_scenario_is_named(name: Any) -> None:
+    with pytest.raises(TypeError, match=r"scenario = .*: must be the name of one or the path of a file"):
+        load_scenario(name)
+
+
+@pytest.mark.parametrize("context", [None, 3, "snow", (0.1, 0.2)], ids=str)
+def test_what_is_no_context_is_named(context: Any) -> None:
+    scenario = load_scenario("sled_snow")
+    for use in (scenario.law, scenario.slope, scenario.launch):
+        with pytest.raises(TypeError, match=r"context = .*: must be a Context, or as many numbers: angle, friction"):
+            use(context)
+
+
 RANGE = "must be a number, or a pair [low, high] to sample, in"
 BOUNDS = "must be a pair [low, high] of numbers in"
 

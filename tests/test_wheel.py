@@ -486,5 +486,11 @@ def test_bad_types_and_shapes_are_named() -> None:
         collide_wheel(1.0, 0.1, 0.5, [0.1, 0.2], 0.1, 0.5, [1.0, 2.0, 3.0], -1.0)
 
 
+def test_an_impact_that_no_number_holds_is_refused() -> None:
+    """Oracle: m |v| (1 + e), the normal impulse, is larger than the largest number."""
+    with pytest.raises(OverflowError, match="too large for a number"):
+        collide_wheel(1e200, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, [-1.0, -1e200])
+
+
 def test_the_example_of_the_docstring_is_true() -> None:
     assert doctest.testmod(wheel).failed == 0

@@ -1,4 +1,15 @@
-"""Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline."""
+"""Planar oblique impact with sliding and rolling friction: a segment-shaped sled that hops down an icy incline.
+
+Importing it registers two environments with Gymnasium, alone or as a native batch:
+
+    gymnasium.make("sledenv/SledLaunch-v0", scenario="sled_snow")    # choose the launch; one step is the whole descent
+    gymnasium.make("sledenv/SledDescent-v0", scenario="sled_snow")   # then trim the spin at every rebound
+    gymnasium.make_vec("sledenv/SledLaunch-v0", num_envs=1024)
+
+``scenario_names()`` lists the scenarios. Without an environment, ``simulate`` follows one descent and
+``simulate_batch`` many. The classes behind the ids are in :mod:`sledenv.envs.launch`, :mod:`sledenv.envs.descent` and
+:mod:`sledenv.envs.vector`; ``sledenv --help`` is the command line.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +23,7 @@ if TYPE_CHECKING:
     from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
     from sledenv.identification.choice import identify
     from sledenv.impact import Phase, RigidImpact, rigid_impact
-    from sledenv.kernel.records import Energy, Feature, Mode, Status
+    from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
     from sledenv.ride import Ride, RideBatch
     from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
@@ -22,6 +33,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "STATUS_OF_CODE",
     "Body",
     "ContactLaw",
     "Context",
@@ -65,7 +77,7 @@ _MODULES = {
     "sledenv.descent": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
     "sledenv.identification.choice": ("identify",),
     "sledenv.impact": ("Phase", "RigidImpact", "rigid_impact"),
-    "sledenv.kernel.records": ("Energy", "Feature", "Mode", "Status"),
+    "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.params": ("Body", "ContactLaw", "Slope", "State", "circular_segment", "sled"),
     "sledenv.ride": ("Ride", "RideBatch"),
     "sledenv.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
@@ -78,7 +90,11 @@ _register()
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name."""
+    """Load a public name, or look up the version."""
+    if name == "__version__":
+        import importlib.metadata
+
+        return importlib.metadata.version("sledenv")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_HOME[name]), name)

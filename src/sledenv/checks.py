@@ -24,6 +24,7 @@ from sledenv.params import (
     checked,
     checked_rows,
     kind_of,
+    made,
     restitution_of,
 )
 
@@ -35,6 +36,7 @@ Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
+_MOST_TURNED = 1e15  # [rad] of a launch
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
@@ -70,12 +72,13 @@ def launched(body: Body, slope: Slope, state: State) -> State:
 
 def checked_law(law: AnyLaw) -> AnyLaw:
     """Return a contact law whose fields have been checked, or raise TypeError or ValueError."""
-    return kind_of(law)(*law)
+    return made("law", kind_of(law), law)
 
 
 def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
     """Return the law that the kernel follows."""
     _check_solver(kind_of(law), solver)
+    _checked_settle_speed(settle_speed)
     if solver != "rigid":
         return law
     return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
@@ -114,6 +117,7 @@ def checked_lanes(
     checked_choice("solver", solver, get_args(BatchSolver))
     kind = _kind_of_all(law)
     _check_solver(kind, solver)
+    _checked_settle_speed(settle_speed)
     bodies = Body(*body) if isinstance(body, Body) else _rows("body", Body, body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
@@ -180,7 +184,7 @@ def _rigid(bodies: params.Bodies, laws: np.ndarray, slopes: np.ndarray, settle_s
     if settle_speed is None:
         settle = _SETTLE * np.sqrt(slopes[:, 2] * _sizes(bodies))
     else:
-        settle = np.array([checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)])
+        settle = np.array([settle_speed], dtype=float)
     limit = RigidLaw(
         restitution=restitution_of(law.asymmetry),
         friction=law.friction,
@@ -189,6 +193,12 @@ def _rigid(bodies: params.Bodies, laws: np.ndarray, slopes: np.ndarray, settle_s
         settle_speed=settle,
     )
     return np.stack(np.broadcast_arrays(*limit), axis=-1)
+
+
+def _checked_settle_speed(settle_speed: float | None) -> None:
+    """Raise TypeError or ValueError for a speed that no solver takes, whether or not the one at hand does."""
+    if settle_speed is not None:
+        checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)
 
 
 def _sizes(bodies: params.Bodies) -> Any:
@@ -208,6 +218,13 @@ def _admit(owner: str, bodies: params.Bodies, slopes: np.ndarray, launches: np.n
         If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
+    lost = np.abs(phi) > _MOST_TURNED
+    if lost.any():
+        i = int(np.argmax(lost))
+        raise ValueError(
+            f"{owner.format(lane=i)}.phi = {float(phi[i])!r}: must be in [-{_MOST_TURNED:g}, {_MOST_TURNED:g}] rad: "
+            "beyond, neighbouring numbers are turns apart"
+        )
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
     lowest = support_heights(bodies, phi)

@@ -23,6 +23,7 @@ from sledenv.params import (
     State,
     asymmetry_of,
     holds_its_mass_centre,
+    made,
 )
 
 Floats = NDArray[np.float64]
@@ -204,7 +205,7 @@ def sensitivity(
     """
     rebounds = checked_count("rebounds", rebounds)
     checked_choice("solver", solver, get_args(BatchSolver))
-    body, law, slope = Body(*body), checked_law(law), Slope(*slope)
+    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
     names = _checked_parameters(parameters, body, slope, solver)
     options: dict[str, Any] = {
         "solver": solver,

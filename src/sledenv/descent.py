@@ -36,7 +36,7 @@ from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, TRAJECTORY, Energy, Status
 from sledenv.kernel.state import CONTACT, new
-from sledenv.params import TOLERANCE, AnyLaw, Body, Limits, Slope, State
+from sledenv.params import TOLERANCE, AnyLaw, Body, Limits, Slope, State, made
 from sledenv.room import new_log, new_logs, new_trajectory
 
 if TYPE_CHECKING:
@@ -226,8 +226,8 @@ def simulate(
         raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
     if checked_flag("end_on_chord", end_on_chord) and solver == "euler":
         raise ValueError("end_on_chord = True: solver='euler' cannot tell when a body has settled on its chord")
-    body, law, slope = Body(*body), checked_law(law), Slope(*slope)
-    launch = launched(body, slope, State(*launch))
+    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+    launch = launched(body, slope, made("launch", State, launch))
     euler = solver == "euler"
     limits = Limits(
         max_time=max_time,
@@ -402,10 +402,10 @@ def simulate_batch(
     """
     lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
     count = len(lanes.launches)
-    rebounds = lanes.log(count, keep_rebounds)
+    rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
     outcomes = np.zeros(count, OUTCOME)
     jam = np.empty((len(DescentJam._fields), count))
-    with _bar(count) if progress else nullcontext() as bar:
+    with _bar(count) if checked_flag("progress", progress) else nullcontext() as bar:
         for part in lanes.parts(_BLOCK):
             jam[:, part] = lanes.run(part, outcomes[part], rebounds[part])
             if bar is not None:
@@ -453,6 +453,7 @@ def simulate_blocks(
     """
     lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
     block = checked_count("block", block)
+    keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
     lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
 
     def blocks() -> Iterator[DescentBatch]:

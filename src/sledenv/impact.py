@@ -16,7 +16,7 @@ from sledenv.kernel.geometry import arms, feature_at, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import ARC, PHASE, Mode
 from sledenv.kernel.state import HOP, PACK, new
-from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked
+from sledenv.params import CLOSED_FRACTION, Body, ContactLaw, State, checked, made
 from sledenv.programs.jit import kernel
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
@@ -181,7 +181,7 @@ def rigid_impact(
     if hypothesis not in get_args(Hypothesis):
         allowed = ", ".join(map(repr, get_args(Hypothesis)))
         raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
-    body, law, state = Body(*body), ContactLaw(*law), State(*state)
+    body, law, state = made("body", Body, body), made("law", ContactLaw, law), made("state", State, state)
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Self, get_args
+from typing import Any, ClassVar, Self, TypeVar, get_args
 
 import numpy as np
 
 from sledenv.kernel import params
+
+_T = TypeVar("_T", bound=tuple[Any, ...])
 
 Rule = tuple[Callable[[Any], Any], str]  # what accepts a float, or each entry of an array; what it accepts, in words
 
@@ -22,6 +24,7 @@ _HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
+_INTERVAL: Rule = (lambda v: (v >= 1e-12) & (v < math.inf), "in [1e-12, inf) s")
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
 TOLERANCE = 1e-14  # default of Limits
 _TOLERANCE: Rule = (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]")
@@ -45,10 +48,29 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
-        raise TypeError(f"{owner}.{field} = {value!r}: must be a number {allowed}") from None
+        comma = "," if allowed.startswith("a ") else ""
+        raise TypeError(f"{owner}.{field} = {value!r}: must be a number{comma} {allowed}") from None
     if not accepts(number):
         raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
     return number
+
+
+def made(name: str, kind: type[_T], value: Any) -> _T:
+    """Return an argument as the kind of tuple that it must be, every field checked.
+
+    A sequence without names is one as well, if it has a number for each field.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the field, its value and what is allowed.
+    """
+    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+    own = isinstance(value, kind.__bases__)
+    plain = type(value) in (tuple, list) or isinstance(value, np.ndarray)
+    if own or (plain and np.shape(value) == np.shape(fields)):
+        return kind(*value)
+    raise TypeError(f"{name} = {value!r}: must be a {kind.__name__}, or as many numbers: {', '.join(fields)}")
 
 
 def _checked_fields(kind: type[Any], *values: Any) -> list[float]:
@@ -364,7 +386,7 @@ class Limits(params.Limits):
         POSITIVE,
         POSITIVE,
         _TOLERANCE,
-        POSITIVE,
+        _INTERVAL,
         POSITIVE,
         CLOSED_FRACTION,
         POSITIVE,

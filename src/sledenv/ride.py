@@ -40,7 +40,7 @@ from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, TAKING_OFF, new
-from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked
+from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked, made
 from sledenv.room import new_log, new_logs, new_trajectory
 
 _hop_batch = parallel_entry(hop_batch)
@@ -100,8 +100,8 @@ class Ride:
     ) -> None:
         checked_choice("solver", solver, get_args(BatchSolver))
         checked_choice("record", record, get_args(Record))
-        self.body, self.law, self.slope = Body(*body), checked_law(law), Slope(*slope)
-        self.launch = launched(self.body, self.slope, State(*launch))
+        self.body, self.law, self.slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+        self.launch = launched(self.body, self.slope, made("launch", State, launch))
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
@@ -248,7 +248,7 @@ class RideBatch:
         end_on_chord: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
-        self.body = Body(*body)
+        self.body = made("body", Body, body)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
@@ -282,7 +282,7 @@ class RideBatch:
         Parameters
         ----------
         lanes : ndarray of int, shape (n,)
-            In which lanes, no two alike.
+            In which lanes, in [0, N), no two alike.
         law, slope, launches
             As for :func:`sledenv.simulate_batch`, of n descents.
 
@@ -291,7 +291,8 @@ class RideBatch:
         TypeError, ValueError
             Naming the argument or the lane, counted in ``launches``; no lane has changed then.
         """
-        self._begin(lanes, checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed))
+        given = checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed)
+        self._begin(self._checked_numbers(lanes, len(given.launches)), given)
 
     def hop(self, trims: np.ndarray) -> None:
         """Follow one hop in every lane that has not ended.
@@ -306,8 +307,8 @@ class RideBatch:
         ValueError
             For another shape, a trim that is not finite, or one without a rotor; no lane has moved then.
         """
-        spins = np.asarray(trims, dtype=float)
-        if spins.shape != self._flights.shape or not np.isfinite(spins).all():
+        spins = _numbers(trims)
+        if spins is None or spins.shape != self._flights.shape or not np.isfinite(spins).all():
             raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
@@ -329,17 +330,44 @@ class RideBatch:
             self._rebounds[touching, before[touching]] = self._touched[touching]
 
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
-        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it."""
+        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it.
+
+        Raises
+        ------
+        IndexError
+            For a lane that is not there.
+        """
         # Records are copied whole by take, but field by field through an index.
-        return self._flights.copy() if lanes is None else self._flights.take(np.arange(len(self._flights))[lanes])
+        return self._flights.copy() if lanes is None else self._flights.take(self._numbered(lanes))
 
     def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
         """Return the descents so far, those of all lanes or of some; later hops do not change them."""
-        chosen = np.arange(len(self._flights)) if lanes is None else lanes
+        chosen = np.arange(len(self._flights)) if lanes is None else self._numbered(lanes)
         outcomes, rebounds = self.outcomes(lanes), self._rebounds
         if rebounds.size:
             rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
         return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
+
+    def _numbered(self, lanes: np.ndarray) -> np.ndarray:
+        """Numbers of lanes that an index of numpy means."""
+        try:
+            return np.asarray(np.arange(len(self._flights))[lanes])
+        except IndexError as error:
+            raise IndexError(f"lanes = {lanes!r}: must be among {len(self._flights)} lanes: {error}") from None
+
+    def _checked_numbers(self, lanes: np.ndarray, count: int) -> np.ndarray:
+        """Return the numbers of so many lanes that are launched, or raise TypeError or ValueError."""
+        numbers = np.asarray(lanes)
+        if numbers.dtype.kind not in "iu" and numbers.size:
+            raise TypeError(f"lanes = {lanes!r}: must be whole numbers")
+        if numbers.shape != (count,):
+            raise ValueError(f"lanes = {lanes!r} has shape {numbers.shape}: must be ({count},), one a launch")
+        wrong = (numbers < 0) | (numbers >= len(self._flights))
+        if wrong.any():
+            raise ValueError(f"lanes holds {numbers[wrong][0]}: must be in [0, {len(self._flights)})")
+        if len(set(numbers.tolist())) < count:
+            raise ValueError(f"lanes = {lanes!r}: no two must be alike")
+        return numbers.astype(np.intp)
 
     def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
         if given.kind is not type(self._like):
@@ -352,3 +380,12 @@ class RideBatch:
         self._flights[lanes] = flights
         if self._rebounds.size:
             self._rebounds[lanes] = np.zeros((), REBOUND)
+
+
+def _numbers(given: ArrayLike) -> np.ndarray | None:
+    """Return an array of floats, or None if it would not be one of real numbers."""
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        return None
+    return array.astype(float) if array.dtype.kind in "biuf" else None

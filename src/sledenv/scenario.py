@@ -47,6 +47,7 @@ from sledenv.params import (
     circular_segment,
     holds_its_mass_centre,
     least_eccentricity,
+    made,
     sled,
     sled_rise,
 )
@@ -548,7 +549,7 @@ class Scenario(Section):
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
-        return ContactLaw(*self.laws(np.array([context]))[0].tolist())
+        return ContactLaw(*self.laws(np.array([made("context", Context, context)]))[0].tolist())
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the contact laws of contexts of shape (N, 8): columns are the fields of ContactLaw, shape (N, 5)."""
@@ -566,7 +567,7 @@ class Scenario(Section):
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
-        return Slope(*self.slopes(np.array([context]))[0].tolist())
+        return Slope(*self.slopes(np.array([made("context", Context, context)]))[0].tolist())
 
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the slopes of contexts of shape (N, 8): columns are the fields of Slope."""
@@ -602,8 +603,9 @@ class Scenario(Section):
         Raises
         ------
         TypeError, ValueError
-            If ``orientation``, ``spin`` or ``speed`` is not a finite number.
+            If ``orientation``, ``spin`` or ``speed`` is not a finite number, or ``context`` is no context.
         """
+        context = made("context", Context, context)
         phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
         omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
         u = context.speed if speed is None else checked("State", "u", speed, FINITE)
@@ -664,6 +666,8 @@ def read_config(
     ScenarioError
         Of the type ``error``, if there is no such file or it is no YAML.
     """
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise TypeError(f"{kind} = {name_or_path!r}: must be the name of one or the path of a file")
     name, known = os.fspath(name_or_path), shipped_names(kind)
     if name.endswith((".yaml", ".yml")):
         source, file = name, Path(name)

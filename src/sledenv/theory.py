@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sledenv.geometry import feature_geometry, has_corners
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.params import Body, ContactLaw, Slope
+from sledenv.params import Body, ContactLaw, Slope, made
 
 Floats = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
     TypeError, ValueError
         If ``phi`` is not finite.
     """
-    body, law = Body(*body), ContactLaw(*law)
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
     a, b, arm = _arms(body, law, _numbers("steepest_jam", "phi", phi, np.isfinite, "finite"))
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (-arm - a) / b, (arm - a) / b
@@ -188,7 +188,7 @@ def chord_tipping_friction(body: Body, law: ContactLaw) -> float:
     ValueError
         If the body has no corners.
     """
-    body, law = Body(*body), ContactLaw(*law)
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
     along, across = _chord(body)
     return math.inf if along == 0.0 else (across + law.corner_rolling_arm) / abs(along)
 
@@ -304,7 +304,7 @@ def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin:
     TypeError, ValueError
         If ``phi`` is not finite or a velocity is NaN.
     """
-    body, law = Body(*body), ContactLaw(*law)
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
     angle = _numbers("painleve", "phi", phi, np.isfinite, "finite")
     s_t = np.sign(_numbers("painleve", "slip", slip, _is_number, "a number"))
     s_w = np.sign(_numbers("painleve", "spin", spin, _is_number, "a number"))
@@ -322,7 +322,7 @@ def painleve_threshold(body: Body, law: ContactLaw) -> float:
     float
         0 if rolling resistance alone suffices, inf if no friction does (a wheel).
     """
-    body, law = Body(*body), ContactLaw(*law)
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
     return min(_piece_threshold(body, piece) for piece in _pieces(body, law) if piece.high > 0.0)
 
 
@@ -378,11 +378,11 @@ def _numbers(
 
 
 def _checked(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw, Slope]:
-    return Body(*body), ContactLaw(*law), _pressed(slope)
+    return made("body", Body, body), made("law", ContactLaw, law), _pressed(slope)
 
 
 def _pressed(slope: Slope) -> Slope:
-    slope = Slope(*slope)
+    slope = made("slope", Slope, slope)
     if slope.gravity == 0.0:
         raise ValueError("Slope.gravity = 0.0: must be > 0, nothing else holds a body at rest on the slope")
     return slope

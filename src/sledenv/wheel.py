@@ -188,6 +188,8 @@ def collide_wheel(
     ------
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
+    OverflowError
+        If a velocity or an impulse after it is too large for a number.
 
     Examples
     --------
@@ -208,6 +210,8 @@ def collide_wheel(
     )
     with np.errstate(all="ignore"):  # of every input all branches are evaluated, and one is chosen
         fields = _solve(m, inertia_, r, f, delta, e, u0, v0, w0)
+    if not all(np.isfinite(field).all() for field in fields):
+        raise OverflowError("collide_wheel: velocities and impulses of this impact are too large for a number")
     if fields[0].ndim == 0:
         return WheelImpact(*(field.item() for field in fields))
     return WheelImpact(*fields)

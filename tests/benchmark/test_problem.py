@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
 from sledenv.envs.task import FIELDS
 from sledenv.scenario import Scenario, load_scenario
@@ -46,7 +47,7 @@ def test_an_agent_is_judged_as_in_episodes_of_the_environment(environment):
             observation, reward, terminated, truncated, info = env.step(action)
             ended = terminated or truncated
         assert reward == batch.jam.reward[i]
-        assert info["descent"]["status"] == batch.status[i]
+        assert STATUS_OF_CODE[info["descent"]["status"]] == batch.status[i]
         assert np.array_equal(first[:2].astype(float), actions[i])
     assert len(set(batch.outcomes["rebounds"].tolist())) > 1
 

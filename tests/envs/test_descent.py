@@ -20,6 +20,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
+from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
@@ -88,11 +89,11 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
             ended, total, steps = terminated or truncated, total + part, steps + 1
         assert total == reward
         assert last == info
-        assert terminated == (last["descent"]["status"] in ("finish", "jammed", "tumbled"))
+        assert terminated == (STATUS_OF_CODE[last["descent"]["status"]] in ("finish", "jammed", "tumbled"))
         times = last["rebounds"]["t"]
         in_contact = times[-1:] == [last["descent"]["time"]]
         assert steps == len(times) + (not in_contact)
-        statuses.add(last["descent"]["status"])
+        statuses.add(STATUS_OF_CODE[last["descent"]["status"]])
     assert {"brake_mat": {"finish", "tumbled"}}.get(scenario, {"finish"}) <= statuses
 
 
@@ -256,7 +257,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     while not (terminated or truncated):
         _, reward, terminated, truncated, info = descent.step(np.ones(3, np.float32))
     assert (terminated, truncated) == (False, True)
-    assert info["descent"]["status"] == "timeout"
+    assert STATUS_OF_CODE[info["descent"]["status"]] == "timeout"
     assert reward == launch.step(action)[1]
     content = sledenv.load_scenario("ice_drop").model_dump(mode="json")
     content["limits"]["max_rebounds"] = 2
@@ -266,7 +267,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     for i in range(20):
         env.reset()
         steps = play(env, np.random.default_rng(i))
-        ends.add((steps[-1][2], steps[-1][3], steps[-1][4]["descent"]["status"]))
+        ends.add((steps[-1][2], steps[-1][3], STATUS_OF_CODE[steps[-1][4]["descent"]["status"]]))
         assert len(steps) <= 3
     assert (False, True, "log_full") in ends
 

@@ -104,7 +104,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
     assert after["rebounds"].keys() == set(descent.rebounds.dtype.names)
     assert all(np.array_equal(column, descent.rebounds[name]) for name, column in after["rebounds"].items())
     assert after["is_success"] == (descent.status == "finish")
-    assert after["descent"]["status"] == descent.status
+    assert sledenv.STATUS_OF_CODE[after["descent"]["status"]] == descent.status
     assert after["descent"]["energy"] == descent.energy._asdict()
     assert after["jam"]["jam_index"] == 1.0 - reward
 
@@ -249,7 +249,7 @@ def test_ansi_tells_the_launch_and_then_the_rebounds(name):
     lines = told.splitlines()
     first = lines.index(next(line for line in lines if "how it ended" in line)) + 1
     assert len(info["rebounds"]["t"]) == lines[first:].index("")
-    assert f"status     {info['descent']['status']}" in told
+    assert f"status     {sledenv.STATUS_OF_CODE[info['descent']['status']]}" in told
     env.close()
 
 
@@ -265,6 +265,101 @@ def test_a_snapshot_restores_what_was_shown(name):
     env.step(np.zeros(env.action_space.shape, np.float32))
     assert all(np.array_equal(*pair) for pair in zip(env.render(), first, strict=True))
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"episode": {}}, "must hold _context, _launch, _seen"),
+        ({"episode": None}, "must hold _context, _launch, _seen"),
+        ({"episode": {"_context": 3, "_launch": None, "_seen": 0.0}}, r"snapshot.episode\['_context'\] = 3"),
+        ({"episode": {"_context": np.zeros((2, 8)), "_launch": None, "_seen": 0.0}}, r"_context has shape \(2, 8\)"),
+        ({"stream": None}, "snapshot.stream = None"),
+        ({"task": None}, "of another task"),
+    ],
+)
+def test_a_snapshot_that_has_been_changed_is_refused_and_the_episode_goes_on(change, message):
+    """Oracle: a twin that was never given it."""
+    env, twin = make().unwrapped, make().unwrapped
+    env.reset(seed=4)
+    twin.reset(seed=4)
+    with pytest.raises((TypeError, ValueError), match=message):
+        env.restore(env.snapshot()._replace(**change))
+    assert env.step(np.zeros(2, np.float32))[1] == twin.step(np.zeros(2, np.float32))[1]
+
+
+@pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
+def test_info_holds_what_was_asked_for(name):
+    """Oracle: the info of an environment that gives all."""
+    whole, chosen = gym.make(name, scenario="ice_drop"), gym.make(name, scenario="ice_drop", info=("jam", "is_success"))
+    assert chosen.reset(seed=1)[1] == {}
+    whole.reset(seed=1)
+    action = np.zeros(whole.action_space.shape, np.float32)
+    given, expected = chosen.step(action)[4], whole.step(action)[4]
+    assert given == {key: expected[key] for key in ("jam", "is_success")}
+    for info in ("jam", ("jam", "jem"), None):
+        with pytest.raises(ValueError, match=r"info = .*: must be a sequence of any of 'context', 'rebounds'"):
+            gym.make(name, info=info)
+
+
+@pytest.mark.parametrize("options", [3, "test", [{"split": "test"}]], ids=str)
+def test_options_that_are_no_mapping_are_named(options):
+    with pytest.raises(TypeError, match=r"options = .*: must be a mapping"):
+        make().unwrapped.reset(options=options)
+
+
+def test_a_seed_of_numpy_is_a_seed():
+    """Oracle: the same whole number of Python."""
+    assert np.array_equal(make().reset(seed=np.int64(3))[0], make().reset(seed=3)[0])
+
+
+def test_an_action_outside_by_rounding_is_on_the_bound():
+    """Oracle: the step of the bound; Gymnasium's RescaleAction at its own bounds, whatever they are."""
+    env = make()
+    rewards = []
+    for entry in (1.0, 1.0 + 2e-7, np.nextafter(np.float32(1), np.float32(2))):
+        env.reset(seed=0)
+        rewards.append(env.step(np.array([entry, -entry]))[1])
+    assert len(set(rewards)) == 1
+    rng = np.random.default_rng(0)
+    for low, width in zip(rng.uniform(-10.0, 10.0, 60), rng.uniform(0.5, 20.0, 60), strict=True):
+        scaled = gym.wrappers.RescaleAction(env, np.float32(low), np.float32(low + width))
+        for bound in (scaled.action_space.low, scaled.action_space.high):
+            scaled.reset(seed=0)
+            scaled.step(bound)
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match=r"action = \[1.00001, 0.0\]: must be within"):
+        env.step(np.array([1.00001, 0.0]))
+
+
+@pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
+def test_the_limit_of_the_spec_is_known_and_ends_no_episode(name):
+    """Oracle: the limits of the shipped scenarios; the scalar environment without a limit."""
+    most = max(sledenv.load_scenario(name).limits.max_rebounds for name in sledenv.scenario_names())
+    spec = gym.spec(name)
+    assert spec.max_episode_steps == 2 or spec.max_episode_steps > most + 1
+    limited, free = gym.make(name, scenario="ice_drop"), gym.make(name, scenario="ice_drop", max_episode_steps=-1)
+    timed = gym.wrappers.TimeAwareObservation(limited)
+    timed.reset(seed=0)
+    free.reset(seed=0)
+    action, ended = np.zeros(free.action_space.shape, np.float32), False
+    while not ended:
+        seen, *one = timed.step(action)
+        expected, *other = free.step(action)
+        assert np.array_equal(seen[:-1], expected)
+        assert one == other
+        ended = one[1] or one[2]
+
+
+def test_entries_of_observations_and_actions_have_names():
+    """Oracle: the spaces; the documented order."""
+    for name in ("sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"):
+        one, batch = gym.make(name, control="spin").unwrapped, gym.make_vec(name, 2, control="spin")
+        assert len(one.observation_names) == one.observation_space.shape[0]
+        assert len(one.action_names) == one.action_space.shape[0]
+        assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
+        assert one.observation_names[:8] == sledenv.Context._fields
+        assert one.action_names[0] == "spin"
 
 
 def test_info_can_be_logged_as_json():

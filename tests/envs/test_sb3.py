@@ -20,6 +20,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 import sledenv
+from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
@@ -89,7 +90,7 @@ def test_an_episode_that_met_a_limit_is_marked_as_truncated_and_one_that_ended_i
     for _ in range(20):
         observations, rewards, dones, infos = env.step(rng.uniform(-1.0, 1.0, (50, 3)))
         for observation, reward, done, info in zip(observations, rewards, dones, infos, strict=True):
-            status = info["descent"]["status"]
+            status = STATUS_OF_CODE[info["descent"]["status"]]
             seen.add(str(status))
             assert done == (status != "running")
             assert info["TimeLimit.truncated"] is (status == "log_full")
@@ -222,8 +223,14 @@ def test_seeds_and_options_are_used_once(make, short_scenario):
         dummy.set_options(options)
         assert equal(env.reset(), dummy.reset())
         assert equal(env.reset(), dummy.reset())
-    env.set_options([{"context": contexts[0]}, {}, {}])
-    with pytest.raises(ValueError, match="the same keys"):
+    mixed = [{"context": {"friction": 0.3}, "split": "test"}, {}, {"context": contexts[2]._asdict()}]
+    for options in ({"context": {"friction": 0.3}}, {"split": "test"}, mixed, [{"context": contexts[0]}, {}, {}]):
+        env.set_options(options)
+        dummy.set_options(options)
+        assert equal(env.reset(), dummy.reset())
+        assert equal(env.reset(), dummy.reset())
+    env.set_options([{"context": contexts[0]}, 3, {}])
+    with pytest.raises(TypeError, match="options of lane 1 = 3: must be a mapping"):
         env.reset()
     env.set_options({"contxt": contexts[0]})
     with pytest.raises(ValueError, match="unknown option 'contxt'"):

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 
 import sledenv
+from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
@@ -127,7 +128,7 @@ def test_ten_thousand_episodes_agree_with_scalar_environments_and_syncvectorenv(
         dones = step[2] | step[3]
         ended += np.count_nonzero(dones)
         if dones.any():
-            statuses |= set(step[4]["final_info"]["descent"]["status"][dones])
+            statuses |= {STATUS_OF_CODE[code] for code in step[4]["final_info"]["descent"]["status"][dones]}
         for i, scalar in scalars.items():
             observation, reward, terminated, truncated, info = scalar.step(action[i])
             last = step[4]["final_info"] if dones[i] else step[4]
@@ -313,7 +314,10 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
         ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
         ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be numbers of shape"),
         ("launch", "must be numbers of shape"),
-        (None, "actions have shape"),
+        (None, "actions = None: must be numbers of shape"),
+        ([["0.1", "0.2"]] * 3, "must be numbers of shape"),
+        (np.zeros((3, 2), complex), "must be numbers of shape"),
+        (np.zeros((3, 2), bool), "must be numbers of shape"),
     ],
 )
 @pytest.mark.parametrize("mode", MODES)
@@ -395,12 +399,111 @@ def test_a_step_or_a_partial_reset_before_the_first_reset_is_refused():
         ({"autoreset_mode": "never"}, ValueError, "autoreset_mode = 'never': must be one of 'NextStep', 'SameStep'"),
         ({"info": ("jam", "jem")}, ValueError, "must be a sequence of any of 'context', 'rebounds'"),
         ({"info": "jam"}, ValueError, "must be a sequence of any of"),
-        ({"render_mode": "rgb_array"}, ValueError, "vectorization_mode='sync' draws"),
+        ({"render_mode": "oil"}, ValueError, "render_mode = 'oil': must be one of"),
+        ({"num_envs": 10**12}, MemoryError, "num_envs = 1000000000000: as many lanes take"),
+        ({"num_envs": 2**63}, MemoryError, "num_envs = 9223372036854775808: as many lanes take"),
+        ({"scenario": None}, TypeError, "scenario = None: must be the name of one"),
+        ({"max_episode_steps": 0}, ValueError, "max_episode_steps = 0: must be an integer >= 1"),
     ],
 )
 def test_bad_arguments_name_the_argument_and_what_is_allowed(given, error, message):
     with pytest.raises(error, match=message):
         gym.make_vec(LAUNCH_ID, **{"num_envs": 2} | given)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@both_ids
+def test_the_picture_of_lane_0_is_that_of_syncvectorenv(env_id, mode):
+    """Oracle: the first picture of Gymnasium's SyncVectorEnv."""
+    given = {"scenario": "ice_drop", "launch_noise": (0.1, 0.3), "render_mode": "ansi"}
+    env = gym.make_vec(env_id, 3, autoreset_mode=mode, **given)
+    sync = gym.make_vec(env_id, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
+    env.reset(seed=5)
+    sync.reset(seed=5)
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        assert env.render() == sync.render()[:1]
+        action = actions(rng, 3, env_id)
+        ended = np.logical_or(*env.step(action)[2:4])
+        sync.step(action)
+        if mode is AutoresetMode.DISABLED and ended.any():
+            assert env.render() == sync.render()[:1]
+            for one in (env, sync):
+                one.reset(options={"reset_mask": ended.copy()})
+    env.close()
+    env = gym.make_vec(env_id, 2, scenario="ice_drop", render_mode="rgb_array")
+    env.reset(seed=0)
+    assert env.render()[0].shape == (540, 960, 3)
+    env.close()
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+@both_ids
+def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
+    """Oracle: what followed the first time, and a copy of the batch that was never used."""
+    env, other = native(4, mode, env_id), native(4, mode, env_id)
+    with pytest.raises(ResetNeeded):
+        env.snapshot()
+    env.reset(seed=8)
+    rng = np.random.default_rng(0)
+    env.step(actions(rng, 4, env_id))
+    kept = pickle.loads(pickle.dumps(env.snapshot()))
+    todo = [actions(rng, 4, env_id) for _ in range(20)]
+    followed = [env.step(action) for action in todo]
+    for one in (env, other):
+        one.restore(kept)
+        assert equal([one.step(action) for action in todo], followed)
+    with pytest.raises(ValueError, match="another task"):
+        native(5, mode, env_id).restore(kept)
+    with pytest.raises(TypeError, match="must come from snapshot"):
+        env.restore(kept._replace(stream=None))
+
+
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_a_limit_of_steps_truncates_as_gymnasiums_timelimit_does(mode):
+    """Oracle: SyncVectorEnv of scalar environments in TimeLimit."""
+    given = {"scenario": "ice_drop", "max_episode_steps": 3}
+    env = gym.make_vec(DESCENT_ID, 4, autoreset_mode=mode, info=INFO_KEYS, **given)
+    sync = gym.make_vec(DESCENT_ID, 4, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
+    assert equal(env.reset(seed=3), sync.reset(seed=3))
+    rng, cut = np.random.default_rng(0), 0
+    for _ in range(15):
+        action = actions(rng, 4, DESCENT_ID)
+        step = env.step(action)
+        assert equal(step, sync.step(action))
+        cut += step[3].sum()
+    assert cut > 5
+
+
+@pytest.mark.parametrize("seed", [np.int64(3), [np.int64(3), np.uint8(4), 5], np.array([3, 4, 5])], ids=repr)
+def test_seeds_of_numpy_are_seeds(seed):
+    """Oracle: the same whole numbers of Python."""
+    assert equal(native(3).reset(seed=seed), native(3).reset(seed=3))
+
+
+@pytest.mark.parametrize("seed", [1.5, "3", True], ids=repr)
+def test_what_is_no_seed_is_named(seed):
+    with pytest.raises(TypeError, match=r"seed = .*: must be an integer >= 0"):
+        native(3).reset(seed=seed)
+
+
+def test_all_that_is_returned_by_default_can_be_a_tensor():
+    """Oracle: Gymnasium's NumpyToTorch, where what it needs is there; the kinds of numbers elsewhere."""
+
+    def kinds(info):
+        for value in info.values():
+            yield from kinds(value) if isinstance(value, dict) else [value.dtype.kind]
+
+    env = gym.make_vec(DESCENT_ID, 2)
+    begun = env.reset(seed=0)[1]
+    assert set(kinds(begun)) | set(kinds(env.step(np.zeros((2, 3), np.float32))[4])) <= set("bfi")
+    pytest.importorskip("array_api_compat")
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    torch = pytest.importorskip("torch")
+    env = NumpyToTorch(env)
+    env.reset(seed=0)
+    assert isinstance(env.step(torch.zeros((2, 3)))[4]["descent"]["status"], torch.Tensor)
 
 
 def test_lanes_without_a_seed_differ():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import FLIGHT, Solver, checked_actions, only_lane
+from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
 from sledenv.ride import Ride
 from sledenv.scenario import Scenario, Split
@@ -40,11 +41,11 @@ class SledDescent(SledLaunch):
 
     Parameters
     ----------
-    scenario, control, render_mode, solver, split, launch_noise
+    scenario, control, render_mode, solver, split, launch_noise, info
         As for :class:`SledLaunch`; the window shows each hop as it is made.
     """
 
-    _episode = ("_context", "_launch", "_seen", "_ride")
+    _episode = SledLaunch._episode | {"_ride": (Ride, type(None))}
 
     def __init__(
         self,
@@ -55,10 +56,14 @@ class SledDescent(SledLaunch):
         solver: Solver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
+        info: Sequence[str] = INFO_KEYS,
     ) -> None:
-        super().__init__(scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise)
+        super().__init__(
+            scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise, info=info
+        )
         self.observation_space = self.task.ride_observation_space
         self.action_space = self.task.ride_action_space
+        self.observation_names, self.action_names = self.task.ride_observation_names, self.task.ride_action_names
         self._ride: Ride | None = None  # of the present episode, once it has been launched
 
     def reset(
@@ -66,8 +71,12 @@ class SledDescent(SledLaunch):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode in a new context, as :meth:`SledLaunch.reset` does."""
         observation, info = super().reset(seed=seed, options=options)
-        self._ride = None
         return np.append(observation, np.zeros(len(FLIGHT), np.float32)), info
+
+    def enter(self, context: Contexts) -> None:
+        """Begin an episode in a context that another environment has drawn, as :meth:`SledLaunch.enter` does."""
+        self._ride = None
+        super().enter(context)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Launch the sled, or trim it, and follow it to its next rebound or to the end of the descent.
@@ -98,7 +107,7 @@ class SledDescent(SledLaunch):
         batch = descent.as_batch()
         rewards, terminated, truncated = self.task.verdict(batch)
         observation = np.append(self.task.observe(self._context)[0], self.task.observe_flights(batch.outcomes)[0])
-        info = only_lane(self.task.info(self._context, batch))
+        info = only_lane(self.task.info(self._context, batch, self.info_keys))
         return observation, rewards.item(), terminated.item(), truncated.item(), info
 
     def _recorded(self) -> Descent:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import Contexts, Solver, Task, checked_actions, only_lane
+from sledenv.envs.task import INFO_KEYS, Contexts, Solver, Task, checked_actions, checked_info, only_lane
 from sledenv.scenario import Context, Scenario, Split
 from sledenv.text import setting, story
 
@@ -28,7 +28,22 @@ class Snapshot(NamedTuple):
 
     task: tuple[Any, ...]  # of what
     episode: dict[str, Any]
-    stream: np.random.Generator
+    stream: Any  # np.random.Generator, or the Streams of a batch
+
+
+def check_snapshot(snapshot: Any, task: tuple[Any, ...], episode: dict[str, tuple[type, ...]], stream: type) -> None:
+    """Raise TypeError or ValueError unless a snapshot is one of a task, with the attributes that an episode has."""
+    if not isinstance(snapshot, Snapshot):
+        raise TypeError(f"snapshot = {snapshot!r}: must come from snapshot()")
+    if snapshot.task != task:
+        raise ValueError(f"the snapshot is of another task: {snapshot.task}, not {task}")
+    held = snapshot.episode
+    if not isinstance(held, dict) or held.keys() != episode.keys():
+        raise ValueError(f"snapshot.episode = {held!r}: must hold {', '.join(episode)}")
+    kinds = {f"episode[{name!r}]": (held[name], allowed) for name, allowed in episode.items()}
+    for name, (value, allowed) in (kinds | {"stream": (snapshot.stream, (stream,))}).items():
+        if not isinstance(value, allowed):
+            raise TypeError(f"snapshot.{name} = {value!r}: must come from snapshot()")
 
 
 class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -45,7 +60,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Every episode terminates after its one step.
     Info
         ``context``, ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent``
-        (status, time, energy).
+        (status, an index of ``sledenv.STATUS_OF_CODE``, time, energy).
 
     Parameters
     ----------
@@ -63,6 +78,14 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     launch_noise : pair of float, optional
         Standard deviations of normal noise on the orientation [rad] and the spin [rad/s] at launch; those of the
         scenario by default.
+    info : sequence of str
+        Entries of info to give, all by default. Without "rebounds" every value has the same form at every step, as some
+        collectors of other libraries need.
+
+    Attributes
+    ----------
+    observation_names, action_names : tuple of str
+        What the entries of an observation and of an action are.
 
     Notes
     -----
@@ -72,7 +95,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array", "rgb_array_list", "ansi"], "render_fps": 30}
     action_space: spaces.Box  # type: ignore[assignment]
-    _episode: tuple[str, ...] = ("_context", "_launch", "_seen")  # attributes that make up a snapshot
+    # Attributes that make up a snapshot, and what each may be.
+    _episode: dict[str, tuple[type, ...]] = {
+        "_context": (np.ndarray,),
+        "_launch": (np.ndarray, type(None)),
+        "_seen": (float,),
+    }
 
     def __init__(
         self,
@@ -83,12 +111,16 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         solver: Solver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
+        info: Sequence[str] = INFO_KEYS,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: must be one of {self.metadata['render_modes']}")
         self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
         self.observation_space = self.task.observation_space
         self.action_space = self.task.action_space
+        self.observation_names: tuple[str, ...] = self.task.observation_names
+        self.action_names: tuple[str, ...] = self.task.action_names
+        self.info_keys = checked_info(info)
         self.render_mode = render_mode
         self._renderer: DescentRenderer | None = None
         self._context: Contexts | None = None  # one lane
@@ -114,14 +146,19 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             For an unknown option, or naming the field of a context that cannot be simulated; the episode goes on.
         """
         given = self.task.given(options)
-        super().reset(seed=seed)
-        draws = self.np_random.random((1, self.task.draws)) if self.task.draws_for(given) else None
-        self._context = self.task.begin(given, draws)
+        super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
+        context = self.task.begin(given, lambda drawn: self.np_random.random((len(drawn), self.task.draws)))
+        self.enter(context)
+        info = {"context": self.task.context_info(context)} if "context" in self.info_keys else {}
+        return self.task.observe(context)[0], only_lane(info)
+
+    def enter(self, context: Contexts) -> None:
+        """Begin an episode in a context that another environment has drawn, one row with its launch noise."""
+        self._context = context.copy()
         self._launch = None
         self._seen = _NOTHING
         if self.render_mode == "human":
             self._drawing().play(self._unseen())
-        return self.task.observe(self._context)[0], only_lane({"context": self.task.context_info(self._context)})
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run the whole descent.
@@ -140,7 +177,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._launch = launch
         if self.render_mode == "human":
             self._drawing().play(self._unseen())
-        info = self.task.info(self._context, descent.as_batch())
+        info = self.task.info(self._context, descent.as_batch(), self.info_keys)
         return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
@@ -166,6 +203,20 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             case None:
                 gym.logger.warn("render is called without a render_mode: give one to gym.make")
         return None
+
+    def film(self) -> Iterator[NDArray[np.uint8]]:
+        """Draw what "rgb_array_list" would list, one picture after the other, so that none needs to be kept.
+
+        :func:`sledenv.envs.render.write_film` makes a file of it.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        if self._context is None:
+            raise ResetNeeded("call reset before film")
+        return self._unseen()
 
     def snapshot(self) -> Snapshot:
         """Return where the environment stands; what is done with it later does not change the snapshot.
@@ -193,10 +244,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         TypeError, ValueError
             If it is no snapshot, or one of another task; the environment stays where it is.
         """
-        if not isinstance(snapshot, Snapshot):
-            raise TypeError(f"snapshot = {snapshot!r}: must come from snapshot()")
-        if snapshot.task != self._identity():
-            raise ValueError(f"the snapshot is of another task: {snapshot.task}, not {self._identity()}")
+        check_snapshot(snapshot, self._identity(), self._episode, np.random.Generator)
+        if snapshot.episode["_context"].shape != (1, self.task.draws):
+            raise ValueError(f"snapshot.episode: _context has shape {snapshot.episode['_context'].shape}")
         for name, value in copy.deepcopy(snapshot.episode).items():
             setattr(self, name, value)
         self.np_random = copy.deepcopy(snapshot.stream)

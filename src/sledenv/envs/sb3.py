@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -91,7 +91,9 @@ class SledVecEnv(VecEnv):
         seeds, options = self._seeds, self._options
         self._reset_seeds()
         self._reset_options()
-        observations, info = self.env.reset(seed=seeds, options=_shared_options(options))
+        observations, info = self.env.reset(
+            seed=seeds, options=_shared_options(options, {"split": self.env.task.split})
+        )
         self.reset_infos = lane_infos(info, self.num_envs)
         return observations
 
@@ -218,10 +220,10 @@ def _start_threads() -> None:
     torch.set_num_threads(threads)
 
 
-def _shared_options(options: list[dict[str, Any]]) -> dict[str, Any] | None:
+def _shared_options(options: list[dict[str, Any]], default: dict[str, Any]) -> dict[str, Any] | None:
     """Options of the batch from those of each lane."""
-    if not any(options):
-        return None
-    if any(given.keys() != options[0].keys() for given in options):
-        raise ValueError("options: all lanes must be given the same keys")
-    return {key: [given[key] for given in options] for key in options[0]}
+    for lane, given in enumerate(options):
+        if not isinstance(given, Mapping):
+            raise TypeError(f"options of lane {lane} = {given!r}: must be a mapping")
+    keys = {key: None for given in options for key in given}  # in order
+    return {key: [given.get(key, default.get(key)) for given in options] for key in keys} or None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -50,14 +50,19 @@ INFO_KEYS: Final = ("context", "rebounds", "jam", "is_success", "descent")
 
 _DISTURBED = [Context._fields.index(name) for name in NOISY]
 _TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
-_STATUS = np.array([str(status) for status in STATUS_OF_CODE], dtype=object)
+_SLACK = 1e-6  # by which an action may lie outside the box: a few units in the last place of its float32
 
 
 class Given(NamedTuple):
     """What a user fixes of episodes that begin."""
 
     fixed: NDArray[np.float64]  # (n, 8), columns as in Context; NaN where a field is to be drawn
-    split: Split | None
+    split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
+
+    def of(self, rows: NDArray[np.intp]) -> Given:
+        """Return what is given of some of the episodes."""
+        split = tuple(self.split[i] for i in rows.tolist()) if isinstance(self.split, tuple) else self.split
+        return Given(self.fixed[rows], split)
 
 
 class Task:
@@ -92,6 +97,8 @@ class Task:
         Of a launch.
     ride_observation_space, ride_action_space : Box
         Of a launch with the hops that follow: the flight is behind the context, the trim behind the launch.
+    observation_names, ride_observation_names, action_names, ride_action_names : tuple of str
+        What their entries are.
     varies : ndarray of bool, shape (8,)
         Which fields of a context an agent sees: those that vary and that it does not choose.
 
@@ -152,6 +159,8 @@ class Task:
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
         self.ride_observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
         self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
+        self.observation_names, self.ride_observation_names = Context._fields, (*Context._fields, *FLIGHT)
+        self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
 
     def given(self, options: Mapping[str, Any] | None, lanes: int = 1, also: tuple[str, ...] = ()) -> Given:
         """Read the options of a reset.
@@ -160,8 +169,9 @@ class Task:
         ----------
         options : mapping, optional
             ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-            an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8).
-            ``split``: in place of that of the task, for the episodes that this reset begins.
+            an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8); or a list of one a
+            lane, each a mapping, a whole context or None.
+            ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
         lanes : int
         also : tuple of str
             Options that the caller has taken out, for the message.
@@ -171,59 +181,56 @@ class Task:
         TypeError, ValueError
             For an unknown option or field, or a wrong shape, or naming the field, its value and the allowed range.
         """
+        if not isinstance(options, Mapping | None):
+            raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
         given = dict(options or {})
         context, split = given.pop("context", None), given.pop("split", self.split)
         if given:
             known = ", ".join(map(repr, ("context", "split", *also)))
             raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
-        if split is not None:
-            check_split(split)
-        fixed = np.full((lanes, FIELDS), np.nan)
-        if isinstance(context, Mapping):
-            for name, value in context.items():
-                if name not in Context._fields:
-                    raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
-                i = Context._fields.index(name)
-                column = np.asarray(value)
-                if column.shape not in ((), (lanes,)):
-                    raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
-                for number in np.atleast_1d(column):
-                    checked("context", name, number, Context.rules[i])
-                fixed[:, i] = column
-        elif context is not None:
-            shape = (lanes, FIELDS)
-            rows = np.array(context, dtype=np.float64)
-            if rows.shape not in (shape, shape[1:]):
-                raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
-            owner = "context" if rows.ndim == 1 else "context[{lane}]"
-            checked_rows(owner, Context, np.atleast_2d(rows))
-            fixed[:] = rows
-        return Given(fixed, split)
+        splits = tuple(split) if isinstance(split, list | tuple) else (split,)
+        if len(splits) not in (1, lanes):
+            raise ValueError(f"split has {len(splits)} entries: must be one, or one a lane, {lanes}")
+        for one in splits:
+            if one is not None:
+                check_split(one)
+        fixed = _fixed(context, lanes)
+        return Given(fixed, splits if len(set(splits)) > 1 else splits[0])
 
-    def draws_for(self, given: Given) -> bool:
-        """Whether anything is left to be drawn; if not, the random stream stays where it is."""
-        return bool(np.isnan(given.fixed).any()) or self.draws > FIELDS
-
-    def begin(self, given: Given, draws: NDArray[np.float64] | None) -> Contexts:
+    def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Contexts:
         """Return the contexts of new episodes.
 
         Parameters
         ----------
         given : Given
             Of n episodes.
-        draws : ndarray in [0, 1), shape (n, draws)
-            Not needed unless :meth:`draws_for` says so.
+        draw : callable
+            Returns the doubles in [0, 1) of episodes whose numbers it is given, shape (len(numbers), draws). It is not
+            asked for an episode of which nothing is left to be drawn: its random stream stays where it is.
         """
-        if draws is None:
-            return given.fixed.copy()
-        drawn = self.scenario.contexts(draws[:, :FIELDS], given.split)
-        contexts = np.where(np.isnan(given.fixed), drawn, given.fixed)
+        contexts = given.fixed.copy()
+        left = np.isnan(contexts)
+        drawn = np.flatnonzero(left.any(axis=1) | (self.draws > FIELDS))
+        if not drawn.size:
+            return contexts
+        draws = draw(drawn)
+        contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :FIELDS], given.of(drawn).split), contexts[drawn])
         if self.draws == FIELDS:
             return contexts
         # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
         length = np.sqrt([-2.0 * math.log1p(-draw) for draw in draws[:, FIELDS].tolist()])
         cosine, sine = directions(2.0 * np.pi * draws[:, FIELDS + 1])
         return np.column_stack([contexts, self.noise[0] * length * cosine, self.noise[1] * length * sine])
+
+    def _drawn(self, draws: NDArray[np.float64], split: Split | tuple[Split | None, ...] | None) -> Contexts:
+        """Return the contexts that doubles mean, all of one split or each of its own."""
+        if not isinstance(split, tuple):
+            return self.scenario.contexts(draws, split)
+        contexts = np.empty((len(draws), FIELDS))
+        for one in set(split):
+            own = np.array([other == one for other in split])
+            contexts[own] = self.scenario.contexts(draws[own], one)
+        return contexts
 
     @staticmethod
     def context(contexts: Contexts) -> Context:
@@ -411,8 +418,8 @@ class Task:
         Returns
         -------
         dict
-            Arrays of shape (n,), in dicts. Columns of rebounds and the status are arrays of objects: of lists, because
-            logs differ in length, and of strings.
+            Arrays of shape (n,), in dicts. The status is a code, an index of ``sledenv.STATUS_OF_CODE``. Columns of
+            rebounds are arrays of lists, because logs differ in length.
         """
         outcomes, jam = batch.outcomes, batch.jam
         info: dict[str, Any] = {}
@@ -430,7 +437,7 @@ class Task:
                 case "descent":
                     energy = {name: outcomes[name].copy() for name in LEDGER_FIELDS}
                     info[key] = {
-                        "status": _STATUS[outcomes["status"]],
+                        "status": outcomes["status"].astype(np.int64),
                         "time": outcomes["t"].copy(),
                         "energy": energy,
                     }
@@ -456,6 +463,11 @@ def checked_actions(
     acting : ndarray of int, optional
         Lanes whose actions count; all by default.
 
+    Returns
+    -------
+    ndarray
+        What lies outside the box by rounding, at most 1e-6, is on its bound.
+
     Raises
     ------
     gymnasium.error.InvalidAction
@@ -463,23 +475,73 @@ def checked_actions(
     """
     shape = (lanes, *space.shape)
     try:
-        given = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(actions)
+    except (TypeError, ValueError) as error:  # rows of different lengths
         raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}") from error
+    if given.dtype.kind not in "iuf":
+        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}")
+    given = given.astype(np.float64)
     if given.shape[:1] != shape[:1]:
         raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
     if given.shape != shape:
         raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
-    within = (given >= space.low) & (given <= space.high)  # NaN is not
-    if within.all():
-        return given
+    within = (given >= space.low - _SLACK) & (given <= space.high + _SLACK)  # NaN is not
     inside = np.ones(lanes, np.bool_)
     inside[acting] = within[acting].all(axis=1)
     if not inside.all():
         lane = int(np.argmin(inside))
         name = "action" if lanes == 1 else f"actions[{lane}]"
         raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
-    return given
+    clipped: NDArray[np.float64] = np.clip(given, space.low, space.high)
+    return clipped
+
+
+def checked_info(info: Sequence[str]) -> tuple[str, ...]:
+    """Return which entries of info are to be given, or raise ValueError."""
+    listed = not isinstance(info, str) and isinstance(info, Iterable)
+    if not listed or not set(info) <= set(INFO_KEYS):
+        raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
+    return tuple(info)
+
+
+def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
+    """Fields of contexts that a user fixes, shape (lanes, 8), NaN where one is to be drawn: see :meth:`Task.given`."""
+    if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
+        if len(context) != lanes:
+            raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
+        return np.concatenate([_fixed(one, 1) for one in context])
+    fixed = np.full((lanes, FIELDS), np.nan)
+    if isinstance(context, Mapping):
+        for name, value in context.items():
+            if name not in Context._fields:
+                raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
+            i = Context._fields.index(name)
+            column = _array(f"context.{name}", value)
+            if column.shape not in ((), (lanes,)):
+                raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
+            for number in column.reshape(-1).tolist():
+                checked("context", name, number, Context.rules[i])
+            fixed[:, i] = column
+    elif context is not None:
+        shape = (lanes, FIELDS)
+        rows = _array("context", context)
+        if rows.shape not in (shape, shape[1:]):
+            raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
+        owner = "context" if rows.ndim == 1 else "context[{lane}]"
+        checked_rows(owner, Context, np.atleast_2d(rows))
+        fixed[:] = rows
+    return fixed
+
+
+def _array(name: str, value: Any) -> NDArray[np.float64]:
+    """Return numbers as an array of floats, or raise TypeError."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
+    return np.asarray(array, np.float64)
 
 
 def only_lane(columns: dict[str, Any]) -> dict[str, Any]:

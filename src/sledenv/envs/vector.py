@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions
+from sledenv.checks import checked_count
+from sledenv.envs.descent import SledDescent
+from sledenv.envs.launch import SledLaunch, Snapshot, check_snapshot
+from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions, checked_info
 from sledenv.ride import RideBatch
+from sledenv.room import check_room
 from sledenv.scenario import Scenario, Split
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
+_LANE = 1024  # bytes that a lane takes at least
 _BLOCK = 16  # contexts that a lane draws ahead: one call of its generator costs as much as several of them
 
 Floats = NDArray[np.float64]
@@ -89,6 +97,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     whatever the number of lanes: like :class:`gymnasium.vector.SyncVectorEnv`, in observations, rewards, endings and
     info.
 
+    With Gymnasium's default autoreset mode, ``"NextStep"``, every second step of SledLaunch is the reset of all lanes:
+    it ignores the actions and rewards 0. ``autoreset_mode="SameStep"`` has none of these.
+
     Parameters
     ----------
     num_envs : int
@@ -100,11 +111,29 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         ``"SameStep"`` or ``"Disabled"``.
     info : sequence of str
         Entries of the scalar environment's info to give: all but "rebounds" by default, which cost more than the rest.
-    render_mode : None
-        Nothing is drawn; ``vectorization_mode="sync"`` draws.
+    render_mode : str, optional
+        As for :class:`sledenv.envs.launch.SledLaunch`; lane 0 is drawn, by a scalar environment that repeats its steps.
+    max_episode_steps : int, optional
+        After how many steps an episode is truncated, as by :class:`gymnasium.wrappers.TimeLimit`. That of an id ends no
+        episode of the shipped scenarios.
+
+    Attributes
+    ----------
+    observation_names, action_names : tuple of str
+        What the entries of one lane's observation and action are.
     """
 
     single_action_space: spaces.Box
+    _single: type[SledLaunch]  # what one lane is
+    # Attributes that make up a snapshot, and what each may be.
+    _episode: dict[str, tuple[type, ...]] = {
+        "_contexts": (np.ndarray,),
+        "_seen": (np.ndarray,),
+        "_steps": (np.ndarray,),
+        "_ended": (np.ndarray,),
+        "_rides": (RideBatch, type(None)),
+    }
+    _rides: RideBatch | None = None  # of SledDescent, once lanes have been launched
 
     def __init__(
         self,
@@ -113,7 +142,8 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         control: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
-        render_mode: None = None,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
         *,
         solver: Solver = "compliant",
         split: Split | None = None,
@@ -121,32 +151,43 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")
-        if isinstance(info, str) or not set(info) <= set(INFO_KEYS):
-            raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
+        check_room(int(num_envs) * _LANE, f"num_envs = {num_envs!r}: as many lanes", "lower it")
+        self.info_keys = checked_info(info)
+        if max_episode_steps is not None:
+            max_episode_steps = checked_count("max_episode_steps", max_episode_steps)
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
             modes = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: must be None; vectorization_mode='sync' draws")
         self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
         self.num_envs = int(num_envs)
         self.single_observation_space, self.single_action_space = self._spaces()
+        self.observation_names, self.action_names = self._names()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.autoreset_mode = mode
-        self.metadata = {"render_modes": [], "autoreset_mode": mode}
-        self.info_keys = tuple(info)
+        self.metadata = self._single.metadata | {"autoreset_mode": mode}
+        self.max_episode_steps = max_episode_steps
+        self.render_mode = render_mode
+        self._drawn: SledLaunch | None = None  # repeats lane 0
+        if render_mode is not None:
+            self._drawn = self._single(
+                self.task.scenario, control, render_mode, solver=solver, launch_noise=launch_noise
+            )
         self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
         self._seen = np.zeros(self.observation_space.shape or (), np.float32)  # observation of each lane
-        self._fresh = np.ones(self.num_envs, np.bool_)  # no step has been taken since the reset
+        self._steps = np.zeros(self.num_envs, np.int64)  # since the reset
         self._ended = np.zeros(self.num_envs, np.bool_)
 
     @abstractmethod
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
         """Observation and action space of one lane."""
+
+    @abstractmethod
+    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of the entries of an observation and of an action of one lane."""
 
     @abstractmethod
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
@@ -178,21 +219,18 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         gymnasium.error.ResetNeeded
             If the very first reset leaves lanes out.
         """
+        if not isinstance(options, Mapping | None):
+            raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
         given = dict(options or {})
         mask = given.pop("reset_mask", None)
         lanes = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._checked_mask(mask))
         if self._contexts is None and len(lanes) < self.num_envs:
             raise ResetNeeded("the first reset must be one of all lanes")
-        if seed is None or isinstance(seed, int):
-            seeds: list[int | None] = [None if seed is None else seed + i for i in lanes.tolist()]
-        elif len(seed) == self.num_envs:
-            seeds = [seed[i] for i in lanes.tolist()]
-        else:
-            raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
-        fixed, split = self.task.given(given, self.num_envs, ("reset_mask",))
+        seeds = self._checked_seeds(seed, lanes)
+        fixed = self.task.given(given, self.num_envs, ("reset_mask",))
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
-        self._restart(lanes, info, Given(fixed[lanes], split))
+        self._restart(lanes, info, fixed.of(lanes))
         return self._seen.copy(), info
 
     def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
@@ -227,7 +265,11 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if lanes.size:
             step = self._advance(lanes, chosen[lanes])
             rewards[lanes], terminated[lanes], truncated[lanes] = step.rewards, step.terminated, step.truncated
-            self._fresh[lanes] = False
+            self._steps[lanes] += 1
+            if self.max_episode_steps is not None:
+                truncated[lanes] |= self._steps[lanes] >= self.max_episode_steps
+            if self._drawn is not None and lanes[0] == 0:
+                self._drawn.step(chosen[0])
         if waiting.size:
             self._restart(waiting, info)
         observations = self._seen.copy()
@@ -247,6 +289,62 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             self._ended = ended
         return observations, rewards, terminated, truncated, info
 
+    def render(self) -> tuple[RenderFrame, ...] | None:
+        """Return what the scalar environment in place of lane 0 would, in a tuple of this one lane.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        if self._drawn is None:
+            gym.logger.warn("render is called without a render_mode: give one to gym.make_vec")
+            return None
+        drawn = self._drawn.render()
+        return None if drawn is None else (drawn,)  # type: ignore[return-value]  # a list of pictures is one as well
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if there is one."""
+        if self._drawn is not None:
+            self._drawn.close()
+
+    def snapshot(self) -> Snapshot:
+        """Return where all lanes stand, their random streams included, as :meth:`SledLaunch.snapshot` does for one.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        if self._contexts is None:
+            raise ResetNeeded("call reset before snapshot")
+        episode = {name: copy.deepcopy(getattr(self, name)) for name in self._episode}
+        return Snapshot(self._identity(), episode, copy.deepcopy(self._streams))
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot: what follows is, bit for bit, what would have followed there.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            Of this batch or of another one with the same arguments, which draws nothing.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no snapshot, or one of another task; the batch stays where it is.
+        """
+        check_snapshot(snapshot, self._identity(), self._episode, Streams)
+        if self._drawn is not None:
+            raise ValueError(f"render_mode = {self.render_mode!r}: a batch that draws cannot go on from a snapshot")
+        for name, value in copy.deepcopy(snapshot.episode).items():
+            setattr(self, name, value)
+        self._streams = copy.deepcopy(snapshot.stream)
+
+    def _identity(self) -> tuple[Any, ...]:
+        task, kind = self.task, (type(self).__name__, self.num_envs, self.autoreset_mode.value, self.info_keys)
+        return *kind, task.scenario.hash, task.control, task.solver, *task.noise.tolist()
+
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]  # as in SyncVectorEnv
         """Seed of each lane, None before the first reset."""
@@ -261,18 +359,32 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             raise ValueError("options['reset_mask'] has no lane to reset: at least one entry must be True")
         return mask
 
+    def _checked_seeds(self, seed: int | Sequence[int | None] | None, lanes: Lanes) -> list[int | None]:
+        """Return the seed of each of some lanes, or raise TypeError or ValueError."""
+        if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+            return [int(seed) + i for i in lanes.tolist()]
+        if seed is None:
+            return [None] * len(lanes)
+        if isinstance(seed, str | float | bool) or not hasattr(seed, "__len__"):
+            raise TypeError(f"seed = {seed!r}: must be an integer >= 0, or a sequence of one a lane")
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
+        return [int(own) if isinstance(own := seed[i], np.integer) else own for i in lanes.tolist()]
+
     def _restart(self, lanes: Lanes, info: dict[str, Any], given: Given | None = None) -> None:
         """Begin an episode in lanes, in contexts of which something may be given, and add its info."""
         if given is None:
             given = self.task.given(None, len(lanes))
-        contexts = self.task.begin(given, self._streams.take(lanes) if self.task.draws_for(given) else None)
+        contexts = self.task.begin(given, lambda drawn: self._streams.take(lanes[drawn]))
         if self._contexts is None:
             self._contexts = np.empty((self.num_envs, contexts.shape[1]))
         self._contexts[lanes] = contexts
         self._seen[lanes] = 0.0
         self._seen[lanes, :FIELDS] = self.task.observe(contexts)
-        self._fresh[lanes] = True
+        self._steps[lanes] = 0
         self._ended[lanes] = False
+        if self._drawn is not None and lanes.size and lanes[0] == 0:
+            self._drawn.enter(contexts[:1])
         if "context" in self.info_keys:
             self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
 
@@ -303,8 +415,13 @@ class SledLaunchVector(SledVectorEnv):
     The arguments are those of :class:`SledVectorEnv`.
     """
 
+    _single = SledLaunch
+
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
         return self.task.observation_space, self.task.action_space
+
+    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return self.task.observation_names, self.task.action_names
 
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
         assert self._contexts is not None
@@ -321,14 +438,17 @@ class SledDescentVector(SledVectorEnv):
     The arguments are those of :class:`SledVectorEnv`.
     """
 
-    _rides: RideBatch | None = None  # before the first step, which launches all lanes
+    _single = SledDescent
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
         return self.task.ride_observation_space, self.task.ride_action_space
 
+    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return self.task.ride_observation_names, self.task.ride_action_names
+
     def _advance(self, lanes: Lanes, actions: Floats) -> Advance:
         assert self._contexts is not None
-        fresh = self._fresh[lanes]
+        fresh = self._steps[lanes] == 0
         rides = self._launch(lanes[fresh], actions[fresh, :-1])
         trims = np.zeros(self.num_envs)
         trims[lanes[~fresh]] = self.task.trims(actions[~fresh, -1])

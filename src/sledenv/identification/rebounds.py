@@ -19,7 +19,7 @@ from sledenv.geometry import arms, feature_at, within_a_turn
 from sledenv.identification.fitting import Fit, Floats, Interval, Loss, Parameter, Problem, profiled, solve
 from sledenv.impact import Hypothesis, velocities_after
 from sledenv.kernel.records import ARC
-from sledenv.params import POSITIVE, Body, checked
+from sledenv.params import POSITIVE, Body, checked, made
 
 BEFORE: Final = ("u_before_m_s", "v_before_m_s", "omega_before_rad_s")
 AFTER: Final = ("u_after_m_s", "v_after_m_s", "omega_after_rad_s")
@@ -428,7 +428,7 @@ def read_rebounds(
     before = _columns(table, BEFORE)
     after = _columns(table, AFTER) if measured else np.full_like(before, np.nan)
     if body is not None:
-        body = Body(*body)
+        body = made("body", Body, body)
         k = math.sqrt(body.inertia / body.mass)
         reach, corner = arms_of(body, _columns(table, POSE)[:, 0])
     else:

@@ -29,7 +29,7 @@ from sledenv.identification.flights import (
     likely_laws,
 )
 from sledenv.outline import drawable_rows, reach, states_at
-from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked
+from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked, made
 from sledenv.replay import Ghost
 from sledenv.text import TRAJECTORY_COLUMNS
 
@@ -118,7 +118,7 @@ def identify_tracks(
     """
     checked_choice("solver", solver, get_args(BatchSolver))
     checked_choice("loss", loss, get_args(Loss))
-    body, slope = Body(*body), Slope(*slope)._replace(length=math.inf)
+    body, slope = made("body", Body, body), made("slope", Slope, slope)._replace(length=math.inf)
     known = None
     if noise is not None:
         names = zip(Noise._fields, noise, strict=True)
