@@ -11,7 +11,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "src/sledenv/agents", "src/sledenv/configs", "perf", "tests", "examples", "docs")
-PAGES = ["docs/architecture.md", *(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "decisions").glob("*.md"))]
+PAGES = [
+    "CONTRIBUTING.md",
+    "docs/architecture.md",
+    *(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "decisions").glob("*.md")),
+]
 OTHERS = {"b9c4d6e"}  # a commit
 
 
