@@ -112,7 +112,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     info : sequence of str
         Entries of the scalar environment's info to give: all but "rebounds" by default, which cost more than the rest.
     render_mode : str, optional
-        As for :class:`sledenv.envs.launch.SledLaunch`; lane 0 is drawn, by a scalar environment that repeats its steps.
+        As for :class:`sledenv.envs.launch.SledLaunch`; a scalar environment repeats the steps of each lane.
     max_episode_steps : int, optional
         After how many steps an episode is truncated, as by :class:`gymnasium.wrappers.TimeLimit`. That of an id ends no
         episode of the shipped scenarios.
@@ -170,11 +170,13 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self.metadata = self._single.metadata | {"autoreset_mode": mode}
         self.max_episode_steps = max_episode_steps
         self.render_mode = render_mode
-        self._drawn: SledLaunch | None = None  # repeats lane 0
+        self._drawn: list[SledLaunch] = []  # each repeats a lane
         if render_mode is not None:
-            self._drawn = self._single(
-                self.task.scenario, control, render_mode, solver=solver, launch_noise=launch_noise
-            )
+            for _ in range(self.num_envs):
+                lane = self._single(
+                    self.task.scenario, control, render_mode, solver=solver, launch_noise=launch_noise, info=()
+                )
+                self._drawn.append(lane)
         self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
         self._seen = np.zeros(self.observation_space.shape or (), np.float32)  # observation of each lane
@@ -268,8 +270,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             self._steps[lanes] += 1
             if self.max_episode_steps is not None:
                 truncated[lanes] |= self._steps[lanes] >= self.max_episode_steps
-            if self._drawn is not None and lanes[0] == 0:
-                self._drawn.step(chosen[0])
+            if self._drawn:
+                for i in lanes.tolist():
+                    self._drawn[i].step(chosen[i])
         if waiting.size:
             self._restart(waiting, info)
         observations = self._seen.copy()
@@ -290,23 +293,22 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         return observations, rewards, terminated, truncated, info
 
     def render(self) -> tuple[RenderFrame, ...] | None:
-        """Return what the scalar environment in place of lane 0 would, in a tuple of this one lane.
+        """Return what the scalar environment in place of each lane would, as :class:`SyncVectorEnv` does.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
             Before the first reset.
         """
-        if self._drawn is None:
+        if not self._drawn:
             gym.logger.warn("render is called without a render_mode: give one to gym.make_vec")
             return None
-        drawn = self._drawn.render()
-        return None if drawn is None else (drawn,)  # type: ignore[return-value]  # a list of pictures is one as well
+        return tuple(lane.render() for lane in self._drawn)  # type: ignore[misc]  # a list of pictures is one as well
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close the window, if there is one."""
-        if self._drawn is not None:
-            self._drawn.close()
+        """Close the windows, if there are any."""
+        for lane in self._drawn:
+            lane.close()
 
     def snapshot(self) -> Snapshot:
         """Return where all lanes stand, their random streams included, as :meth:`SledLaunch.snapshot` does for one.
@@ -335,7 +337,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             If it is no snapshot, or one of another task; the batch stays where it is.
         """
         check_snapshot(snapshot, self._identity(), self._episode, Streams)
-        if self._drawn is not None:
+        if self._drawn:
             raise ValueError(f"render_mode = {self.render_mode!r}: a batch that draws cannot go on from a snapshot")
         for name, value in copy.deepcopy(snapshot.episode).items():
             setattr(self, name, value)
@@ -383,8 +385,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self._seen[lanes, :FIELDS] = self.task.observe(contexts)
         self._steps[lanes] = 0
         self._ended[lanes] = False
-        if self._drawn is not None and lanes.size and lanes[0] == 0:
-            self._drawn.enter(contexts[:1])
+        if self._drawn:
+            for row, i in enumerate(lanes.tolist()):
+                self._drawn[i].enter(contexts[row : row + 1])
         if "context" in self.info_keys:
             self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
 
