@@ -13,7 +13,7 @@ NEEDLES = sled_frost sled_snow
 EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit trial versions lint clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit gymnasium-tests trial versions lint clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -92,6 +92,12 @@ trial: ## install the wheel in an empty environment and try every command in an 
 
 versions: ## run the fast tests with the lowest and the newest versions of all dependencies (VERSIONS="lowest tests/envs")
 	PYTHON=$(PYTHON) .ci/versions $(VERSIONS)
+
+# Moviepy and array-api-compat are what tests of Gymnasium's wrappers need besides.
+gymnasium-tests: $(STAMP) ## run Gymnasium's own tests with these environments (GYMNASIUM=folder of a checkout)
+	@test -n "$(GYMNASIUM)" || { echo "name a checkout of Gymnasium: make $@ GYMNASIUM=../Gymnasium" >&2; exit 1; }
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill array-api-compat array-api-extra
+	SDL_VIDEODRIVER=dummy $(BIN)/python -m tests.gymnasium_suite $(GYMNASIUM)
 
 lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/ruff check
