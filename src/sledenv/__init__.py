@@ -90,11 +90,7 @@ _register()
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name, or look up the version."""
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("sledenv")
+    """Load a public name."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(importlib.import_module(_HOME[name]), name)
