@@ -36,7 +36,6 @@ Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
-_MOST_TURNED = 1e15  # [rad] of a launch
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
@@ -218,13 +217,6 @@ def _admit(owner: str, bodies: params.Bodies, slopes: np.ndarray, launches: np.n
         If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
     """
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
-    lost = np.abs(phi) > _MOST_TURNED
-    if lost.any():
-        i = int(np.argmax(lost))
-        raise ValueError(
-            f"{owner.format(lane=i)}.phi = {float(phi[i])!r}: must be in [-{_MOST_TURNED:g}, {_MOST_TURNED:g}] rad: "
-            "beyond, neighbouring numbers are turns apart"
-        )
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
     lowest = support_heights(bodies, phi)
