@@ -397,7 +397,7 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),
         ({"launch": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, ValueError, "lies below the surface"),
-        ({"law": (1e6, 0.5, -0.1, 0.0)}, ValueError, "ContactLaw.friction = -0.1"),
+        ({"law": (1e6, 0.5, -0.1, 0.0, 0.0)}, ValueError, "ContactLaw.friction = -0.1"),
         ({"max_time": 0.0}, ValueError, "Limits.max_time = 0.0"),
     ],
 )

@@ -34,7 +34,8 @@ class Status(StrEnum):
     BURIED = "buried"  # pressed so deep into a soft slope that the model of the contact ends
 
 
-STATUS_OF_CODE: Final = tuple(Status)  # in the order of the codes above
+STATUS_OF_CODE: Final = tuple(Status)
+"""Names of the codes above, in their order: of ``status`` in outcomes and in the info of the environments."""
 
 
 class Feature(IntEnum):
