@@ -298,7 +298,8 @@ class Fit:
     @property
     def errors(self) -> dict[str, float]:
         """Standard errors of the fitted parameters."""
-        return dict(zip(self.problem.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        variances = np.maximum(np.diag(self.covariance), 0.0)  # rounding may leave less, where the data have no errors
+        return dict(zip(self.problem.free, np.sqrt(variances).tolist(), strict=True))
 
     def _covariance(self, names: list[str]) -> Floats:
         """Covariance of some parameters, the others held."""
