@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from sledenv.geometry import lowest_support, support_height
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
-from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, read_yaml, scenario_names
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = sorted(path.stem for path in (ROOT / "src" / "sledenv" / "configs" / "scenarios").glob("*.yaml"))
@@ -130,6 +130,7 @@ BOUNDS = "must be a pair [low, high] of numbers in"
             18.76,
             "body.inertia_kg_m2 = 18.76: must be a number in (0, m (r^2 - h^2)] = (0, 18.75] kg m^2",
         ),
+        ("body__radius_m", 1e200, "body.inertia_kg_m2 = 18.75: m r^2 must be a finite number of kg m^2"),
         ("body__kind", "disk", "body.kind = 'disk': must be one of disc, segment, sled, custom (did you mean 'disc'?)"),
         ("body__kind", DELETE, "body.kind: missing; must be one of disc, segment, sled, custom"),
         (
@@ -250,6 +251,10 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         ("slope: [", "cannot be read: while parsing"),
         ("id: a\nid: b", "cannot be read: repeated key 'id'"),
         ("slope: {length_m: 5, length_m: 6}", "cannot be read: repeated key 'length_m'"),
+        (500 * "[" + 500 * "]", "cannot be read: nested too deeply"),
+        (2000 * "{a: ", "cannot be read: nested too deeply"),
+        ("a: &a {b: 1}\nc: {<<: *a}", "cannot be read: *a refers to another place"),
+        ("a: &a [*a]", "cannot be read: *a refers to another place"),
         ("", "the file: must be a mapping of keys to values"),
         ("- a", "the file: must be a mapping of keys to values"),
         ("1: a", "1 = 1: Keys should be strings"),
@@ -262,6 +267,33 @@ def test_a_broken_file_is_named(tmp_path: Path, text: str, message: str) -> None
     with pytest.raises(ScenarioError) as caught:
         load_scenario(path)
     assert f"{path}: {message}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(
+            ("0", 0),
+            ("-7", -7),
+            ("+12", 12),
+            ("1e7", 1e7),
+            ("-.5", -0.5),
+            ("3.", 3.0),
+            ("0.25E-3", 0.25e-3),
+            (".inf", math.inf),
+        ),
+        *(
+            (text, text)
+            for text in ("010", "1:30", "0x10", "0b11", "1_000", "1:30.5", ".", "+", "1e", "00.5", "e5", "..5")
+        ),
+    ],
+)
+def test_a_number_is_decimal_and_all_else_is_text(tmp_path: Path, text: str, value: object) -> None:
+    """Oracle: YAML 1.1 would read 8, 90, 16, 3, 1000 and 90.5 for the first of what is text here."""
+    (tmp_path / "file.yaml").write_text(f"key: {text}")
+    (read,) = read_yaml(tmp_path / "file.yaml").values()
+    assert read == value
+    assert type(read) is type(value)
 
 
 def test_a_missing_or_undecodable_file_is_named(tmp_path: Path) -> None:

@@ -58,6 +58,10 @@ CONFIGS: Final = Path(__file__).parent / "configs"  # all that ships as YAML: sc
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
 
+_NUMBERS = {  # tags of YAML, and how they are written here
+    "tag:yaml.org,2002:int": r"[-+]?(0|[1-9][0-9]*)$",
+    "tag:yaml.org,2002:float": r"[-+]?((0|[1-9][0-9]*|(?=\.[0-9]))(\.[0-9]*)?([eE][-+]?[0-9]+)?|\.inf)$|\.nan$",
+}
 _CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
 _TURN = 0.5 * (math.sqrt(5.0) - 1.0)  # of the range, between the draws of two splits
 
@@ -211,7 +215,9 @@ class DiscBody(Section):
     def _mass_within_the_rim(cls, inertia: float, info: ValidationInfo) -> float:
         if {"mass_kg", "radius_m", "eccentricity_m"} <= info.data.keys():
             mass, radius, eccentricity = (info.data[key] for key in ("mass_kg", "radius_m", "eccentricity_m"))
-            highest = mass * (radius**2 - eccentricity**2)
+            highest = mass * (radius - eccentricity) * (radius + eccentricity)
+            if not highest < math.inf:
+                raise ValueError("m r^2 must be a finite number of kg m^2")
             if inertia > highest * (1.0 + 1e-9):
                 raise ValueError(f"must be a number in (0, m (r^2 - h^2)] = (0, {highest:g}] kg m^2")
         return inertia
@@ -676,9 +682,25 @@ def read_config(
     else:
         raise error(f"unknown {kind} {name!r}{_hint(name, known)}; known: {', '.join(known)}; a file ends in .yaml")
     try:
-        return yaml.load(file.read_text(encoding="utf-8"), _Loader), source
-    except (OSError, ValueError, yaml.YAMLError) as problem:
+        return read_yaml(file), source
+    except (OSError, ValueError) as problem:
         raise error(f"{source}: cannot be read: {' '.join(str(problem).split())}") from problem
+
+
+def read_yaml(file: Path) -> Any:
+    """Read plain data from a file, with less of YAML than there is: see the documentation of scenarios.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it cannot be read.
+    """
+    try:
+        return yaml.load(file.read_text(encoding="utf-8"), _Loader)
+    except yaml.YAMLError as problem:
+        raise ValueError(str(problem)) from problem
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def shipped_names(kind: Literal["scenario", "study"]) -> tuple[str, ...]:
@@ -692,7 +714,13 @@ def _shipped(kind: Literal["scenario", "study"]) -> Path:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which ``1e7`` is a number, as in YAML 1.2, and a repeated key is an error."""
+    """YAML in which a number is decimal, as in 1.2, and a repeated key or a reference to another place an error."""
+
+    def compose_node(self, parent: Any, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):  # a few lines of them can stand for gigabytes
+            event = self.get_event()  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, f"*{event.anchor} refers to another place", event.start_mark)
+        return super().compose_node(parent, index)
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
@@ -704,9 +732,13 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
-)
+# Without the numbers of YAML 1.1, to which 010 is 8, 1:30 is 90 and 1e7 is text.
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, form) for tag, form in known if tag not in _NUMBERS]
+    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _tag, _form in _NUMBERS.items():
+    _Loader.add_implicit_resolver(_tag, re.compile(_form), list("-+.0123456789"))
 
 BODIES: dict[str, type[Section]] = {"disc": DiscBody, "segment": SegmentBody, "sled": SledBody, "custom": CustomBody}
 _SECTIONS = (BODIES | {"rider": RiderSection}) | {

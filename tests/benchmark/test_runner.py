@@ -136,11 +136,13 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
     ("changes", "message"),
     [
         ({"contexts": 1}, "contexts = 1: Input should be greater than or equal to 2"),
+        ({"contexts": 1e12}, "contexts = 1000000000000.0: Input should be less than or equal to 100000"),
         ({"contexts": None}, "contexts: missing"),
         ({"scenarios": ["ice_dorp"]}, "did you mean 'ice_drop'"),
         ({"scenarios": ["ice_drop", "ice_drop"]}, "must not repeat a scenario"),
         ({"agents": {"flight": {"sledenv.agents.zero": 1}}}, "'launch' or 'descent'"),
         ({"agents": {"launch": {"sledenv.agents.zero": 0}}}, "agents.launch.sledenv.agents.zero = 0"),
+        ({"agents": {"launch": {"sledenv.agents.zero": 10**12}}}, "less than or equal to 1000"),
         ({"agents": {}}, "agents = {}"),
         ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
         ({"noise": [0.1, 0.1]}, "must not repeat a level"),
@@ -151,6 +153,14 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
     with pytest.raises(SuiteError, match=r"tiny\.yaml") as error:
         Suite.read(written(tmp_path, **changes))
     assert message in str(error.value)
+
+
+def test_a_suite_that_says_something_twice_is_refused(tmp_path):
+    """Oracle: the reader of scenarios."""
+    file = written(tmp_path)
+    file.write_text(file.read_text() + "contexts: 8\n")
+    with pytest.raises(SuiteError, match=r"tiny\.yaml: cannot be read: repeated key 'contexts'"):
+        Suite.read(file)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from typing import Any, Final, cast
 import yaml
 
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.scenario import Scenario
+from sledenv.scenario import Scenario, read_yaml
 
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
@@ -64,7 +64,7 @@ def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]
     path = folder / f"{agent_name(module)}.yaml"
     if not path.is_file():
         return {}
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    content = read_yaml(path)
     if problem.id not in content:
         raise ValueError(f"{path} has no settings for {problem.id}, only for {', '.join(content)}")
     return dict(content[problem.id])

@@ -8,17 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple, Self
 
-import yaml
 from pydantic import Field, ValidationError, field_validator
 from pydantic_core import ErrorDetails
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenario import CONFIGS, ScenarioError, Section, load_scenario
+from sledenv.scenario import CONFIGS, ScenarioError, Section, load_scenario, read_yaml
 
 SUITES: Final = CONFIGS / "suites"
 
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
 
 class SuiteError(ScenarioError):
@@ -57,10 +56,13 @@ class Suite(Section):
 
     id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     title: str
-    contexts: Annotated[int, Field(ge=2)]  # held-out contexts of each scenario
+    contexts: Annotated[int, Field(ge=2, le=100_000)]  # held-out contexts of each scenario
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
     # module of the agent -> number of seeds
-    agents: Annotated[dict[Environment, Annotated[dict[str, Count], Field(min_length=1)]], Field(min_length=1)]
+    agents: Annotated[
+        dict[Environment, Annotated[dict[str, Annotated[int, Field(ge=1, le=1000)]], Field(min_length=1)]],
+        Field(min_length=1),
+    ]
     settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
     steps: Count | None = None  # budget in environment steps in place of the configured one
     noise: tuple[Annotated[float, Field(gt=0.0)], ...] = ()  # extra launch noise, see Problem.disturbed
@@ -130,11 +132,11 @@ class Suite(Section):
             Naming every wrong key, its value and what is allowed.
         """
         try:
-            return cls.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-        except (OSError, yaml.YAMLError) as error:
-            raise SuiteError(f"{path}: {error}") from error
+            return cls.model_validate(read_yaml(path))
         except ValidationError as error:
             raise SuiteError("\n".join(f"{path}: {_explain(details)}" for details in error.errors())) from error
+        except (OSError, ValueError) as error:
+            raise SuiteError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
 
 
 def _explain(error: ErrorDetails) -> str:
