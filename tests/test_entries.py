@@ -289,6 +289,72 @@ def test_a_process_that_is_killed_leaves_nothing_in_the_way(
     assert run()[:3] == (7.0, 0, 1)
 
 
+THREADS = """
+import threading
+import numpy as np
+from numba import prange
+from sledenv import entries
+entries.cache_folder = lambda: None  # of a string nothing can be kept
+def counted(x):
+    for i in prange(len(x)):
+        for _ in range(100):
+            x[i] += 1.0
+f = entries.parallel_entry(counted)
+results = []
+def call():
+    x = np.zeros(20000)
+    for _ in range(30):
+        f(x)
+    results.append(float(x.min()))
+threads = [threading.Thread(target=call) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+print(sum(results), f.compiled, f.loaded, "-")
+"""
+
+
+def test_threads_may_call_at_once_whatever_numba_s_own_are(run: Run) -> None:
+    """Oracle: counting; the layer "workqueue" ends a process in which two threads start a parallel loop at once."""
+    assert run(THREADS, NUMBA_THREADING_LAYER="workqueue", NUMBA_NUM_THREADS="2") == (12000.0, 1, 0, "-")
+
+
+# numba ends a process that was forked from one with threads of OpenMP, and its parent waits for ever.
+FORK = """
+import multiprocessing, warnings
+warnings.simplefilter("ignore")
+import numba
+import numpy as np
+from numba import prange
+from sledenv import entries
+entries.cache_folder = lambda: None
+def squares(x):
+    for i in prange(len(x)):
+        x[i] *= x[i]
+f = entries.parallel_entry(squares)
+def call(_):
+    x = np.full(2, 3.0)
+    try:
+        f(x)
+    except RuntimeError as error:
+        return str(error)
+    return "" if x.tolist() == [9.0, 9.0] else "wrong"
+assert call(0) == ""
+with multiprocessing.get_context("fork").Pool(1) as pool:
+    said = pool.apply(call, (0,))
+unsafe = numba.threading_layer() == "omp" and numba.np.ufunc.omppool.openmp_vendor == "GNU"
+assert ("get_context('spawn')" in said) if unsafe else said == "", said
+print(1.0, f.compiled, f.loaded, "-")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no process is forked, or with other threads")
+@pytest.mark.parametrize("layer", ["omp", "workqueue"])
+def test_a_forked_process_computes_or_says_why_not(run: Run, layer: str) -> None:
+    assert run(FORK, NUMBA_THREADING_LAYER=layer) == (1.0, 1, 0, "-")
+
+
 # ---- what is said
 
 

@@ -27,6 +27,7 @@ from typing import IO, Any, Final, TypeVar, cast
 
 import llvmlite
 import numba
+import numba.np.ufunc as np_ufunc
 import numpy as np
 
 from sledenv.programs import jit
@@ -45,12 +46,18 @@ _RECORD = "digests.json"
 
 _COMPILING = "sledenv: compiling %s for its first use, which takes a while (%s)"
 _DAMAGED = "sledenv: compiling %s again, because of damaged files: %s"
+_FORKED = (
+    "this process was forked from one in which batches have run, and cannot run any: start processes by "
+    "multiprocessing.get_context('spawn'), or choose another threading layer by NUMBA_THREADING_LAYER=workqueue"
+)
 _NOT_KEPT = "sledenv: compiled kernels cannot be kept, the next process will compile again: %s"
 
 _config: Any = numba.config
 _log = logging.getLogger("sledenv")
 _preparing = threading.RLock()  # numba compiles one function at a time; where it keeps them is one setting for all
+_calling = threading.Lock()
 _entries: list[Entry] = []
+_left_behind: list[int] = []  # processes with threads, from which this one has been forked
 _told: set[str] = set()
 
 
@@ -201,8 +208,26 @@ class Entry:
 class _ParallelEntry(Entry):
     def __call__(self, *arguments: Any) -> Any:
         """Compute what the function computes; a chunk size set in there would be an address that no cache can keep."""
-        with numba.parallel_chunksize(1):
+        if _left_behind:
+            raise RuntimeError(_FORKED)
+        with numba.parallel_chunksize(1), _one_at_a_time():  # numba has started its threads in between
             return super().__call__(*arguments)
+
+
+def _one_at_a_time() -> contextlib.AbstractContextManager[Any]:
+    """Let Python's threads wait for each other where numba would end the process."""
+    return _calling if numba.threading_layer() == "workqueue" else contextlib.nullcontext()  # type: ignore[attr-defined]
+
+
+def _note_fork() -> None:
+    """Remember in a child that the threads of OpenMP, of which it has none, have been started: numba would end it."""
+    with contextlib.suppress(ValueError):  # none have been started
+        if numba.threading_layer() == "omp" and np_ufunc.omppool.openmp_vendor == "GNU":  # type: ignore[attr-defined]
+            _left_behind.append(os.getppid())
+
+
+if sys.platform != "win32":
+    os.register_at_fork(after_in_child=_note_fork)
 
 
 def _is_plain(argument: Any) -> bool:
