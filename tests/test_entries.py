@@ -217,6 +217,20 @@ def test_numba_cache_dir_comes_first(package: Path, tmp_path: Path, run: Run) ->
     assert not list(package.rglob("*.nbc"))
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="its modes say nothing about who may write")
+def test_a_folder_that_others_may_write_to_is_told(tmp_path: Path, run: Run) -> None:
+    """Once a process; the sticky bit keeps no one from putting a folder of compiled code there first."""
+    chosen = tmp_path / "chosen"
+    chosen.mkdir()
+    for mode in (0o777, 0o1777):
+        chosen.chmod(mode)
+        run(RUN.replace("f(3.0)", "f(3.0) + f(3)"), err=None, NUMBA_CACHE_DIR=str(chosen))
+        (line,) = run.err.splitlines()  # type: ignore[attr-defined]
+        assert line.startswith(f"sledenv: others may write to {chosen}, from which compiled code is read")
+    chosen.chmod(0o775)  # a group of one's own is usual
+    assert run(NUMBA_CACHE_DIR=str(chosen))[:3] == (7.0, 0, 1)
+
+
 def test_a_read_only_installation_is_cached_in_the_user_s_folder(package: Path, tmp_path: Path, run: Run) -> None:
     nobody_can_write_beside(package)
     first = run()

@@ -18,6 +18,7 @@ import json
 import logging
 import os
 import shutil
+import stat
 import sys
 import tempfile
 import threading
@@ -49,6 +50,10 @@ _DAMAGED = "sledenv: compiling %s again, because of damaged files: %s"
 _FORKED = (
     "this process was forked from one in which batches have run, and cannot run any: start processes by "
     "multiprocessing.get_context('spawn'), or choose another threading layer by NUMBA_THREADING_LAYER=workqueue"
+)
+_OPEN = (
+    "sledenv: others may write to %s, from which compiled code is read: whoever does can run code here; set "
+    "NUMBA_CACHE_DIR to a folder of your own"
 )
 _NOT_KEPT = "sledenv: compiled kernels cannot be kept, the next process will compile again: %s"
 
@@ -254,6 +259,10 @@ def _alone_at(folder: Path) -> Iterator[None]:
     if not folder.parent.is_dir():
         _forget(folder.parent.parent)
         folder.parent.mkdir(parents=True, exist_ok=True)
+    for place in (folder.parent.parent, folder.parent):
+        # Whoever may write to the sources as well needs no compiled code.
+        if sys.platform != "win32" and place.stat().st_mode & ~_KERNEL.stat().st_mode & stat.S_IWOTH:
+            _tell_once(_OPEN, place)
     with open(f"{folder}.lock", "ab") as file:
         _lock(file, True)
         try:
