@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import re
@@ -84,6 +85,21 @@ def test_a_cache_that_cannot_be_written_is_found(ill: Ill, tmp_path: Path) -> No
     (tmp_path / "file").write_text("in the way")
     err = ill(cache_folder=lambda: tmp_path / "file" / "cache")
     assert f"the cache folder cannot be written: [Errno 20] Not a directory: '{tmp_path / 'file' / 'cache'}'" in err
+
+
+def test_a_full_disk_is_found(ill: Ill, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A small file can be written, a kernel cannot; it computes all the same."""
+
+    def full(*given: object, **options: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(entries, "_entries", [])
+    monkeypatch.setattr(entries, "_told", set())
+    monkeypatch.setattr(entries, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(numba.core.caching.IndexDataCacheFile, "save", full)
+    kernels = (("one kernel", lambda: entries.entry(halved)(3.0)),)
+    err = ill(_KERNELS=kernels, _CHECKS=(), cache_folder=lambda: tmp_path)
+    assert err == "sledenv doctor: compiled kernels cannot be kept: [Errno 28] No space left on device\n"
 
 
 def test_damaged_files_are_found_and_replaced(

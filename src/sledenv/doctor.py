@@ -63,6 +63,8 @@ def examine(report: Callable[[str], None]) -> list[str]:
         except Exception as error:
             report(f"kernels    {name}: failed")
             problems.append(f"{name}: {type(error).__name__}: {error}")
+    unkept = {why for entry in entries() for why in entry.unkept}  # a full disk is found by writing alone
+    problems += [f"compiled kernels cannot be kept: {why}" for why in sorted(unkept)]
     report(f"cache      {_contents(folder)}")
     report(f"threads    {_threads()}")
     for name, check in _CHECKS:

@@ -100,6 +100,8 @@ class Entry:
         Versions that this process has compiled, and that it has found compiled.
     damaged : list of str
         Paths of files that were not as they had been left; what they held has been compiled again.
+    unkept : list of str
+        Why versions that were compiled could not be kept.
     """
 
     __name__: str
@@ -108,6 +110,7 @@ class Entry:
         functools.update_wrapper(self, function)
         self.compiled = self.loaded = 0
         self.damaged: list[str] = []
+        self.unkept: list[str] = []
         self._function = function
         self._options = jit.OPTIONS | options
         self._versions: dict[tuple[Any, ...], Callable[..., Any]] = {}  # by the types that numba gives the arguments
@@ -146,6 +149,7 @@ class Entry:
                         return self._kept(signature, folder)
                 except OSError as error:  # a full disk, say, must not end a simulation
                     _tell_once(_NOT_KEPT, error)
+                    self.unkept.append(str(error))
             version = self._compile(signature, cache=False)
         self.compiled += 1
         return version
