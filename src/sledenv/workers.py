@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -35,7 +38,8 @@ def _through_joblib(workers: int) -> Runner:
     def run(calls: list[Call]) -> Iterator[Any]:
         # One thread in each process: more processes than cores would only wait for each other.
         with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-            yield from Parallel(return_as="generator_unordered")(delayed(call)(*given) for call, given in calls)
+            guarded = (delayed(_call_for)(os.getpid(), call, given) for call, given in calls)
+            yield from Parallel(return_as="generator_unordered")(guarded)
 
     return run
 
@@ -57,6 +61,25 @@ def _through_ray(address: str) -> Runner:
                 yield ray.get(done)
 
     return run
+
+
+def _call_for(parent: int, call: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+    if os.getpid() != parent:
+        _end_with(parent)
+    return _call(call, given)
+
+
+@functools.cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which may have been killed: it would go on with what waits for it."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.2)
+        os._exit(1)
+
+    if os.name == "posix":  # elsewhere the parent of an orphan stays its parent
+        threading.Thread(target=watch, daemon=True).start()
 
 
 def _call(call: Callable[..., Any], given: tuple[Any, ...]) -> Any:
