@@ -18,7 +18,7 @@ import pytest
 from numba import prange
 from numba.extending import overload
 
-from sledenv import entries
+from sledenv import entries, files
 from sledenv.entries import Entry, entry, parallel_entry
 from sledenv.programs import jit
 from sledenv.programs.jit import kernel
@@ -100,7 +100,8 @@ def package(tmp_path: Path) -> Path:
     programs.mkdir()
     (programs / "__init__.py").touch()
     shutil.copy(str(jit.__file__), programs)
-    shutil.copy(str(entries.__file__), folder.parent)
+    for module in (entries, files):
+        shutil.copy(str(module.__file__), folder.parent)
     (folder / "__init__.py").touch()
     (folder.parent / "__init__.py").touch()
     (folder / "callee.py").write_text(CALLEE)

@@ -10,7 +10,6 @@ of its own, where numba keeps its files, and a record of their digests, because 
 from __future__ import annotations
 
 import contextlib
-import errno
 import functools
 import gc
 import hashlib
@@ -24,19 +23,15 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import llvmlite
 import numba
 import numba.np.ufunc as np_ufunc
 import numpy as np
 
+from sledenv.files import alone
 from sledenv.programs import jit
-
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -259,7 +254,7 @@ def _digests(folder: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def _alone_at(folder: Path) -> Iterator[None]:
-    """Wait until no other process is at a folder of compiled kernels; a lock ends with its process."""
+    """Wait until no other process is at a folder of compiled kernels."""
     if not folder.parent.is_dir():
         _forget(folder.parent.parent)
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -267,29 +262,8 @@ def _alone_at(folder: Path) -> Iterator[None]:
         # Whoever may write to the sources as well needs no compiled code.
         if sys.platform != "win32" and place.stat().st_mode & ~_KERNEL.stat().st_mode & stat.S_IWOTH:
             _tell_once(_OPEN, place)
-    with open(f"{folder}.lock", "ab") as file:
-        _lock(file, True)
-        try:
-            yield
-        finally:
-            _lock(file, False)  # a process that has been forked meanwhile would hold it on
-
-
-if sys.platform == "win32":
-
-    def _lock(file: IO[bytes], on: bool) -> None:
-        while True:
-            try:
-                return msvcrt.locking(file.fileno(), msvcrt.LK_LOCK if on else msvcrt.LK_UNLCK, 1)
-            except OSError as error:
-                if error.errno != errno.EDEADLOCK:  # which says that it has tried for ten seconds
-                    return
-
-else:
-
-    def _lock(file: IO[bytes], on: bool) -> None:
-        with contextlib.suppress(OSError):  # some file systems have no locks
-            fcntl.flock(file, fcntl.LOCK_EX if on else fcntl.LOCK_UN)
+    with alone(Path(f"{folder}.lock")):
+        yield
 
 
 def _forget(parent: Path) -> None:

@@ -1,14 +1,22 @@
-"""Files and folders that appear only when they are complete."""
+"""Files and folders that appear only when they are complete, and that one process writes at a time."""
 
 from __future__ import annotations
 
 import csv
+import errno
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
 
 
 @contextmanager
@@ -89,6 +97,51 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
             raise
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
+def alone(file: Path, *, wait: bool = True) -> Iterator[None]:
+    """Hold the lock of a file, which is made if it is not there. It ends with the process, however that ends.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process holds it and this one is not to wait.
+    """
+    with file.open("ab") as held:
+        try:
+            _lock(held, True, wait)
+        except BlockingIOError:
+            message = f"{file.parent}: another process writes there: wait until it has ended or choose another folder"
+            raise BlockingIOError(message) from None
+        try:
+            yield
+        finally:
+            _lock(held, False, wait)  # a process that has been forked meanwhile would hold it on
+
+
+if sys.platform == "win32":
+
+    def _lock(file: IO[bytes], on: bool, wait: bool) -> None:
+        while True:
+            try:
+                kind = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK
+                return msvcrt.locking(file.fileno(), kind if on else msvcrt.LK_UNLCK, 1)
+            except OSError as error:
+                if not wait and error.errno == errno.EACCES:
+                    raise BlockingIOError from error
+                if error.errno != errno.EDEADLOCK:  # which says that it has tried for ten seconds
+                    return
+
+else:
+
+    def _lock(file: IO[bytes], on: bool, wait: bool) -> None:
+        try:
+            fcntl.flock(file, (fcntl.LOCK_EX if on else fcntl.LOCK_UN) | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise
+        except OSError:  # some file systems have no locks
+            pass
 
 
 def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -155,6 +155,23 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
     assert message in str(error.value)
 
 
+def test_a_folder_that_another_process_writes_is_left_alone(finished):
+    """Oracle: a process that holds its lock, and is killed then."""
+    file, folder, found = finished
+    script = (
+        "import sys; from pathlib import Path\n"
+        "from sledenv.files import alone\n"
+        "with alone(Path(sys.argv[1]), wait=False): print('held', flush=True); sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", script, folder / ".lock"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"held\n"
+        with pytest.raises(BlockingIOError, match="another process writes there"):
+            run_suite(Suite.read(file), file, folder, workers=1)
+        process.kill()
+    same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
+
+
 def test_a_suite_that_says_something_twice_is_refused(tmp_path):
     """Oracle: the reader of scenarios."""
     file = written(tmp_path)

@@ -19,7 +19,7 @@ from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, rea
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.entries import FINGERPRINT
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
-from sledenv.files import replacing
+from sledenv.files import alone, replacing
 from sledenv.jam import DescentJam
 from sledenv.kernel.records import LOSSES
 from sledenv.scenario import CONTROLS
@@ -60,23 +60,26 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
         If an agent cannot be imported or lacks settings; nothing is written then.
     ImportError
         If Ray is asked for and missing.
+    BlockingIOError
+        If another process is writing the folder.
     """
     folder = folder.resolve()  # a worker of a cluster may work elsewhere
     jobs = list(suite.jobs(file.parent))
     run = runner(workers, ray)
     for part in ("trained", "judged", "searched"):
         (folder / part).mkdir(parents=True, exist_ok=True)
-    _warm_up(jobs[0])
-    stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
-    missing = [job for job in jobs if not _judged(suite, job, folder).is_file()]
-    calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
-    calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
-    done = len(jobs) - len(missing)
-    with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
-        for name in run(calls):
-            bar.set_postfix_str(name, refresh=False)
-            bar.update()
-    _gather(suite, jobs, folder)
+    with alone(folder / ".lock", wait=False):
+        _warm_up(jobs[0])
+        stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
+        missing = [job for job in jobs if not _judged(suite, job, folder).is_file()]
+        calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
+        calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
+        done = len(jobs) - len(missing)
+        with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
+            for name in run(calls):
+                bar.set_postfix_str(name, refresh=False)
+                bar.update()
+        _gather(suite, jobs, folder)
     return folder
 
 
