@@ -15,6 +15,7 @@ import yaml
 
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runner import TABLES, run_suite
+from sledenv.benchmark.runs import meant
 from sledenv.benchmark.suite import Suite, SuiteError, find_suite
 
 ROOT = Path(__file__).parents[2]
@@ -153,6 +154,25 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
     with pytest.raises(SuiteError, match=r"tiny\.yaml") as error:
         Suite.read(written(tmp_path, **changes))
     assert message in str(error.value)
+
+
+def test_an_agent_is_another_when_its_code_or_that_of_its_base_has_changed(tmp_path, monkeypatch):
+    """Oracle: the digest goes with the text of both files, and with no other."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def code(**texts):
+        for name, text in texts.items():
+            (tmp_path / f"{name}.py").write_text(text)
+        for name in ("own_agent", "own_base"):
+            sys.modules.pop(name, None)
+        return meant("own_agent", Problem("ice_drop"), {}, 0)["code"]
+
+    agent, base = "from own_base import Base\n\n\nclass Agent(Base):\n    pass\n", "class Base:\n    spin = 1.0\n"
+    before = code(own_agent=agent, own_base=base, own_other="")
+    assert code(own_other="a = 1\n") == before
+    changed = code(own_agent=agent + "    lift = 2.0\n"), code(own_agent=agent, own_base=base + "    lift = 2.0\n")
+    assert len({before, *changed}) == 3
+    assert code(own_base=base) == before
 
 
 def test_a_folder_that_another_process_writes_is_left_alone(finished):

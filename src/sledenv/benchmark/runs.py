@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import importlib
 import importlib.metadata
+import inspect
+import json
 import os
 import platform
 import shutil
@@ -121,12 +124,20 @@ def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) ->
     """Return what tells one run from another, as plain data."""
     return {
         "agent": module,
+        "code": _code(module),
         "scenario_hash": problem.scenario.hash,
         "environment": problem.environment,
         "control": problem.control,
         "seed": seed,
         "settings": settings,
     }
+
+
+def _code(module: str) -> str:
+    """Digest of the source of an agent and of all that it inherits from."""
+    names = {kind.__module__ for kind in agent_class(module).__mro__} - sys.stdlib_module_names
+    sources = [inspect.getsource(sys.modules[name]) for name in sorted(names)]
+    return hashlib.sha256(json.dumps(sources).encode()).hexdigest()[:12]
 
 
 def read_config(folder: Path) -> dict[str, Any]:
