@@ -109,6 +109,20 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
     assert [(given[0], given[3]) for given in trained] == [("sledenv.agents.best_fixed", 1)]
 
 
+def test_what_was_altered_is_judged_again_and_named(finished, caplog):
+    """Oracle: the tables as they were, after an edited reward, a cut file and one of something else."""
+    file, folder, found = finished
+    edited, cut, other = sorted((folder / "judged").glob("launch-ice_drop-*"))[:3]
+    table = pd.read_parquet(edited)
+    table.loc[0, "reward"] += 1e-9
+    table.to_parquet(edited, index=False)
+    cut.write_bytes(cut.read_bytes()[:-100])
+    pd.DataFrame({"reward": [1.0]}).to_parquet(other)
+    same(tables(run_suite(Suite.read(file), file, folder, workers=1)), found)
+    told = [message for message in caplog.messages if message.startswith("sledenv: judging again")]
+    assert all(str(path) in message for path, message in zip((edited, cut, other), sorted(told), strict=True))
+
+
 def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
     """Oracle: the tables of the run that was not interrupted; what had been judged is not touched again."""
     file, _, found = finished

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import subprocess
 from pathlib import Path
 from typing import Final, get_args
@@ -27,6 +28,7 @@ from sledenv.workers import Call, runner
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
+_log = logging.getLogger("sledenv")
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
 
 
@@ -71,7 +73,7 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
     with alone(folder / ".lock", wait=False):
         _warm_up(jobs[0])
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
-        missing = [job for job in jobs if not _judged(suite, job, folder).is_file()]
+        missing = [job for job in jobs if not _is_sound(_judged(suite, job, folder))]
         calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
         calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
         done = len(jobs) - len(missing)
@@ -104,6 +106,26 @@ def _judged(suite: Suite, job: Job, folder: Path) -> Path:
     return folder / "judged" / f"{job.name}-{_key(suite, job, job.problem())}.parquet"
 
 
+def _digest(table: pd.DataFrame) -> str:
+    """Digest of the numbers of a job and of what is said about them."""
+    told = {key: value for key, value in table.attrs.items() if key != "digest"}
+    return hashlib.sha256((json.dumps(told, sort_keys=True) + table.to_csv(index=False)).encode()).hexdigest()
+
+
+def _is_sound(file: Path) -> bool:
+    """Whether a job has been judged, and what was found is as it was left."""
+    try:
+        table = pd.read_parquet(file)
+        if table.attrs.get("digest") == _digest(table):
+            return True
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError):  # among them all that pyarrow raises
+        pass
+    _log.warning("sledenv: judging again, because it is not as it was left: %s", file)
+    return False
+
+
 def _search(suite: Suite, scenario: str, folder: Path) -> str:
     """Search the best launches of the held-out contexts of a scenario."""
     problem = Problem(scenario)
@@ -131,6 +153,7 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
         parts.append(untrained.assign(stage="untrained", noise=0.0))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
+    table.attrs["digest"] = _digest(table)
     with replacing(_judged(suite, job, folder), ".parquet") as part:
         table.to_parquet(part, index=False)
     return job.name
@@ -181,7 +204,7 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
         curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "seconds", "mean_reward"])
         named = {"environment": job.environment, "scenario": problem.scenario.id, "agent": job.agent, "seed": job.seed}
         used = curve["descents"].iloc[-1] if len(curve) else job.settings.get("n_timesteps", 0)
-        attributes = {key: value for key, value in table.attrs.items() if key != "curve"}
+        attributes = {key: value for key, value in table.attrs.items() if key not in ("curve", "digest")}
         runs.append(pd.DataFrame([named | {"descents": int(used)} | attributes]))
         curves.append(curve.assign(**named))
         table.attrs = {}

@@ -162,6 +162,8 @@ def read_record(folder: Path) -> dict[str, float]:
 def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     """Read a finished run: its problem, its agent and its configuration.
 
+    Read only what you trust: the module that it names is imported, and an agent may keep pickles.
+
     Raises
     ------
     FileNotFoundError, ValueError
