@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import operator
 import re
-import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,11 +18,11 @@ ROOT = Path(__file__).parents[1]
 project = "sledenv"
 author = "The sledenv authors"
 copyright = author
-version = release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+version = release = sledenv.__version__
 
 # The source is the whole repository, so that the links of the pages are the same here and where Git shows them.
 root_doc = "docs/index"
-include_patterns = ["docs/**.md", "agents/README.md", "CHANGELOG.md"]
+include_patterns = ["docs/**.md", "agents/README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 exclude_patterns = [".*", "build", "dist", "jupyter_execute", "out", "runs", "site", "reproduction", "src", "tests"]
 extensions = [
     "myst_nb",

@@ -19,7 +19,7 @@ from tests import browser
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "agents" / "README.md", ROOT / "README.md"])
+PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "agents" / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "README.md"])
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 
