@@ -27,7 +27,6 @@ from typing import Any, Final, TypeVar, cast
 
 import llvmlite
 import numba
-import numba.np.ufunc as np_ufunc
 import numpy as np
 
 from sledenv.files import alone
@@ -226,11 +225,11 @@ def _one_at_a_time() -> contextlib.AbstractContextManager[Any]:
 def _note_fork() -> None:
     """Remember in a child that the threads of OpenMP, of which it has none, have been started: numba would end it."""
     with contextlib.suppress(ValueError):  # none have been started
-        if numba.threading_layer() == "omp" and np_ufunc.omppool.openmp_vendor == "GNU":  # type: ignore[attr-defined]
+        if numba.threading_layer() == "omp":  # type: ignore[attr-defined]
             _left_behind.append(os.getppid())
 
 
-if sys.platform != "win32":
+if sys.platform == "linux":  # where numba's OpenMP is GNU's, which does not outlive a fork
     os.register_at_fork(after_in_child=_note_fork)
 
 
