@@ -182,7 +182,7 @@ class LaunchControl(_Bounds):
 
 
 class Section(BaseModel):
-    """A mapping of a scenario: immutable, and without unknown keys."""
+    """A mapping of a file of configuration: immutable, and without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True)
 
@@ -191,6 +191,21 @@ class Section(BaseModel):
         """Return what the keys that are numbers accept."""
         fields = cls.model_fields.items()
         return {key: mark for key, field in fields for mark in field.metadata if isinstance(mark, Quantity)}
+
+    @classmethod
+    def explain(cls, error: ErrorDetails) -> str:
+        """Return what is wrong with a key, its value and what is allowed; the whole mapping has no key."""
+        key = ".".join(map(str, error["loc"]))
+        match error["type"]:
+            case "missing":
+                return f"{key}: missing"
+            case "extra_forbidden":
+                return f"{key}: unknown key; known: {', '.join(cls.model_fields)}"
+            case "value_error":
+                text = str(error["ctx"]["error"])
+            case _:
+                text = error["msg"]
+        return f"{key} = {reprlib.repr(error['input'])}: {text}" if key else text
 
 
 class DiscBody(Section):

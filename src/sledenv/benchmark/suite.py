@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import reprlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple, Self
 
 from pydantic import Field, ValidationError, field_validator
-from pydantic_core import ErrorDetails
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
@@ -134,20 +132,9 @@ class Suite(Section):
         try:
             return cls.model_validate(read_yaml(path))
         except ValidationError as error:
-            raise SuiteError("\n".join(f"{path}: {_explain(details)}" for details in error.errors())) from error
+            raise SuiteError("\n".join(f"{path}: {cls.explain(details)}" for details in error.errors())) from error
         except (OSError, ValueError) as error:
             raise SuiteError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
-
-
-def _explain(error: ErrorDetails) -> str:
-    """Return one line for one validation error."""
-    key = ".".join(map(str, error["loc"])) or "the file"
-    if error["type"] == "missing":
-        return f"{key}: missing"
-    if error["type"] == "extra_forbidden":
-        return f"{key}: unknown key; known: {', '.join(Suite.model_fields)}"
-    text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
-    return f"{key} = {reprlib.repr(error['input'])}: {text}"
 
 
 def find_suite(name_or_path: str | os.PathLike[str]) -> Path:

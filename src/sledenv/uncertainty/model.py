@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import reprlib
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
@@ -13,7 +12,6 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from sledenv.entries import FINGERPRINT
 from sledenv.jam import DescentJam
@@ -79,7 +77,7 @@ def _read(value: Any) -> Any:
     try:
         return KINDS[kind].model_validate(value)
     except ValidationError as error:
-        raise ValueError("; ".join(_explain(details, KINDS[kind]) for details in error.errors())) from error
+        raise ValueError("; ".join(KINDS[kind].explain(details) for details in error.errors())) from error
 
 
 Given = dict[str, SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]]  # by key: a distribution, a number, a word
@@ -126,7 +124,7 @@ class Study(Section):
         try:
             return super().model_validate(obj, **options)
         except ValidationError as error:
-            lines = [line for details in error.errors() for line in _explain(details, cls).splitlines()]
+            lines = [line for details in error.errors() for line in cls.explain(details).splitlines()]
         raise StudyError("\n".join(f"{source}: {line}" for line in lines))
 
     @model_validator(mode="after")
@@ -217,7 +215,7 @@ class Study(Section):
             try:
                 bodies.append(kind.model_validate(certain | dict(zip(at.values(), row, strict=True))).build())
             except ValidationError as error:
-                wrong.append(_explain(error.errors()[0], kind))
+                wrong.append(kind.explain(error.errors()[0]))
         if wrong:
             share = len(wrong) / len(values)
             raise StudyError(f"study {self.id}: a share of {share:.2g} of all draws is no body, such as {wrong[0]}")
@@ -300,14 +298,3 @@ def _put(given: dict[str, NDArray[np.float64]], fields: dict[str, str], kind: ty
     for name, i in _columns(fields, kind).items():
         if name in given:
             rows[:, i] = given[name]
-
-
-def _explain(error: ErrorDetails, kind: type[Section]) -> str:
-    """Return what is wrong with a key, a line for each problem."""
-    key = ".".join(map(str, error["loc"]))
-    if error["type"] == "missing":
-        return f"{key}: missing"
-    if error["type"] == "extra_forbidden":
-        return f"{key}: unknown key; known: {', '.join(kind.model_fields)}"
-    text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
-    return f"{key} = {reprlib.repr(error['input'])}: {text}" if key else text
