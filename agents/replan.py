@@ -13,7 +13,7 @@ from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.envs.task import FIELDS, Contexts
 from sledenv.jam import descent_jam
-from sledenv.scenario import CONTROLS
+from sledenv.sections import CONTROLS
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.command import Count, Seed, app, run
-from sledenv.scenario import CONFIGS
+from sledenv.configuration import CONFIGS
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),

@@ -16,7 +16,7 @@ import pytest
 
 from sledenv import checks, cli, impact
 from sledenv.command import Count, Seeds, app, positive, run, tell, within, working
-from sledenv.scenario import shipped_names
+from sledenv.configuration import shipped
 
 HEAVY = ("llvmlite", "matplotlib", "numba", "pandas", "pydantic", "scipy")
 
@@ -136,7 +136,7 @@ def test_progress_is_shown_on_a_terminal_alone(
 def test_words_of_the_command_are_those_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["study", "--help"]) == 0
     out = capsys.readouterr().out
-    assert all(name in out for name in shipped_names("study"))
+    assert all(name in out for name in shipped("studies"))
     assert get_args(cli.Solver) == get_args(checks.Solver)
     assert get_args(cli.BatchSolver) == get_args(checks.BatchSolver)
     assert get_args(cli.Hypothesis) == get_args(impact.Hypothesis)

@@ -110,7 +110,7 @@ def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path
     (tmp_path / "my_scenario.yaml").write_text(blocks("docs/scenarios.md", "yaml")[0])
     (tmp_path / "my_agents.py").write_text("")
     (tmp_path / "mine.yaml").write_text(blocks("docs/benchmark.md", "yaml")[0])
-    assert Suite.read(tmp_path / "mine.yaml").contexts == 100
+    assert Suite.load(tmp_path / "mine.yaml").contexts == 100
 
     made = make.results({"zero": np.full((1, 3), 0.4), "land_flat": np.full((1, 3), 0.2)})
     monkeypatch.setattr("sledenv.benchmark.scores.read_results", lambda folder: made)

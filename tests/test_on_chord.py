@@ -26,7 +26,8 @@ from sledenv.envs.vector import SledLaunchVector
 from sledenv.geometry import support_height
 from sledenv.kernel.records import RUNNING, Feature, Status
 from sledenv.params import ContactLaw, Slope, State, circular_segment
-from sledenv.scenario import Context, EndsSection, Scenario, scenario_names
+from sledenv.scenario import Context, Scenario, scenario_names
+from sledenv.sections import EndsSection
 from sledenv.text import summary
 
 BODY = circular_segment(100.0, 0.5, math.radians(110.0))

@@ -32,7 +32,7 @@ import sledenv
 from sledenv.agents.train import ALGORITHMS, TRAINED, chosen_settings
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_class, load_run
-from sledenv.benchmark.suite import SUITES, Suite, find_suite
+from sledenv.benchmark.suite import Suite
 from sledenv.replay import replay_page
 from sledenv.scenario import load_scenario, scenario_names
 
@@ -40,10 +40,9 @@ home = Path(sledenv.__file__).parent
 assert home.parent == Path(sys.argv[1]), home
 hashes = [load_scenario(name).hash for name in scenario_names()]
 studies = [sledenv.load_study(name).id for name in sledenv.study_names()]
-suites = sorted(file.stem for file in SUITES.glob("*.yaml"))
+suites = Suite.names()
 for name in suites:
-    file = find_suite(name)
-    assert list(Suite.read(file).jobs(file.parent)), name
+    assert list(Suite.load(name).jobs()), name
 for name in ALGORITHMS:
     assert agent_class(f"sledenv.agents.{name}").__module__.startswith("sledenv.agents.")
 assert chosen_settings("sac", Problem("sled_snow"))

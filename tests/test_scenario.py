@@ -14,9 +14,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sledenv.configuration import read_yaml
 from sledenv.geometry import lowest_support, support_height
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
-from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, read_yaml, scenario_names
+from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = sorted(path.stem for path in (ROOT / "src" / "sledenv" / "configs" / "scenarios").glob("*.yaml"))
@@ -232,7 +233,7 @@ def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_g
 @pytest.mark.parametrize("content", [None, [], 3, "ice_drop"])
 def test_what_is_no_mapping_is_no_scenario(content: Any) -> None:
     """Oracle: the message."""
-    assert problems(content) == ["scenario without id: the file: must be a mapping of keys to values"]
+    assert problems(content) == ["scenario without id: must be a mapping of keys to values"]
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
@@ -255,8 +256,8 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         (2000 * "{a: ", "cannot be read: nested too deeply"),
         ("a: &a {b: 1}\nc: {<<: *a}", "cannot be read: *a refers to another place"),
         ("a: &a [*a]", "cannot be read: *a refers to another place"),
-        ("", "the file: must be a mapping of keys to values"),
-        ("- a", "the file: must be a mapping of keys to values"),
+        ("", "must be a mapping of keys to values"),
+        ("- a", "must be a mapping of keys to values"),
         ("1: a", "1 = 1: Keys should be strings"),
     ],
 )

@@ -44,13 +44,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run(command, arguments)
 
 
-def _named(kind: Literal["scenario", "study"]) -> Parameter:
+def _named(folder: Literal["scenarios", "studies", "suites"]) -> Parameter:
     """Return what completes the names of shipped files and the paths of others."""
 
     def offered(context: CompletionContext) -> list[str]:
-        from sledenv.scenario import shipped_names
+        from sledenv.configuration import shipped
 
-        return [*shipped_names(kind), *glob(f"{context.incomplete}*.yaml")]
+        return [*shipped(folder), *glob(f"{context.incomplete}*.yaml")]
 
     return Parameter(completer=offered)
 
@@ -78,7 +78,7 @@ def _fixed(_: Any, tokens: Sequence[Token]) -> list[tuple[str, float]]:
 
 
 Scenario = Annotated[
-    str, Parameter(help="Name (sledenv scenarios lists them), or a file that ends in .yaml"), _named("scenario")
+    str, Parameter(help="Name (sledenv scenarios lists them), or a file that ends in .yaml"), _named("scenarios")
 ]
 Surfaces = Parameter(help="Contact model; rigid ignores the stiffness")
 Json = Annotated[bool, Parameter(help="Print the result as one JSON document")]
@@ -213,7 +213,8 @@ def scenarios(*, json: Json = False) -> None:
     """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
     from rich.table import Table
 
-    from sledenv.scenario import control_words, load_scenario, scenario_names
+    from sledenv.scenario import load_scenario, scenario_names
+    from sledenv.sections import control_words
 
     shipped = [load_scenario(name) for name in scenario_names()]
     rows = [
@@ -278,7 +279,7 @@ def reproduce_paper(*, out: Folder = Path("reproduction"), json: Json = False) -
 @command.command
 def benchmark(
     *,
-    suite: str = "smoke",
+    suite: Annotated[str, _named("suites")] = "smoke",
     out: Folder | None = None,
     workers: Workers | None = None,
     ray: Ray | None = None,
@@ -299,11 +300,10 @@ def benchmark(
     from sledenv.benchmark.report import write_report
     from sledenv.benchmark.runner import run_suite
     from sledenv.benchmark.scores import read_results, scores
-    from sledenv.benchmark.suite import Suite, find_suite
+    from sledenv.benchmark.suite import Suite
 
-    file = find_suite(suite)
-    one = Suite.read(file)
-    folder = run_suite(one, file, out or Path("runs/benchmark") / one.id, workers=workers, ray=ray)
+    one = Suite.load(suite)
+    folder = run_suite(one, out or Path("runs/benchmark") / one.id, workers=workers, ray=ray)
     results = read_results(folder)
     page = write_report(results, folder / "report")
     data = {"suite": one.id, "scores": scores(results), "written": [page]} if json else None
@@ -312,7 +312,7 @@ def benchmark(
 
 @command.command
 def study(
-    study: Annotated[str, _named("study")],
+    study: Annotated[str, _named("studies")],
     /,
     *,
     out: Folder | None = None,

@@ -20,7 +20,8 @@ from sledenv.cli import main
 from sledenv.descent import Descent
 from sledenv.keyframes import TOLERANCE
 from sledenv.outline import reach, states_at
-from sledenv.scenario import CONTROLS, Scenario, ScenarioError, load_scenario
+from sledenv.scenario import Scenario, ScenarioError, load_scenario
+from sledenv.sections import CONTROLS
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 
 PACK, SEEDS = "hard", (0, 4)

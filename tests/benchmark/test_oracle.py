@@ -19,7 +19,7 @@ from sledenv.benchmark.oracle import (
     rewards_again,
 )
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.suite import Suite, find_suite
+from sledenv.benchmark.suite import Suite
 from sledenv.scenario import Context, Scenario, load_scenario
 
 
@@ -82,7 +82,7 @@ def test_a_steady_launch_earns_under_a_tremble_what_is_said_and_no_less_than_the
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", Suite.read(find_suite("full")).scenarios)
+@pytest.mark.parametrize("scenario", Suite.load("full").scenarios)
 def test_evolution_strategies_with_restarts_do_not_beat_the_oracle_by_a_thousandth(scenario):
     """Oracle: CMA-ES from the best launch and five times from a random one; a scan where there is one thing to choose.
 

@@ -44,9 +44,9 @@ def test_two_workers_of_a_cluster_give_the_numbers_of_one_process(cluster, tmp_p
     agents = {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}
     content |= {"agents": {"launch": agents}}
     file.write_text(yaml.safe_dump(content))
-    suite = Suite.read(file)
-    run_suite(suite, file, tmp_path / "one", workers=1)
-    run_suite(suite, file, tmp_path / "two", ray=cluster)
+    suite = Suite.load(file)
+    run_suite(suite, tmp_path / "one", workers=1)
+    run_suite(suite, tmp_path / "two", ray=cluster)
     for name in TABLES:
         one, two = (pd.read_parquet(tmp_path / folder / f"{name}.parquet") for folder in ("one", "two"))
         timed = [column for column in one if str(column).startswith("train_")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ from scipy import integrate
 
 import sledenv
 from sledenv import ContactLaw, Slope, State, simulate_batch
-from sledenv.scenario import BODIES, ContactSection, LaunchSection, SlopeSection
+from sledenv.configuration import Section
+from sledenv.sections import AnyBody, ContactSection, LaunchSection, SlopeSection
 from sledenv.uncertainty import StudyError, load_study, study_names
 from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE
@@ -99,9 +100,10 @@ def test_every_number_of_a_section_can_be_uncertain() -> None:
     assert _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() == keys
 
 
-@pytest.mark.parametrize("kind", BODIES)
-def test_every_number_of_a_body_can_be_uncertain(kind: str) -> None:
+@pytest.mark.parametrize("section", get_args(AnyBody))
+def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None:
     """Oracle: the section built by itself for each draw; a body that is drawn is launched clear of the slope."""
+    (kind,) = get_args(section.model_fields["kind"].annotation)
     fields = {
         "disc": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2},
         "segment": {"mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 100},
@@ -125,7 +127,7 @@ def test_every_number_of_a_body_can_be_uncertain(kind: str) -> None:
     values = study.values(np.random.default_rng(0).uniform(0.01, 0.99, (5, len(fields))))
     lanes = study.lanes(values)
     for row, body, launch in zip(values, lanes.bodies, lanes.launches, strict=True):
-        alone = BODIES[kind].model_validate({"kind": kind} | dict(zip(fields, row.tolist(), strict=True))).build()
+        alone = section.model_validate({"kind": kind} | dict(zip(fields, row.tolist(), strict=True))).build()
         assert np.array_equal(body, alone)
         assert launch[1] == sledenv.geometry.support_height(alone, launch[2])
 
@@ -188,7 +190,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"launch__drop_m": {"kind": "normal", "mean": 1}}, "sd: missing"),
         (
             {"launch__drop_m": {"kind": "normal", "mean": 1, "sd": 1, "low": 0}},
-            "low: unknown key; known: kind, mean, sd",
+            "low = 0: unknown key; known: kind, mean, sd",
         ),
         ({"launch__drop_m": {"kind": "cauchy"}}, "kind must be one of uniform, normal, truncated_normal"),
         ({"launch__drop_m": {"mean": 1, "sd": 1}}, "kind must be one of uniform"),
@@ -216,7 +218,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"seed": -1}, "seed = -1: must be a whole number"),
         ({"solver": "euler"}, "solver = 'euler'"),
         ({"scenario": "sled_snwo"}, "unknown scenario 'sled_snwo' (did you mean 'sled_snow'?)"),
-        ({"sloep": {}}, "sloep: unknown key; known: id, title"),
+        ({"sloep": {}}, "sloep = {}: unknown key (did you mean 'slope'?); known: id, title"),
         ({"title": None}, "title: missing"),
         ({"slope": None}, "slope: missing"),
     ],

@@ -26,7 +26,8 @@ from sledenv.kernel.records import STATUS_OF_CODE
 from sledenv.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
 from sledenv.outline import body_outline, heavy_side, reach
 from sledenv.page import filled
-from sledenv.scenario import CONTROLS, Context, Scenario, ScenarioError
+from sledenv.scenario import Context, Scenario, ScenarioError
+from sledenv.sections import CONTROLS
 
 MOST_SEEDS: Final = 24  # contexts of a page
 DESCENTS: Final = 36_000  # that a page holds: the grid is coarser where contexts are many

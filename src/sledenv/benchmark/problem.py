@@ -16,7 +16,8 @@ from sledenv.descent import DescentBatch
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
 from sledenv.kernel.records import RUNNING
-from sledenv.scenario import CONTROLS, NOISY, Scenario, Split, check_split
+from sledenv.scenario import NOISY, Scenario, Split, check_split
+from sledenv.sections import CONTROLS
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}

@@ -23,7 +23,7 @@ from sledenv.envs.task import FIELDS, Contexts, Solver, Task
 from sledenv.files import alone, replacing
 from sledenv.jam import DescentJam
 from sledenv.kernel.records import LOSSES
-from sledenv.scenario import CONTROLS
+from sledenv.sections import CONTROLS
 from sledenv.workers import Call, runner
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
@@ -32,7 +32,7 @@ _log = logging.getLogger("sledenv")
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
 
 
-def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = None, ray: str | None = None) -> Path:
+def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: str | None = None) -> Path:
     """Train and judge everything of a suite that has not been yet, and gather the tables.
 
     Every job writes its result in one move, so a run that is killed goes on without loss or repetition. The numbers do
@@ -41,8 +41,6 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
     Parameters
     ----------
     suite : Suite
-    file : Path
-        Its file.
     folder : Path
         Of the results. ``trained/`` holds the agents, ``judged/`` one Parquet file a job, ``searched/`` the best
         launches; the tables ``results``, ``curves``, ``runs``, ``oracle`` and ``maps`` gather them.
@@ -66,7 +64,7 @@ def run_suite(suite: Suite, file: Path, folder: Path, *, workers: int | None = N
         If another process is writing the folder.
     """
     folder = folder.resolve()  # a worker of a cluster may work elsewhere
-    jobs = list(suite.jobs(file.parent))
+    jobs = list(suite.jobs())
     run = runner(workers, ray)
     for part in ("trained", "judged", "searched"):
         (folder / part).mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,8 @@ from typing import Any, Final, cast
 import yaml
 
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.scenario import Scenario, read_yaml
+from sledenv.configuration import read_yaml
+from sledenv.scenario import Scenario
 
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"

@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenario import CONFIGS, ScenarioError, Section, load_scenario, read_yaml
-
-SUITES: Final = CONFIGS / "suites"
-
-Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
+from sledenv.configuration import CONFIGS, Document, Quantity, Whole
+from sledenv.scenario import ScenarioError, load_scenario
 
 
 class SuiteError(ScenarioError):
@@ -46,25 +43,28 @@ class Job(NamedTuple):
         return Problem(self.scenario, self.environment)
 
 
-class Suite(Section):
+class Suite(Document):
     """A benchmark: every agent on every scenario, on the same held-out contexts.
 
     The keys are those of the YAML file. Instances are immutable.
     """
 
-    id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    called: ClassVar[str] = "suite"
+    folder: ClassVar[str] = "suites"
+    error: ClassVar[type[ValueError]] = SuiteError
+
     title: str
-    contexts: Annotated[int, Field(ge=2, le=100_000)]  # held-out contexts of each scenario
+    contexts: Annotated[int, Whole("[2, 100000]")]  # held-out contexts of each scenario
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
     # module of the agent -> number of seeds
     agents: Annotated[
-        dict[Environment, Annotated[dict[str, Annotated[int, Field(ge=1, le=1000)]], Field(min_length=1)]],
+        dict[Environment, Annotated[dict[str, Annotated[int, Whole("[1, 1000]")]], Field(min_length=1)]],
         Field(min_length=1),
     ]
     settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
-    steps: Count | None = None  # budget in environment steps in place of the configured one
-    noise: tuple[Annotated[float, Field(gt=0.0)], ...] = ()  # extra launch noise, see Problem.disturbed
-    maps: Annotated[int, Field(ge=0)] = 2  # contexts of each scenario whose jam map is kept
+    steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
+    noise: tuple[Annotated[float, Quantity("(0, inf)")], ...] = ()  # extra launch noise, see Problem.disturbed
+    maps: Annotated[int, Whole("[0, inf)")] = 2  # contexts of each scenario whose jam map is kept
 
     @field_validator("scenarios")
     @classmethod
@@ -92,8 +92,15 @@ class Suite(Section):
             raise ValueError("must not repeat a level")
         return levels
 
-    def jobs(self, folder: Path) -> Iterator[Job]:
-        """Yield everything to train and to judge; ``folder`` is that of the suite's file.
+    @classmethod
+    def seen_from(cls, folder: Path, content: Any) -> Any:
+        """Return what a file in a folder holds, with the folder of its settings as it is seen from here."""
+        if isinstance(content, dict) and isinstance(content.get("settings"), str):
+            content |= {"settings": os.path.abspath(folder / content["settings"])}
+        return content
+
+    def jobs(self) -> Iterator[Job]:
+        """Yield everything to train and to judge.
 
         Jobs of one seed of all agents and scenarios come before those of the next, so that a suite that is stopped
         early has seen everything.
@@ -103,51 +110,19 @@ class Suite(Section):
         SuiteError
             If there is no folder of settings, an agent cannot be imported or has none for its environment.
         """
-        if not (folder / self.settings).is_dir():
-            raise SuiteError(f"suite {self.id}: settings = {self.settings!r}: no folder {folder / self.settings}")
+        if not Path(self.settings).is_dir():
+            raise SuiteError(f"suite {self.id}: settings = {self.settings!r}: there is no such folder")
         named = [(kind, module, seeds) for kind, agents in self.agents.items() for module, seeds in agents.items()]
         for seed in range(max((seeds for _, _, seeds in named), default=0)):
             for scenario in self.scenarios:
                 for kind, module, seeds in named:
                     if seed < seeds:
-                        yield Job(module, kind, scenario, seed, self._settings(folder, kind, module, scenario))
+                        yield Job(module, kind, scenario, seed, self._settings(kind, module, scenario))
 
-    def _settings(self, folder: Path, kind: Environment, module: str, scenario: str) -> dict[str, Any]:
+    def _settings(self, kind: Environment, module: str, scenario: str) -> dict[str, Any]:
         try:
             agent_class(module)
-            settings = read_settings(folder / self.settings, module, Problem(scenario, kind))
+            settings = read_settings(Path(self.settings), module, Problem(scenario, kind))
         except ValueError as error:
             raise SuiteError(f"suite {self.id}: {error}") from error
         return settings | {"n_timesteps": self.steps} if self.steps is not None and settings else settings
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read a file.
-
-        Raises
-        ------
-        SuiteError
-            Naming every wrong key, its value and what is allowed.
-        """
-        try:
-            return cls.model_validate(read_yaml(path))
-        except ValidationError as error:
-            raise SuiteError("\n".join(f"{path}: {cls.explain(details)}" for details in error.errors())) from error
-        except (OSError, ValueError) as error:
-            raise SuiteError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
-
-
-def find_suite(name_or_path: str | os.PathLike[str]) -> Path:
-    """Return the file of a suite: a name such as "smoke", or a path that ends in .yaml.
-
-    Raises
-    ------
-    SuiteError
-        If there is none.
-    """
-    name = os.fspath(name_or_path)
-    path = Path(name) if name.endswith(".yaml") else SUITES / f"{name}.yaml"
-    if not path.is_file():
-        known = ", ".join(sorted(file.stem for file in SUITES.glob("*.yaml")))
-        raise SuiteError(f"no suite {name!r}: must be a file that ends in .yaml or one of: {known}")
-    return path

@@ -29,16 +29,8 @@ from sledenv.kernel.records import (
 )
 from sledenv.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
 from sledenv.ride import Ride, RideBatch
-from sledenv.scenario import (
-    CONTROLS,
-    NOISY,
-    Context,
-    Scenario,
-    Split,
-    check_split,
-    control_words,
-    load_scenario,
-)
+from sledenv.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
+from sledenv.sections import CONTROLS, control_words
 
 Solver = Literal["compliant", "rigid"]
 # (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind

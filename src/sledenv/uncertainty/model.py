@@ -7,28 +7,18 @@ import json
 import os
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
+from sledenv.configuration import Document, Section, Whole
 from sledenv.entries import FINGERPRINT
 from sledenv.jam import DescentJam
 from sledenv.params import Body, ContactLaw, Slope
-from sledenv.scenario import (
-    ContactSection,
-    Context,
-    LaunchSection,
-    Scenario,
-    ScenarioError,
-    Section,
-    SlopeSection,
-    Whole,
-    load_scenario,
-    read_config,
-    shipped_names,
-)
+from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario
+from sledenv.sections import ContactSection, LaunchSection, SlopeSection
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
 
 PARTS: Final = ("slope", "body", "contact", "launch")  # sections whose numbers may be uncertain
@@ -83,14 +73,17 @@ def _read(value: Any) -> Any:
 Given = dict[str, SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]]  # by key: a distribution, a number, a word
 
 
-class Study(Section):
+class Study(Document):
     """What of a scenario is uncertain, and by how much.
 
     The keys are those of the YAML file. ``slope``, ``body``, ``contact`` and ``launch`` have the keys of a scenario and
     stand in for its own; each is a number or a distribution. Instances are immutable and picklable.
     """
 
-    id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    called: ClassVar[str] = "study"
+    folder: ClassVar[str] = "studies"
+    error: ClassVar[type[ValueError]] = StudyError
+
     title: str
     question: str = ""
     description: str = ""
@@ -108,24 +101,11 @@ class Study(Section):
     ends: dict[str, Any] = Field(default_factory=dict)
 
     @classmethod
-    def model_validate(cls, obj: Any, **options: Any) -> Self:
-        """Build a study from a mapping that has the keys of the YAML file.
-
-        Raises
-        ------
-        StudyError
-            Naming every wrong key, its value and what is allowed.
-        """
-        name = obj.get("id", "without id") if isinstance(obj, dict) else "without id"
-        return cls._read(obj, f"study {name}", options)
-
-    @classmethod
-    def _read(cls, obj: Any, source: str, options: dict[str, Any]) -> Self:
-        try:
-            return super().model_validate(obj, **options)
-        except ValidationError as error:
-            lines = [line for details in error.errors() for line in cls.explain(details).splitlines()]
-        raise StudyError("\n".join(f"{source}: {line}" for line in lines))
+    def seen_from(cls, folder: Path, content: Any) -> Any:
+        """Return what a file in a folder holds, with the path of its scenario as it is seen from here."""
+        if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
+            content |= {"scenario": os.path.abspath(folder / content["scenario"])}
+        return content
 
     @model_validator(mode="after")
     def _can_be_simulated(self) -> Self:
@@ -269,15 +249,12 @@ def load_study(name_or_path: str | os.PathLike[str]) -> Study:
     StudyError
         If there is no such study, or naming every wrong key of the file, its value and what is allowed.
     """
-    content, source = read_config(name_or_path, "study", StudyError)
-    if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
-        content |= {"scenario": os.path.abspath(Path(source).parent / content["scenario"])}
-    return Study._read(content, source, {})
+    return Study.load(name_or_path)
 
 
 def study_names() -> tuple[str, ...]:
     """Return the names of the shipped studies, sorted."""
-    return shipped_names("study")
+    return Study.names()
 
 
 def _central(value: Any) -> Any:
