@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.geometry import support_heights, within_a_turn
-from sledenv.kernel import params
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.params import (
@@ -65,7 +64,7 @@ def checked_flag(name: str, value: bool) -> bool:
 def launched(body: Body, slope: Slope, state: State) -> State:
     """Return one launch as :func:`_admit` does many."""
     launches = np.array([state])
-    _admit("State", body, np.array([slope]), launches)
+    _admit("State", np.array([body]), np.array([slope]), launches)
     return State._make(launches[0].tolist())
 
 
@@ -80,14 +79,14 @@ def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_s
     _checked_settle_speed(settle_speed)
     if solver != "rigid":
         return law
-    return RigidLaw(*_rigid(body, np.array([law]), np.array([slope]), settle_speed)[0].tolist())
+    return RigidLaw(*_rigid(np.array([body]), np.array([law]), np.array([slope]), settle_speed)[0].tolist())
 
 
 class CheckedLanes(NamedTuple):
     """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
 
     kind: type[Law]  # of the rows of laws
-    bodies: params.Bodies
+    bodies: np.ndarray
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
@@ -117,7 +116,7 @@ def checked_lanes(
     kind = _kind_of_all(law)
     _check_solver(kind, solver)
     _checked_settle_speed(settle_speed)
-    bodies = Body(*body) if isinstance(body, Body) else _rows("body", Body, body, len(launches))
+    bodies = _rows("body", Body, body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     rigid = solver == "rigid"
@@ -176,7 +175,7 @@ def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: objec
     return rows
 
 
-def _rigid(bodies: params.Bodies, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
+def _rigid(bodies: np.ndarray, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
     """Stiff limits of contact laws, rows of a table or one for all lanes: fields of RigidLaw."""
     law = ContactLaw._make(laws.T)  # of columns
     settle: Any
@@ -200,13 +199,13 @@ def _checked_settle_speed(settle_speed: float | None) -> None:
         checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)
 
 
-def _sizes(bodies: params.Bodies) -> Any:
-    """Greatest distance [m] from the mass centre of one body, or of each."""
-    _, radius, eccentricity, *_ = bodies.T if isinstance(bodies, np.ndarray) else bodies
+def _sizes(bodies: np.ndarray) -> Any:
+    """Greatest distances [m] from the mass centres of bodies, one a row."""
+    _, radius, eccentricity, *_ = bodies.T
     return radius + eccentricity
 
 
-def _admit(owner: str, bodies: params.Bodies, slopes: np.ndarray, launches: np.ndarray) -> None:
+def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndarray) -> None:
     """Take whole turns off launches, shape (N, 6), in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.

@@ -30,7 +30,6 @@ from sledenv.checks import (
 from sledenv.entries import entry, parallel_entry
 from sledenv.euler import descend_euler
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel import params
 from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.laws import Law
@@ -301,7 +300,7 @@ def state_of(fields: dict[str, Any]) -> State:
 class _Lanes(NamedTuple):
     """A batch that has been checked: what the kernel is given."""
 
-    bodies: params.Bodies
+    bodies: np.ndarray
     like: Law
     laws: np.ndarray
     slopes: np.ndarray
@@ -319,9 +318,8 @@ class _Lanes(NamedTuple):
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics."""
-        laws, slopes = (table[part] if len(table) > 1 else table for table in (self.laws, self.slopes))
-        bodies = self.bodies[part] if isinstance(self.bodies, np.ndarray) else self.bodies
-        masses = bodies[:, 0] if isinstance(bodies, np.ndarray) else bodies.mass
+        tables = self.bodies, self.laws, self.slopes
+        bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
         launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
         launching = True
         while launching or (outcomes["status"] == RUNNING).any():
@@ -329,7 +327,7 @@ class _Lanes(NamedTuple):
                 bodies, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces, launching
             )
             launching = False
-        return descent_jam(outcomes, masses, slopes[:, 1])
+        return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
 
 
 def _lanes(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sledenv.entries import entry
 from sledenv.kernel import geometry
-from sledenv.kernel.params import Bodies, body_of
+from sledenv.kernel.params import Body, body_of
 
 arms = entry(geometry.arms)
 feature_at = entry(geometry.feature_at)
@@ -20,9 +20,13 @@ support_height = entry(geometry.support_height)
 whole_turns = entry(geometry.whole_turns)
 
 
-@entry
-def support_heights(bodies: Bodies, phi: np.ndarray) -> np.ndarray:
+def support_heights(bodies: Body | NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
     """Support height [m] at each of many orientations [rad], shape (N,), of one body or of one a row."""
+    return _support_heights(np.atleast_2d(bodies), phi)
+
+
+@entry
+def _support_heights(bodies: np.ndarray, phi: np.ndarray) -> np.ndarray:
     heights = np.empty(phi.shape[0])
     for i in range(phi.shape[0]):
         heights[i] = geometry.support_height(body_of(bodies, i), phi[i])

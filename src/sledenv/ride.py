@@ -261,7 +261,7 @@ class RideBatch:
         )
         given = checked_lanes(self.body, law, slope, launches, solver, settle_speed)
         lanes = len(given.launches)
-        self._like = given.like()
+        self._like, self._bodies = given.like(), given.bodies
         self._laws = np.empty((lanes, given.laws.shape[1]))
         self._slopes = np.empty((lanes, given.slopes.shape[1]))
         self._launches = np.empty_like(given.launches)
@@ -314,7 +314,7 @@ class RideBatch:
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
         _hop_batch(
-            self.body,
+            self._bodies,
             self._like,
             self._laws,
             self._slopes,

@@ -14,10 +14,10 @@ from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meet
 from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touchdowns
 from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
-from sledenv.kernel.params import Bodies, Body, Incline, Limits, RigidLaw, Slope, State, body_of, reader, row_of
+from sledenv.kernel.params import Body, Incline, Limits, RigidLaw, Slope, State, body_of, reader, row_of
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
-from sledenv.programs.jit import by_type, kernel
+from sledenv.programs.jit import kernel
 from sledenv.programs.trace import LANES, straight
 
 
@@ -31,7 +31,7 @@ class Trims(NamedTuple):
 class Lanes(NamedTuple):
     """What the lanes of a batch have of their own; a table of one row serves all lanes."""
 
-    bodies: Bodies
+    bodies: np.ndarray  # fields of Body, shape (N or 1, 5)
     laws: np.ndarray  # fields of the law, shape (N or 1, 5)
     inclines: np.ndarray  # fields of Incline, shape (N or 1, fields)
     flights: np.ndarray  # of OUTCOME, shape (N,)
@@ -43,14 +43,12 @@ _INCLINE = len(Incline._fields)
 
 
 @kernel
-def _tell_own(bodies: np.ndarray, lane: int, hop: np.void) -> Body:
+def _told(bodies: np.ndarray, lane: int, hop: np.void) -> Body:
+    """Return the body of a lane, and write whose hop it is; one body of all lanes has been told before."""
     body = body_of(bodies, lane)
-    tell_body(body, hop)
+    if bodies.shape[0] > 1:
+        tell_body(body, hop)
     return body
-
-
-# Return the body of a lane, and write whose hop it is; one body of all lanes has been told before.
-_told = by_type(0, {np.ndarray: _tell_own}, lambda bodies, lane, hop: bodies)
 
 
 @kernel
@@ -234,7 +232,7 @@ def follow_lanes(
 
 @kernel
 def descend_batch(
-    bodies: Bodies,
+    bodies: np.ndarray,
     like: Law,
     laws: np.ndarray,
     slopes: np.ndarray,
@@ -251,10 +249,8 @@ def descend_batch(
 
     Parameters
     ----------
-    bodies : Body or ndarray, shape (N, 5)
-        One for all lanes, or the fields of one a lane; each is compiled by itself.
-    laws, slopes : ndarray, one row for all lanes or one a lane
-        Fields of the law and of Slope.
+    bodies, laws, slopes : ndarray, one row for all lanes or one a lane
+        Fields of Body, of the law and of Slope.
     like : ContactLaw or RigidLaw
         Of which kind the rows of ``laws`` are.
     launches : ndarray, shape (N, 6)
@@ -289,7 +285,7 @@ def descend_batch(
 
 @kernel
 def hop_batch(
-    bodies: Bodies,
+    bodies: np.ndarray,
     like: Law,
     laws: np.ndarray,
     slopes: np.ndarray,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv.programs.jit import by_type, kernel
+from sledenv.programs.jit import kernel
 from sledenv.programs.trace import scalar
 
 
@@ -107,5 +107,4 @@ def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
     return read
 
 
-Bodies = Body | np.ndarray  # one for all lanes, kept in registers, or their fields, shape (N, 5)
-body_of: Callable[..., Body] = by_type(0, {np.ndarray: reader(Body)}, lambda bodies, lane: bodies)  # the body of a lane
+body_of: Callable[[np.ndarray, int], Body] = reader(Body)
