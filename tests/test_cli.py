@@ -373,7 +373,7 @@ def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--suite", "smoek"], "no suite 'smoek'"),
+        (["--suite", "smoek"], "unknown suite 'smoek' (did you mean 'smoke'?)"),
         (["--workers", "0"], "must be an integer >= 1: '0'"),
     ],
 )

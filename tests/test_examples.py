@@ -13,9 +13,10 @@ from PIL import Image
 
 from docs import draw
 from docs.draw import run
-from sledenv import load_study, scenario
+from sledenv import Scenario, load_study, sections
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
+from sledenv.configuration import Section
 from sledenv.kernel import step
 from sledenv.programs import values
 from tests.benchmark import make
@@ -81,10 +82,8 @@ def test_the_page_on_scenarios_writes_a_valid_one(tmp_path, monkeypatch, capsys)
 def test_the_page_on_scenarios_names_every_key():
     """Oracle: the fields of the sections."""
     page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
-    sections = [
-        kind for kind in vars(scenario).values() if isinstance(kind, type) and issubclass(kind, scenario.Section)
-    ]
-    keys = {field.alias or name for kind in sections for name, field in kind.model_fields.items()}
+    kinds = [kind for kind in vars(sections).values() if isinstance(kind, type) and issubclass(kind, Section)]
+    keys = {field.alias or name for kind in [Scenario, *kinds] for name, field in kind.model_fields.items()}
     assert {"friction", "kind", "slope"} <= keys
     assert [key for key in sorted(keys) if f"`{key}`" not in page] == []
 
@@ -129,7 +128,7 @@ def test_the_code_of_the_page_on_architecture_is_valid():
     program, control = blocks("docs/architecture.md")
     names = run([program], {"Any": Any, "of_step": step.of_step, "sine_cosine": values.sine_cosine})
     assert callable(names["orient"])
-    annotated = run([control], vars(scenario) | {"__annotations__": {}})["__annotations__"]["drop_m"]
+    annotated = run([control], vars(sections) | {"__annotations__": {}})["__annotations__"]["drop_m"]
     assert get_args(annotated)[1].name == "drop"
 
 

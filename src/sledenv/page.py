@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader
 
 _DIGITS = 9  # significant, of every number in a page
+
+_TEMPLATES = Environment(loader=PackageLoader("sledenv"), autoescape=True, trim_blocks=True)
+_TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
 
 
 def filled(template: str, content: dict[str, Any]) -> str:
@@ -18,19 +20,12 @@ def filled(template: str, content: dict[str, Any]) -> str:
     Parameters
     ----------
     template : str
-        Name of a file of this package. In it ``/*STYLE*/`` stands for page.css, ``/*SCENE*/`` for scene.js and
-        ``/*DATA*/`` for the content, as JSON.
+        Name of a file of ``templates/`` that extends ``page.html``.
     content : dict
-        Numbers, strings and arrays, in dicts, lists and tuples; numbers that are not finite become null.
+        Numbers, strings and arrays, in dicts, lists and tuples; numbers that are not finite become null. The page finds
+        it as ``D``.
     """
-    # "</script>" in a title would end the data.
-    data = json.dumps(_plain(content), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    page = _read(template).replace("/*STYLE*/\n", _read("page.css")).replace("/*SCENE*/\n", _read("scene.js"))
-    return page.replace("/*DATA*/", data)
-
-
-def _read(name: str) -> str:
-    return files("sledenv").joinpath(name).read_text(encoding="utf-8")
+    return _TEMPLATES.get_template(template).render(data=_plain(content))
 
 
 def _plain(value: Any) -> Any:
