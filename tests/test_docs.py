@@ -51,7 +51,8 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
     spans = set(re.findall(r"`([^`\n]+)`", prose))
     paths = {span for span in spans if re.fullmatch(r"[\w/]+\.(py|yaml|md)|[\w/]+/", span)}
-    there = [f"/{path.relative_to(ROOT)}" for path in [*files, *(ROOT / "docs").rglob("*.md")]]
+    others = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "src").rglob("*.html")]
+    there = [f"/{path.relative_to(ROOT)}" for path in [*files, *others]]
     assert [path for path in sorted(paths) if not any(f"/{path}" in one for one in there)] == []
     names = {word for span in spans - paths for word in words(span)} | {word for word in words(drawn) if "_" in word}
     assert sorted(names - known) == []
