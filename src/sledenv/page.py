@@ -1,4 +1,4 @@
-"""Pages that need no other file and no network: a template, the style and the drawing that all share, and data."""
+"""Pages that need no other file and no network: templates, and how values are written into them."""
 
 from __future__ import annotations
 
@@ -6,26 +6,23 @@ import math
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
-_DIGITS = 9  # significant, of every number in a page
-
-_TEMPLATES = Environment(loader=PackageLoader("sledenv"), autoescape=True, trim_blocks=True)
-_TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+_DIGITS = 9  # significant, of every number of the data in a page
 
 
-def filled(template: str, content: dict[str, Any]) -> str:
+def filled(template: str, **content: Any) -> str:
     """Return a page.
 
     Parameters
     ----------
     template : str
-        Name of a file of ``templates/`` that extends ``page.html``.
-    content : dict
-        Numbers, strings and arrays, in dicts, lists and tuples; numbers that are not finite become null. The page finds
-        it as ``D``.
+        Name of a file of ``templates/`` that extends ``page.html``, or ``player.html`` if a script draws it.
+    **content
+        What the template names. A script finds ``data`` as ``D``: numbers, strings and arrays, in dicts, lists and
+        tuples; numbers that are not finite become null.
     """
-    return _TEMPLATES.get_template(template).render(data=_plain(content))
+    return _TEMPLATES.get_template(template).render(content)
 
 
 def _plain(value: Any) -> Any:
@@ -41,3 +38,10 @@ def _plain(value: Any) -> Any:
             return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
         case _:
             return value
+
+
+_TEMPLATES = Environment(
+    loader=PackageLoader("sledenv"), autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+)
+_TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+_TEMPLATES.filters["plain"] = _plain

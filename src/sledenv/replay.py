@@ -60,7 +60,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
         If the descent has no trajectory.
     """
     content = _content(descent, title) | {"ghost": None if ghost is None else ghost._asdict()}
-    return filled("replay.html", content)
+    return filled("replay.html", data=content)
 
 
 def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> None:

@@ -91,7 +91,7 @@ def map_page(
             contexts.append(_context(problem, context, axes, best, results, seed, bar))
             marks.append(plain_marks(problem, seed, best, results))
             told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
-    return MapPage(filled("map.html", _content(problem, axes, contexts)), "\n\n".join(told), marks)
+    return MapPage(filled("map.html", data=_content(problem, axes, contexts)), "\n\n".join(told), marks)
 
 
 def _shipped_runs(problem: Problem) -> list[Path]:
