@@ -107,7 +107,7 @@ def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
     expected = files_below(built / "tree" / "src" / "sledenv")
-    assert {"templates/replay.html", "agents/sac.py", "configs/suites/smoke.yaml", "benchmark/report.html"} <= expected
+    assert {"templates/replay.html", "templates/report.html", "agents/sac.py", "configs/suites/smoke.yaml"} <= expected
     assert names == {f"sledenv/{name}" for name in expected} | {"sledenv_cli.py"}
 
 

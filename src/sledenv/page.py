@@ -40,8 +40,16 @@ def _plain(value: Any) -> Any:
             return value
 
 
+def _number(value: float, form: str = "z.3f") -> str:
+    """Write a number for a reader: with the minus sign of typography, a fixed space before %, and NaN as a dash."""
+    if math.isnan(value):
+        return "\N{EN DASH}"
+    return f"{value:{form}}".replace("-", "\N{MINUS SIGN}").replace("%", "\N{NO-BREAK SPACE}%")
+
+
 _TEMPLATES = Environment(
     loader=PackageLoader("sledenv"), autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
 )
 _TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-_TEMPLATES.filters["plain"] = _plain
+_TEMPLATES.filters |= {"plain": _plain, "number": _number}
+_TEMPLATES.tests["nan"] = math.isnan
