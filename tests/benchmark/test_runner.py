@@ -23,12 +23,12 @@ TIMES = ["train_seconds", "train_cpu_seconds"]
 SUITE = {
     "id": "tiny",
     "title": "A test",
-    "contexts": 4,
+    "contexts": 2,
     "settings": str(ROOT / "src" / "sledenv" / "configs" / "agents"),
     "steps": 240,
     "noise": [0.05],
     "maps": 1,
-    "scenarios": ["ice_drop", "brake_mat"],
+    "scenarios": ["bedrock", "spinning_entry"],
     "agents": {"launch": {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}},
 }
 
@@ -65,7 +65,7 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
     """Oracle: counting; rewards are those of the simulator; no agent earns more than the best launch."""
     _, folder, found = finished
     results = found["results"]
-    assert len(results) == 2 * (1 + 2 + 2) * 4 * 2  # scenarios, seeds, contexts, noise levels
+    assert len(results) == 2 * (1 + 2 + 2) * 2 * 2  # scenarios, seeds, contexts, noise levels
     assert set(results["noise"]) == {0.0, 0.05}
     assert len(found["runs"]) == 10
     assert found["runs"].set_index("agent")["descents"].groupby("agent").max().to_dict() == {
@@ -73,9 +73,9 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
         "random_launch": 0,
         "zero": 0,
     }
-    problem = Problem("ice_drop")
-    chosen = results.query("scenario == 'ice_drop' and agent == 'best_fixed' and seed == 1 and noise == 0")
-    again = problem.descend(problem.contexts("test", 4), chosen[["action_0", "action_1"]].to_numpy())
+    problem = Problem("bedrock")
+    chosen = results.query("scenario == 'bedrock' and agent == 'best_fixed' and seed == 1 and noise == 0")
+    again = problem.descend(problem.contexts("test", 2), chosen[["action_0", "action_1"]].to_numpy())
     assert np.array_equal(again.jam.reward, chosen["reward"])
     assert np.array_equal(again.outcomes["sliding"], chosen["loss_sliding"])
     best = found["oracle"].set_index(["scenario", "context"])["reward"]
@@ -97,13 +97,13 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
     monkeypatch.setattr("sledenv.benchmark.runner.train", lambda *given: trained.append(given) or real(*given))
     from sledenv.benchmark.runs import train as real
 
-    one, two = sorted((folder / "judged").glob("launch-ice_drop-best_fixed-*"))
+    one, two = sorted((folder / "judged").glob("launch-bedrock-best_fixed-*"))
     one.unlink()
     same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
     assert not trained
     two.unlink()
     (folder / "results.parquet").unlink()
-    config = folder / "trained" / "launch-ice_drop-best_fixed-s1" / "config.yaml"
+    config = folder / "trained" / "launch-bedrock-best_fixed-s1" / "config.yaml"
     config.write_text(config.read_text().replace("n_timesteps: 240", "n_timesteps: 241"))
     same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
     assert [(given[0], given[3]) for given in trained] == [("sledenv.agents.best_fixed", 1)]
@@ -112,7 +112,7 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
 def test_what_was_altered_is_judged_again_and_named(finished, caplog):
     """Oracle: the tables as they were, after an edited reward, a cut file and one of something else."""
     file, folder, found = finished
-    edited, cut, other = sorted((folder / "judged").glob("launch-ice_drop-*"))[:3]
+    edited, cut, other = sorted((folder / "judged").glob("launch-bedrock-*"))[:3]
     table = pd.read_parquet(edited)
     table.loc[0, "reward"] += 1e-9
     table.to_parquet(edited, index=False)
