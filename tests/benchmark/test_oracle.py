@@ -27,7 +27,7 @@ from sledenv.scenario import Context, Scenario, load_scenario
 def found() -> tuple[Problem, pd.DataFrame]:
     """Best launches of a few contexts of brake_mat."""
     problem = Problem("brake_mat")
-    return problem, best_launches(problem, problem.contexts("test", 4))
+    return problem, best_launches(problem, problem.contexts("test", 2))
 
 
 def evolve(problem: Problem, context: np.ndarray, start: np.ndarray, spread: float, budget: int, seed: int) -> float:
