@@ -161,14 +161,14 @@ def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.M
     options: dict[str, Any] = {"solver": solver, "max_rebounds": 12, "keep_rebounds": True}
     set_work(monkeypatch, 1e18)
     whole = simulate_batch(DISC, LAW, INCLINE, launches, **options)
-    simulated, calls = descent_module._descend_batch, 0
+    simulated, calls = descent_module.run_batch, 0
 
     def count(*arguments: Any) -> None:
         nonlocal calls
         calls += 1
         simulated(*arguments)
 
-    monkeypatch.setattr(descent_module, "_descend_batch", count)
+    monkeypatch.setattr(descent_module, "run_batch", count)
     for work in (1.0, 30.0, 1000.0):
         set_work(monkeypatch, work)
         calls = 0

@@ -30,7 +30,7 @@ from sledenv.checks import (
 from sledenv.entries import entry, parallel_entry
 from sledenv.euler import descend_euler
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.batch import descend_batch
+from sledenv.kernel.batch import Hop, descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, TRAJECTORY, Energy, Status
@@ -50,7 +50,8 @@ _BLOCK = 8192  # lanes of a batch that are simulated together
 WORK = 1e5  # steps in contact, hops and rows
 _EULER_STEPS = 2e6
 
-run_descent, _descend_euler, _descend_batch = entry(descend), entry(descend_euler), parallel_entry(descend_batch)
+run_descent, run_batch, _descend_euler = entry(descend), parallel_entry(descend_batch), entry(descend_euler)
+_ALL_HOPS = Hop(False, np.zeros(0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,6 +298,15 @@ def state_of(fields: dict[str, Any]) -> State:
     return State._make(fields[name] for name in State._fields)
 
 
+def new_flights(launches: np.ndarray) -> np.ndarray:
+    """Return an OUTCOME array of descents at their launches, rows of the fields of State."""
+    flights = np.zeros(len(launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+    flights["t_on_chord"] = flights["x_on_chord"] = np.inf
+    for name, column in zip(State._fields, launches.T, strict=True):
+        flights[name] = column
+    return flights
+
+
 class _Lanes(NamedTuple):
     """A batch that has been checked: what the kernel is given."""
 
@@ -321,12 +331,9 @@ class _Lanes(NamedTuple):
         tables = self.bodies, self.laws, self.slopes
         bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
         launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
-        launching = True
-        while launching or (outcomes["status"] == RUNNING).any():
-            _descend_batch(
-                bodies, self.like, laws, slopes, launches, self.limits, rebounds, outcomes, spaces, launching
-            )
-            launching = False
+        outcomes[:] = new_flights(launches)
+        while (outcomes["status"] == RUNNING).any():
+            run_batch(bodies, self.like, laws, slopes, launches, self.limits, _ALL_HOPS, outcomes, rebounds, spaces)
         return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
 
 

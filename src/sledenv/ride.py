@@ -30,20 +30,20 @@ from sledenv.descent import (
     Record,
     descent_of,
     fields_of,
+    new_flights,
+    run_batch,
     run_descent,
     state_of,
 )
-from sledenv.entries import entry, parallel_entry
+from sledenv.entries import entry
 from sledenv.jam import descent_jam
-from sledenv.kernel.batch import Trims, hop_batch
+from sledenv.kernel.batch import Hop
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, TAKING_OFF, new
 from sledenv.params import FINITE, POSITIVE, TOLERANCE, AnyLaw, Body, Limits, Slope, State, checked, made
 from sledenv.room import new_log, new_logs, new_trajectory
-
-_hop_batch = parallel_entry(hop_batch)
 
 
 @entry
@@ -313,16 +313,16 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        _hop_batch(
+        run_batch(
             self._bodies,
             self._like,
             self._laws,
             self._slopes,
             self._launches,
             self._limits,
-            Trims(spins, self.rotor_inertia or 1.0),
+            Hop(True, spins, self.rotor_inertia or 1.0),
             self._flights,
-            self._touched,
+            self._touched[:, np.newaxis],
             new(SPACE, numba.get_num_threads()),
         )
         if before is not None:
@@ -373,11 +373,7 @@ class RideBatch:
         if given.kind is not type(self._like):
             raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
         self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
-        flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
-        flights["t_on_chord"] = flights["x_on_chord"] = np.inf
-        for name, column in zip(State._fields, given.launches.T, strict=True):
-            flights[name] = column
-        self._flights[lanes] = flights
+        self._flights[lanes] = new_flights(given.launches)
         if self._rebounds.size:
             self._rebounds[lanes] = np.zeros((), REBOUND)
 

@@ -10,7 +10,8 @@ from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
 from sledenv.kernel.ballistics import begin_flight
 from sledenv.kernel.bounce import bounce
-from sledenv.kernel.descend import begin, close_books, find_touchdown, hop, meeting, trim, write_rebound
+from sledenv.kernel.descend import close_books, find_touchdown, meeting, trim, write_rebound
+from sledenv.kernel.descend import hop as follow_hop
 from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touchdowns
 from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
@@ -21,10 +22,11 @@ from sledenv.programs.jit import kernel
 from sledenv.programs.trace import LANES, straight
 
 
-class Trims(NamedTuple):
-    """What the rider's rotor does in each lane, see :func:`sledenv.kernel.descend.trim`."""
+class Hop(NamedTuple):
+    """Whether lanes are followed for one hop, and what the riders' rotors do in it: see ``trim`` in descend.py."""
 
-    spins: np.ndarray  # [rad/s] that it lends to the body, shape (N,)
+    once: bool
+    spins: np.ndarray  # [rad/s] that each lends to its body, shape (N,); any, if not once
     rotor_inertia: float  # [kg m^2]
 
 
@@ -157,7 +159,7 @@ def _hop_alone(like: Law, lanes: Lanes, limits: Limits, lane: int, space: np.voi
     law, log = law_of_row(like, lanes.laws, lane), row_of(lanes.logs, lane)
     body = _told(lanes.bodies, lane, space["hop"])
     find_touchdown(body, slope, limits, flight, space)
-    hop(body, law, slope, limits, flight, log, space, trajectory)
+    follow_hop(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -238,14 +240,15 @@ def descend_batch(
     slopes: np.ndarray,
     launches: np.ndarray,
     limits: Limits,
+    hop: Hop,
+    flights: np.ndarray,
     rebounds: np.ndarray,
-    outcomes: np.ndarray,
     spaces: np.ndarray,
-    launching: bool,
 ) -> None:
-    """Simulate many descents, one a lane; a lane does not depend on its neighbours or on the number of threads.
+    """Follow many descents, one a lane, or a hop of each; a lane does not depend on its neighbours or on the threads.
 
-    A thread that has done ``limits.most_work`` leaves its lanes RUNNING, for calls that go on with them.
+    A thread that has done ``limits.most_work`` leaves its lanes RUNNING, for calls that go on with them; one that
+    follows a hop alone does not stop.
 
     Parameters
     ----------
@@ -257,16 +260,16 @@ def descend_batch(
         Fields of State.
     limits : Limits
         Shared by all lanes.
-    rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``) or (0, 0)
-        The logs; (0, 0) keeps none.
-    outcomes : ndarray of OUTCOME, shape (N,)
-        Overwritten.
+    hop : Hop
+    flights : ndarray of OUTCOME, shape (N,)
+        Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
+        whose status is not RUNNING are left alone.
+    rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``), (N, 1) or (0, 0)
+        The logs; of a hop, the last contact; (0, 0) keeps none.
     spaces : ndarray of SPACE
         Work space, one a thread.
-    launching : bool
-        Whether all lanes are to begin, or to go on from where ``outcomes`` says that they are.
     """
-    count = launches.shape[0]
+    count = flights.shape[0]
     size = block_size(count)
     inclines = _inclines_of(slopes)
     for i in range(spaces.shape[0]):
@@ -274,54 +277,12 @@ def descend_batch(
     for block in prange((count + size - 1) // size):
         first, last = block * size, min((block + 1) * size, count)
         logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
-        lanes, trajectory = Lanes(bodies, laws, inclines, outcomes, logs), np.empty(0, TRAJECTORY)
-        if launching:
-            for i in range(first, last):
-                begin(_launch_at(launches, i), outcomes[i])
-        follow_lanes(like, lanes, limits, first, last, False, spaces[get_thread_id()], trajectory)
-        for i in range(first, last):
-            close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), outcomes[i])
-
-
-@kernel
-def hop_batch(
-    bodies: np.ndarray,
-    like: Law,
-    laws: np.ndarray,
-    slopes: np.ndarray,
-    launches: np.ndarray,
-    limits: Limits,
-    trims: Trims,
-    flights: np.ndarray,
-    rebounds: np.ndarray,
-    spaces: np.ndarray,
-) -> None:
-    """Trim and follow one hop of many descents, one a lane; lanes that have ended stay as they are.
-
-    Parameters
-    ----------
-    bodies, like, laws, slopes, launches, limits, spaces
-        As for :func:`descend_batch`.
-    trims : Trims
-        What the riders do in this hop.
-    flights : ndarray of OUTCOME, shape (N,)
-        Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
-        whose status is not RUNNING are left alone.
-    rebounds : ndarray of REBOUND, shape (N,)
-        The contact of each lane, overwritten if there was one.
-    """
-    count = flights.shape[0]
-    size = block_size(count)
-    inclines = _inclines_of(slopes)
-    logs = rebounds.reshape((count, 1))
-    for block in prange((count + size - 1) // size):
-        first, last = block * size, min((block + 1) * size, count)
         lanes, trajectory = Lanes(bodies, laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
         moved = flights["status"][first:last] == RUNNING
         for i in range(first, last):
-            if moved[i - first]:
-                trim(body_of(bodies, i), trims.rotor_inertia, flights[i], trims.spins[i])
-        follow_lanes(like, lanes, limits, first, last, True, spaces[get_thread_id()], trajectory)
+            if hop.once and moved[i - first]:
+                trim(body_of(bodies, i), hop.rotor_inertia, flights[i], hop.spins[i])
+        follow_lanes(like, lanes, limits, first, last, hop.once, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             if moved[i - first]:
                 close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), flights[i])
