@@ -112,9 +112,9 @@ def copy(tree: Path) -> None:
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     for name in filter(None, done.stdout.split("\0")):
-        if (ROOT / name).is_file():  # not removed since
+        if (ROOT / name).exists():  # not removed since
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(ROOT / name, tree / name)
+            shutil.copyfile(ROOT / name, tree / name, follow_symlinks=False)
 
 
 @contextlib.contextmanager

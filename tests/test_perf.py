@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,6 +93,16 @@ def test_versus_leaves_out_what_takes_long_unless_asked() -> None:
     assert "cold" not in versus.chosen(None, False)
     assert versus.chosen(None, True) == list(workloads.WORKLOADS)
     assert versus.chosen(["cold", "env"], False) == ["env", "cold"]
+
+
+def test_versus_compares_whole_trees(tmp_path: Path) -> None:
+    """Oracle: what is reached through the links of the checkout, in a commit and in the working tree."""
+    versus.unpack(versus.commit_of("HEAD"), tmp_path / "old")
+    versus.copy(tmp_path / "now")
+    for tree in (tmp_path / "old", tmp_path / "now"):
+        for folder in ("configs/scenarios", "agents/trained"):
+            files = {path.name for path in (versus.ROOT / folder).iterdir()}
+            assert {path.name for path in (tree / "src" / "sledenv" / folder).iterdir()} == files
 
 
 def test_versus_takes_ratios_within_a_round() -> None:
