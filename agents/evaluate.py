@@ -89,7 +89,7 @@ def _evaluate(
     Parameters
     ----------
     runs
-        Folders written by sledenv.agents.train.
+        Folders written by sledenv.agents.train, or names of runs that ship: sled_snow-launch-both-critic-s0.
     contexts
         Number of held-out contexts.
     json

@@ -17,7 +17,6 @@ ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),
     *("random_trim", "replan", "sac", "td3", "zero"),
 )
-TRAINED: Final = Path(__file__).parent / "trained"  # what ships: a run of sledenv.agents.critic for every scenario
 SETTINGS: Final = CONFIGS / "agents"
 
 

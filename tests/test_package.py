@@ -29,7 +29,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 import sledenv
-from sledenv.agents.train import ALGORITHMS, TRAINED, chosen_settings
+from sledenv.agents.train import ALGORITHMS, chosen_settings
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_class, load_run
 from sledenv.benchmark.suite import Suite
@@ -46,8 +46,8 @@ for name in suites:
 for name in ALGORITHMS:
     assert agent_class(f"sledenv.agents.{name}").__module__.startswith("sledenv.agents.")
 assert chosen_settings("sac", Problem("sled_snow"))
-for run in (TRAINED / "talus-launch-both-critic-s0", TRAINED / "steady" / "sled_snow-launch-both-critic-s0"):
-    problem, agent, config = load_run(run)
+for run in ("talus-launch-both-critic-s0", "steady/sled_snow-launch-both-critic-s0"):
+    problem, agent, config = load_run(Path(run))
     context = problem.contexts("test", 1)
     assert agent.act(problem.task.observe(context)).shape == (1, 2), run
 print(*hashes, *studies, *suites)

@@ -369,7 +369,7 @@ def draw_map(
     seed
         Which context of the scenario is drawn.
     runs
-        Folder of a trained agent; may be repeated (default of a page: the shipped one, if it is here).
+        Folder of a trained agent, or the name of one that ships; may be repeated (default of a page: the shipped one).
     out
         Picture (default: map.png, unless --html is given).
     html

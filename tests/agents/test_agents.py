@@ -15,7 +15,7 @@ from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import default_settings, run_folder, train, trained
 from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import load_run
+from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.scenario import Scenario, load_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
@@ -162,6 +162,21 @@ def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, me
 def test_evaluating_what_is_no_run_is_explained(tmp_path, capsys):
     assert main([str(tmp_path)]) == 2
     assert "no finished run" in capsys.readouterr().err
+
+
+def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monkeypatch, capsys):
+    """Oracle: the same run, by its path; a folder of that name in the working folder is meant first."""
+    name = "ice_fast-launch-both-critic-s0"
+    assert main([str(TRAINED / name), "--contexts", "4"]) == 0
+    by_path = capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    assert main([name, "--contexts", "4"]) == 0
+    assert capsys.readouterr().out == by_path
+    (tmp_path / name).mkdir()
+    assert main([name]) == 2
+    assert "no finished run" in capsys.readouterr().err
+    assert main(["ice_fast-launch-both-critic-s99"]) == 2
+    assert "neither here nor among those that ship" in capsys.readouterr().err
 
 
 def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quick, tmp_path):

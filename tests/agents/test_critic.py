@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from sledenv.agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
-from sledenv.agents.train import TRAINED, default_settings, run_folder
+from sledenv.agents.train import default_settings, run_folder
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import load_run
+from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.scenario import scenario_names
 
 SMALL = {"n_timesteps": 2000, "n_contexts": 20, "n_tries": 20, "warmup": 1, "gradient_steps": 60, "checks": 2}

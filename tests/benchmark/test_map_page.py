@@ -150,7 +150,8 @@ def test_a_page_marks_what_the_words_tell(made: MapPage) -> None:
     assert made.words.count("context of seed") == len(SEEDS)
 
 
-def test_the_shipped_agent_is_that_of_this_very_scenario() -> None:
+def test_the_shipped_agent_is_that_of_this_very_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # wherever one works
     problem = Problem(PACK)
     assert [folder.name for folder in module._shipped_runs(problem)] == [f"{PACK}-launch-both-critic-s0"]
     content = problem.scenario.model_dump(mode="json", by_alias=True)

@@ -20,7 +20,7 @@ from sledenv.benchmark.figures import label, look
 from sledenv.benchmark.landscape import load_choosers, marked, physical, plain_marks, words
 from sledenv.benchmark.oracle import grid_axes
 from sledenv.benchmark.problem import TRIALS, Problem
-from sledenv.benchmark.runs import read_config
+from sledenv.benchmark.runs import TRAINED, read_config
 from sledenv.envs.task import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
 from sledenv.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
@@ -35,7 +35,6 @@ BYTES: Final = 9_000_000  # of them, in a page: sleds that rock for a minute tak
 _SAMPLE: Final = 256  # launches that tell how many that is
 _ALONE: Final = 4  # times as many values of a control that is chosen alone as along an axis of a map
 _COLOURS: Final = 33  # of the map, between which a page interpolates
-_TRAINED: Final = Path("agents/trained")  # of the working folder, as the agents themselves
 _COUNTS: Final = ("status", "rebounds")  # of each descent
 _NUMBERS: Final = ("reward", "progress", "retention", "end_time", "end_x", "end_u")
 
@@ -62,8 +61,7 @@ def map_page(
     seeds : sequence of int
         Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different.
     runs : sequence of Path, optional
-        Folders of trained agents, whose choices are marked; the shipped ones by default, if they are in the working
-        folder and torch is installed.
+        Folders of trained agents, whose choices are marked; the shipped ones by default, if torch is installed.
 
     Raises
     ------
@@ -98,7 +96,7 @@ def _shipped_runs(problem: Problem) -> list[Path]:
     """Folders of the shipped agents of a problem, none where they cannot be loaded."""
     if importlib.util.find_spec("torch") is None:
         return []
-    folders = sorted(_TRAINED.glob(f"{problem.scenario.id}-{problem.environment}-{problem.control}-*"))
+    folders = sorted(TRAINED.glob(f"{problem.scenario.id}-{problem.environment}-{problem.control}-*"))
     return [folder for folder in folders if read_config(folder)["scenario_hash"] == problem.scenario.hash]
 
 

@@ -22,6 +22,9 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.configuration import read_yaml
 from sledenv.scenario import Scenario
 
+TRAINED: Final = (
+    Path(__file__).parents[1] / "agents" / "trained"
+)  # what ships: a run of sledenv.agents.critic for every scenario
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
 _PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
@@ -165,11 +168,20 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
 
     Read only what you trust: the module that it names is imported, and an agent may keep pickles.
 
+    Parameters
+    ----------
+    folder : Path
+        Where there is none, the run of that name that ships, such as "sled_snow-launch-both-critic-s0".
+
     Raises
     ------
     FileNotFoundError, ValueError
-        As :func:`read_config` and :func:`agent_class`.
+        If there is neither; as :func:`read_config` and :func:`agent_class`.
     """
+    if not folder.exists():
+        if not (TRAINED / folder).is_dir():
+            raise FileNotFoundError(f"{folder}: there is no such run, neither here nor among those that ship")
+        folder = TRAINED / folder
     config = read_config(folder)
     scenario = Scenario.model_validate(config["scenario"])
     problem = Problem(scenario, config["environment"], config["control"])
