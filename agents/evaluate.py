@@ -50,12 +50,13 @@ def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -
 def table(scores: list[Score]) -> str:
     """Return the scores as text; the last column compares each with the last score, context by context."""
     best = scores[-1]
-    header = f"{'agent':<12} {'mean reward':>11}  {'95 % interval':>16}  {'finish':>6} {'jam':>5} {'tumble':>6}"
-    lines = [f"{header}   {best.name} minus agent (95 %)", "-" * 98]
+    wide = max(12, *(len(score.name) for score in scores))
+    header = f"{'agent':<{wide}} {'mean reward':>11}  {'95 % interval':>16}  {'finish':>6} {'jam':>5} {'tumble':>6}"
+    lines = [f"{header}   {best.name} minus agent (95 %)", "-" * (wide + 86)]
     for score in scores:
         low, high = interval(score.rewards)
         share = {status: float(np.mean(score.status == status)) for status in ("finish", "jammed", "tumbled")}
-        line = f"{score.name:<12} {score.mean:>11.4f}  [{low:.4f}, {high:.4f}]"
+        line = f"{score.name:<{wide}} {score.mean:>11.4f}  [{low:.4f}, {high:.4f}]"
         line += f"  {share['finish']:>6.0%} {share['jammed']:>5.0%} {share['tumbled']:>6.0%}"
         if score is not best:
             difference = best.rewards - score.rewards

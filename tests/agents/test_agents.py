@@ -196,8 +196,10 @@ def test_the_table_compares_context_by_context():
     rng = np.random.default_rng(0)
     base = rng.uniform(0.2, 0.6, 50)
     status = np.full(50, "finish")
-    text = table([Score("low", base, status), Score("high", base + 0.125, status)])
+    text = table([Score("a_rather_long_name", base, status), Score("high", base + 0.125, status)])
     assert "+0.1250 [+0.1250, +0.1250]" in text
+    _, _, low, high = text.splitlines()
+    assert low.index("[") == high.index("["), "columns stand below each other, whatever the names"
     low, high = interval(base)
     assert low < base.mean() < high
 
