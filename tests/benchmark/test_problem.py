@@ -118,3 +118,28 @@ def test_a_tremble_is_the_noise_and_that_of_a_hand_in_what_is_chosen(noisy):
 def test_an_unknown_environment_is_refused():
     with pytest.raises(ValueError, match="environment = 'flight': must be one of 'launch', 'descent'"):
         Problem("ice_drop", "flight")
+
+
+@pytest.mark.parametrize(
+    ("environment", "wide", "message"),
+    [
+        ("launch", 1, r"action has shape \(1,\): must be \(2,\)"),
+        ("descent", 2, r"action has shape \(2,\): must be \(3,\)"),
+    ],
+)
+def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, message):
+    problem = Problem("ice_drop", environment)
+    agent = Scripted(8 if environment == "launch" else 17, wide)
+    with pytest.raises(ValueError, match=f"^agent {__name__}, scenario ice_drop: {message}$"):
+        problem.judge(agent, problem.contexts("test", 3))
+
+
+@pytest.mark.parametrize(("answer", "message"), [(np.nan, "nan"), (1.5, "within"), ("x", "numbers of shape")])
+def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
+    class Wrong:
+        def act(self, observations: np.ndarray) -> np.ndarray:
+            return np.full((len(observations), 1), answer)
+
+    problem = Problem("sled_tilt")
+    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_tilt: .*{message}"):
+        problem.judge(Wrong(), problem.contexts("test", 3))

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, Protocol, Self, get_args
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import InvalidAction
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
@@ -29,7 +30,7 @@ TREMBLES: Final = 16  # launches with which a context is judged under a tremble
 class Agent(Protocol):
     """What can be trained and judged: a map from observations to actions, and how it comes about.
 
-    A suite names an agent as ``module:Class``; docs/benchmark.md shows a complete one.
+    A suite names the module whose class ``Agent`` it is; docs/benchmark.md shows a complete one.
     """
 
     @classmethod
@@ -221,14 +222,19 @@ class Problem:
             Equal bit for bit to episodes of the environment.
         ndarray, shape (n, k)
             The launches that it chose, in [-1, 1].
+
+        Raises
+        ------
+        ValueError
+            If its actions have another shape, are no numbers or lie outside [-1, 1].
         """
         task = self.task
         seen = task.observe(contexts)
         if self.environment == "launch":
-            actions = checked_actions(self.action_space, agent.act(seen), len(seen))
+            actions = self._answer(agent, seen)
             return task.descend_batch(contexts, task.launches(contexts, actions)), actions
         ground = np.zeros((len(seen), len(FLIGHT)), np.float32)
-        actions = checked_actions(self.action_space, agent.act(np.hstack([seen, ground])), len(seen))[:, :-1]
+        actions = self._answer(agent, np.hstack([seen, ground]))[:, :-1]
         rides = task.rides(contexts, task.launches(contexts, actions))
         trims = np.zeros(len(seen))
         while True:
@@ -238,9 +244,17 @@ class Problem:
             if not moving.size:
                 return rides.descents(), actions
             observed = np.hstack([seen[moving], task.observe_flights(flights[moving])])
-            chosen = checked_actions(self.action_space, agent.act(observed), len(moving))
+            chosen = self._answer(agent, observed)
             trims = np.zeros(len(seen))
             trims[moving] = task.trims(chosen[:, -1])
+
+    def _answer(self, agent: Agent, observations: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
+        actions = agent.act(observations)
+        try:
+            return checked_actions(self.action_space, actions, len(observations))
+        except InvalidAction as error:
+            raise ValueError(f"agent {type(agent).__module__}, scenario {self.scenario.id}: {error}") from error
 
 
 def _repeated(contexts: Contexts, sigma: NDArray[np.float64], count: int, split: Split) -> Contexts:
