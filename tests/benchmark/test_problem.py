@@ -143,3 +143,16 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
     problem = Problem("sled_tilt")
     with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_tilt: .*{message}"):
         problem.judge(Wrong(), problem.contexts("test", 3))
+
+
+def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input():
+    """Oracle: commands tell a ValueError in one line, which would hide where in the agent it came from."""
+
+    class Broken:
+        def act(self, observations: np.ndarray) -> np.ndarray:
+            return observations + np.zeros(3)
+
+    problem = Problem("sled_tilt")
+    with pytest.raises(RuntimeError, match=f"^agent {__name__}, scenario sled_tilt: act raised ValueError: ") as raised:
+        problem.judge(Broken(), problem.contexts("test", 2))
+    assert isinstance(raised.value.__cause__, ValueError)

@@ -227,6 +227,8 @@ class Problem:
         ------
         ValueError
             If its actions have another shape, are no numbers or lie outside [-1, 1].
+        RuntimeError
+            If it raises a ValueError itself.
         """
         task = self.task
         seen = task.observe(contexts)
@@ -250,11 +252,15 @@ class Problem:
 
     def _answer(self, agent: Agent, observations: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
-        actions = agent.act(observations)
+        whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
+        try:
+            actions = agent.act(observations)
+        except ValueError as error:  # a command would tell it as wrong input, without its place
+            raise RuntimeError(f"{whose}: act raised {type(error).__name__}: {error}") from error
         try:
             return checked_actions(self.action_space, actions, len(observations))
         except InvalidAction as error:
-            raise ValueError(f"agent {type(agent).__module__}, scenario {self.scenario.id}: {error}") from error
+            raise ValueError(f"{whose}: {error}") from error
 
 
 def _repeated(contexts: Contexts, sigma: NDArray[np.float64], count: int, split: Split) -> Contexts:
