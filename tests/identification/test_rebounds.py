@@ -236,7 +236,8 @@ def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: 
         (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), ValueError, "but omega_before_deg_s"),
         (spoilt("v_before_m_s", value=np.nan), ValueError, "v_before_m_s, row 2: is nan, must be a finite number"),
         (spoilt("omega_after_rad_s", value=np.inf), ValueError, "omega_after_rad_s, row 2: is inf"),
-        (spoilt("u_after_m_s", value="fast"), TypeError, "u_after_m_s: must be numbers"),
+        (spoilt("u_after_m_s", value="1,5"), ValueError, "u_after_m_s, row 2: is '1,5', must be a number, with a dec"),
+        (spoilt().assign(u_after_m_s=True), ValueError, "u_after_m_s: must be numbers, is of the type bool"),
         (spoilt("v_before_m_s", value=1.5), ValueError, "row 2: the gap opens at"),
         (spoilt().iloc[:0], ValueError, "the table has no rows"),
         (spoilt().assign(recording=[None, *range(9)]), ValueError, "recording, row 0: there is no value"),
@@ -283,6 +284,20 @@ def test_files_that_are_no_tables(tmp_path) -> None:
         (tmp_path / name).write_text("")
         with pytest.raises(ValueError, match="is no table"):
             identified(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("separator", "message"),
+    [(";", "semicolons separate its columns"), ("\t", "tabs separate"), (",", "is '[-0-9]+,[0-9]+', must be a number")],
+)
+def test_a_table_with_decimal_commas_is_refused_in_words(tmp_path, capsys, separator: str, message: str) -> None:
+    """As spreadsheets write it where the comma is the decimal sign."""
+    file = tmp_path / "rebounds.csv"
+    table(21, 10).to_csv(file, index=False, sep=separator, decimal=",")
+    assert main(["identify", str(file), "--gyration-radius", str(GYRATION)]) == 2
+    error = capsys.readouterr().err
+    assert re.search(message, error)
+    assert "decimal point" in error
 
 
 def test_other_impacts_are_predicted() -> None:

@@ -28,6 +28,7 @@ from sledenv.identification.flights import (
     lifted,
     likely_laws,
 )
+from sledenv.identification.rebounds import numbers
 from sledenv.outline import drawable_rows, reach, states_at
 from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked, made
 from sledenv.replay import Ghost
@@ -227,9 +228,9 @@ def _recording(name: str, table: pd.DataFrame, size: float, noise: Noise | None)
     columns = []
     for column in (TIME, *POSE):
         try:
-            columns.append(table[column].to_numpy(float))
-        except (TypeError, ValueError):
-            raise TypeError(f"recording {name!r}: column {column!r} must hold numbers") from None
+            columns.append(numbers(table, column))
+        except ValueError as error:
+            raise ValueError(f"recording {name!r}: {error}") from None
     times, poses = columns[0], np.stack(columns[1:], axis=-1)
     if not np.isfinite(times).all():
         row = int(np.argmin(np.isfinite(times)))
