@@ -217,6 +217,7 @@ def test_what_follows_another_law_is_said_not_to_be_explained() -> None:
     assert not found.used.loc["0", "whole"]
     assert found.used.loc["0", "until_s"] < 0.5
     assert "explained until" in found.warnings[0]
+    assert "fit compliant surfaces" in found.warnings[-1]
 
 
 def bad(**columns: object) -> pd.DataFrame:
@@ -327,6 +328,22 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
     assert np.diff(shown["t"]).max() < 0.0101  # or flights would be drawn as chords of their parabolas
     squares = plain.residuals["noise_levels"] ** 2
     assert squares.mean() == pytest.approx(3.0, rel=0.25)
+
+
+@pytest.mark.slow
+def test_short_contacts_are_no_rigid_ones() -> None:
+    """Contacts of half a frame, as deep as the noise: the table in docs/identify_tracks.md."""
+    law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
+    one = Drop(Body(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
+    table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")
+    rigid, compliant = (identify_tracks(table, one.body, one.slope, solver=solver) for solver in ("rigid", "compliant"))
+    assert (rigid.used.loc["0", "rebounds"], compliant.used.loc["0", "rebounds"]) == (1, 3)
+    assert not covered(rigid, one)["restitution"]
+    assert "fit compliant surfaces" in rigid.warnings[-1]
+    assert all(covered(compliant, one).values())
+    interval = compliant.intervals["log10_stiffness"]
+    assert interval.low <= 7.0 <= interval.high
+    assert compliant.warnings == []
 
 
 @pytest.mark.slow
