@@ -205,6 +205,9 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     for value in ("up", "1e300", "-360.1", "nan"):
         assert f"{bad}{value!r}" in refused(capsys, "simulate", "ice_drop", f"--orientation-deg={value}")
     assert 'Invalid value "magic" for --solver' in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
+    assert "--solver: sled_snow ends where the body lies on its chord" in refused(
+        capsys, "simulate", "sled_snow", "--solver", "euler"
+    )
     assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")

@@ -130,8 +130,12 @@ def simulate(
 ) -> None:
     """Simulate one descent of a scenario.
 
-    Prints what was simulated, the rebounds, how it ended, jam metrics and energy ledger. Positions are those of the
-    mass centre in the frame of the slope: x downhill, y along the outward normal, angles counter-clockwise.
+    Prints what was simulated, the rebounds, how it ended, jam metrics and energy ledger. Positions and velocities are
+    those of the mass centre in the frame of the slope: x downhill, y along the outward normal, angles counter-clockwise.
+
+    A rebound is a contact, short or long: t and x are those of its end, velocities those before and after. grip is the
+    impulse of friction over the most that it could be, loss the share of u that is gone, 0 where u has grown. A last
+    contact in which the descent ends is there as well.
 
     Parameters
     ----------
@@ -647,6 +651,10 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
 
     scenario = load_scenario(name)
     context = scenario.sample(np.random.default_rng(chosen.seed))
+    if solver == "euler" and scenario.ends.on_chord:
+        raise ValueError(
+            f"--solver: {scenario.id} ends where the body lies on its chord (ends.on_chord), which 'euler' cannot tell"
+        )
     orientation = None if chosen.orientation_deg is None else math.radians(chosen.orientation_deg)
     launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
     return _Asked(
