@@ -1140,3 +1140,10 @@ def test_the_times_of_a_trajectory_never_decrease(name, solver):
         steps = np.diff(descent.trajectory["t"])
         assert (steps >= 0.0).all()
         assert steps.max() <= 7e-4 * (1.0 + 1e-9)
+
+
+def test_a_descent_is_shown_without_its_logs() -> None:
+    shown = repr(simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory"))
+    assert "status=<Status.FINISH: 'finish'>" in shown
+    assert "energy=Energy(" in shown
+    assert "array" not in shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, get_args
 
@@ -84,10 +84,10 @@ class Descent:
     status: Status
     time: float
     state: State
-    rebounds: np.ndarray
-    trajectory: np.ndarray
+    rebounds: np.ndarray = field(repr=False)
+    trajectory: np.ndarray = field(repr=False)
     energy: Energy
-    outcome: np.void
+    outcome: np.void = field(repr=False)
 
     @property
     def on_chord(self) -> tuple[float, float] | None:
