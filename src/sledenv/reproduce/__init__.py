@@ -106,15 +106,16 @@ def _write_table(folder: Path, rows: list[Row]) -> None:
 
 
 def _write_index(folder: Path, example: cases.Example) -> None:
-    ends = (f"{run.energy.kinetic:.2f} J" for run in (example.euler, example.printed))
-    text = _INDEX.format(*ends, paper=f"{cases.PRINTED_ENERGIES[1]:g} J", assumed=cases.SLED_ASSUMED)
+    euler, printed = (f"{run.energy.kinetic:.2f} J" for run in (example.euler, example.printed))
+    paper = f"{cases.PRINTED_ENERGIES[1]:g} J"
+    text = _INDEX.format(euler=euler, printed=printed, paper=paper, assumed=cases.SLED_ASSUMED)
     (folder / "index.md").write_text(text, encoding="utf-8")
 
 
 _INDEX = """# The paper, computed anew
 
-Source: *Analysis of oblique collision between parallel-plane moving constrained body and obstacle*. Corrections to it
-are derived in docs/physics.md, section 2. Written by `sledenv reproduce`; all numbers were computed by that run.
+Source: *Analysis of oblique collision between parallel-plane moving constrained body and obstacle*. Written by
+`sledenv reproduce`; all numbers were computed by that run.
 
 | part of the paper | figure | data |
 |---|---|---|
@@ -128,6 +129,19 @@ are derived in docs/physics.md, section 2. Written by `sledenv reproduce`; all n
 | the rigid limit of the contact model | [convergence.png](convergence.png) | [convergence.csv](convergence.csv) |
 | jamming over orientation and spin | [jam_map.png](jam_map.png) | [jam_map.csv](jam_map.csv) |
 | every number | [table.md](table.md) | [table.csv](table.csv) |
+
+## What is corrected, and why
+
+Sections are those of docs/physics.md, which derives each.
+
+| in the paper | here | because | section |
+|---|---|---|---|
+| (10): friction has the moment -F (r - h cos φ) | +F (r - h cos φ) | with -F friction gives energy | 2.1 |
+| worked example: V_y = -1 m/s and T(0) = 50 J | -10 m/s | m V_y²/2 = 50 J | 2.2 |
+| worked example: T(0.04 s) = {paper} | {euler} | it follows from neither sign of friction | 2.2 |
+| Fig. 9: the moment reverses in the first phase | in the second | that is what the equations give | 2.2 |
+| (2), (3), (7): signs of friction and its moment | as in (10), corrected | a wheel would gain energy | 2.3 |
+| Table 1: which scenario holds | rules of which exactly one holds | of the printed ones often several do | 2.4, 3 |
 
 ## Equation (1), Fig. 2 and Fig. 4
 
@@ -144,8 +158,8 @@ rolls, and rolling resistance asks for a small force within the bounds of fricti
 ![Forces, moment and kinetic energy of the worked example](fig_7_10.png)
 
 m = 1 kg, r = 0.1 m, h = 0.05 m, J = 7.5e-3 kg m², f = 0.1, δ = 1 mm, c = 9.81 kN/m, Δ = 0.5, y = 0.07 m, φ = 45°, no
-gravity, and V_y = -10 m/s, which T(0) = 50 J needs. Euler's method ends with T(0.04 s) = {} for the dissipative
-sign of friction and {} for the printed one; the paper prints {paper}.
+gravity, and V_y = -10 m/s, which T(0) = 50 J needs. Euler's method ends with T(0.04 s) = {euler} for the dissipative
+sign of friction and {printed} for the printed one; the paper prints {paper}.
 
 ## Fig. 11-14
 
