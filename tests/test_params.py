@@ -13,6 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
+from sledenv.descent import simulate
 from sledenv.geometry import lowest_support, support_heights
 from sledenv.kernel import params as kernel_params
 from sledenv.params import Body, ContactLaw, Limits, Slope, State, circular_segment, sled, sled_rise
@@ -203,6 +204,22 @@ def test_a_thin_segment_loses_no_digits(half_angle: float) -> None:
         body = circular_segment(1.0, 1.0, half_angle)
         assert body.inertia == pytest.approx(float(inertia), rel=2e-15)
         assert body.eccentricity == pytest.approx(float(eccentricity), rel=3e-16)
+
+
+@pytest.mark.parametrize("half_angle", [0.01, 0.3, 1.0, 2.0, 3.0, math.pi])
+def test_no_lamina_has_more_inertia_than_masses_on_its_arc(half_angle: float) -> None:
+    """docs/physics.md (8.12)."""
+    body = circular_segment(2.0, 0.5, half_angle)
+    assert body.inertia < 2.0 * (body.radius - body.eccentricity) * (body.radius + body.eccentricity)
+
+
+def test_a_spool_on_its_axle_rolls_as_slowly_as_its_inertia_makes_it() -> None:
+    """Oracle: g sin(beta)/(1 + J/(m r^2)), with far more inertia than mass within the axle could have."""
+    spool, slope = Body(2.0, 0.01, 0.0, 2.0 * 0.1**2), Slope(math.radians(5.0), 0.5)
+    law = ContactLaw.from_restitution(0.5, stiffness=1e9, friction=0.3, rolling_arm=0.0)
+    descent = simulate(spool, law, slope, State(0.0, 0.01, 0.0), solver="rigid")
+    acceleration = 9.81 * math.sin(slope.angle) / (1.0 + 100.0)
+    assert descent.time == pytest.approx(math.sqrt(2.0 * slope.length / acceleration), rel=1e-9)
 
 
 def test_segment_of_half_angle_pi_is_a_uniform_disc() -> None:

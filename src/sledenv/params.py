@@ -125,7 +125,9 @@ class Body(params.Body):
         Distance from the centre of the arc to the mass centre [m], which lies between arc and chord: from
         ``radius * cos(half_angle)``, or 0 if that is negative, to ``radius``. Elsewhere it would pass below the slope.
     inertia : float
-        Moment of inertia about the mass centre [kg m^2], > 0.
+        Moment of inertia about the mass centre [kg m^2], > 0. If all mass lies between arc and chord it is at most
+        ``mass * (radius**2 - eccentricity**2)``; this is not checked, as a spool on its axle has more: docs/physics.md
+        (8.12).
     half_angle : float
         Half-angle of the arc [rad] in (0, pi]; pi is a full disc without corners.
 
