@@ -483,7 +483,8 @@ def numbers(table: pd.DataFrame, name: str) -> Floats:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(f"{name}, row {row}: is {column.iloc[row]!r}, must be a number, with a decimal point")
-    return found.to_numpy(float, na_value=np.nan)
+    floats: Floats = found.to_numpy(float, na_value=np.nan)
+    return floats
 
 
 def _columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:

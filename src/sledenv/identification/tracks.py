@@ -620,8 +620,8 @@ class TrackFit:
                 found.append(f"recording {name!r}: residuals are {math.sqrt(row['misfit']):.1f} times the noise")
         if self.solver == "rigid" and not self.used["whole"].all():
             found.append(
-                "surfaces were taken for rigid: contacts that last, for a few milliseconds even, look like this, and no "
-                "interval knows of it; fit compliant surfaces, and see whether they explain more"
+                "surfaces were taken for rigid: contacts that last, for a few milliseconds even, look like this, and "
+                "no interval knows of it; fit compliant surfaces, and see whether they explain more"
             )
         for name, interval in self.intervals.items():
             if interval.low_on_bound and interval.high_on_bound:
