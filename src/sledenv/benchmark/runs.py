@@ -22,9 +22,7 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.configuration import read_yaml
 from sledenv.scenario import Scenario
 
-TRAINED: Final = (
-    Path(__file__).parents[1] / "agents" / "trained"
-)  # what ships: a run of sledenv.agents.critic for every scenario
+TRAINED: Final = Path(__file__).parents[1] / "agents" / "trained"  # what ships: a critic for every scenario
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
 _PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
