@@ -363,7 +363,9 @@ def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: py
     assert main(call) == 0
     page = tmp_path / "out" / "report" / "index.html"
     assert "best fixed" in page.read_text()
-    assert str(page) in capsys.readouterr().out
+    *shown, last = capsys.readouterr().out.splitlines()
+    assert last == f"benchmark: wrote {page}"
+    assert sorted(row.split("  ")[1].strip() for row in shown[1:]) == ["best fixed", "random launch", "zero"]
     first = page.read_bytes()
     assert main([*call, "--json"]) == 0
     assert page.read_bytes() == first
