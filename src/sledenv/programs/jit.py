@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 import numba
-import numpy as np
-from numba import config, types
+from numba import config
 from numba.extending import overload, register_jitable
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -32,7 +31,7 @@ def part(function: _F) -> _F:
 
 
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that the type of the tuple or array at a place of its arguments chooses, when it is compiled.
+    """Return a function that the type of the tuple at a place of its arguments chooses, when it is compiled.
 
     It is called without keywords.
     """
@@ -46,8 +45,7 @@ def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Cal
     if not config.DISABLE_JIT:  # type: ignore[attr-defined]
 
         def compiled(*given: Any) -> Any:
-            kind = given[place]
-            return chosen(np.ndarray if isinstance(kind, types.Array) else kind.instance_class)
+            return chosen(given[place].instance_class)
 
         overload(choice, strict=False)(compiled)
     return choice
