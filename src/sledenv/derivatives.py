@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sledenv.checks import BatchSolver, checked_choice, checked_count, checked_law
 from sledenv.descent import Descent, DescentBatch, simulate, simulate_blocks
 from sledenv.geometry import has_corners, support_heights, within_a_turn
-from sledenv.jam import DescentJam
+from sledenv.jam import SHOWN, DescentJam, Shown
 from sledenv.params import (
     RESTITUTION,
     TOLERANCE,
@@ -62,12 +62,13 @@ STATE_AFTER: Final = ("x", "phi", "u_after", "v_after", "omega_after")  # y foll
 END_QUANTITIES: Final = {
     "t": "s",
     **{name: PARAMETERS[name] for name in LAUNCH},
-    **dict.fromkeys(DescentJam._fields, ""),
+    **{name: SHOWN.get(name, Shown()).unit for name in DescentJam._fields},
 }
 
 _SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
 _COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
 _RESTITUTION = _COLUMN["restitution"]
+_SLOPE = [name for name in Slope._fields if name in PARAMETERS]  # in its order, before what is added to a slope
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: differences are taken over these
 _ORDERS = 7  # times that differences are extrapolated
 _ROUNDING = 4.0 * np.finfo(float).eps
@@ -292,7 +293,7 @@ class _Family:
         self.descent, self.names, self.options = descent, names, options
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        self.centre = np.array([*descent.launch, *of_law, *descent.slope, *descent.body])
+        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *descent.body])
         self.values = self.centre[self.columns]
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
@@ -324,7 +325,9 @@ class _Family:
         own = restitution == self.centre[_RESTITUTION]
         asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
         laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
-        return rows[:, 14:], laws, rows[:, 11:14], launches
+        slopes = np.tile(self.descent.slope, (len(rows), 1))
+        slopes[:, : len(_SLOPE)], bodies = np.split(rows[:, 11:], [len(_SLOPE)], axis=1)
+        return bodies, laws, slopes, launches
 
     def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
         """Whether a simulation would take each of these changes."""
