@@ -10,7 +10,7 @@ DOCS_STAMP = $(VENV)/.installed-docs
 
 HARD = brake_mat hard ice_drop sled_brake sled_frost sled_snow spinning_entry
 NEEDLES = sled_frost sled_snow
-EASY = bedrock ice_fast noisy_start sled_brow sled_shaky sled_tilt snow_patch talus track_grade_20
+EASY = $(filter-out paper_impact $(HARD),$(basename $(notdir $(wildcard configs/scenarios/*.yaml))))
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit gymnasium-tests trial versions lint clean-cache clean
