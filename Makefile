@@ -103,7 +103,7 @@ lint: $(STAMP) ## check style, types and the direction of imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
+	PYTHONPATH=src $(BIN)/lint-imports --no-cache
 
 clean-cache: ## remove the compiled kernels and byte code
 	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
