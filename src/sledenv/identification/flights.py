@@ -22,6 +22,7 @@ from sledenv.params import Body, ContactLaw, Slope, State, asymmetry_of
 Floats = NDArray[np.float64]
 
 LAW = ("restitution", "friction", "rolling_arm", "corner_rolling_arm")
+FEWEST = 8  # frames of a recording
 _FIRST = 5  # frames that a flight is first told from
 _LEAST = 3  # frames of a flight, below which it is not told from the ones beside it
 _GROWTH = 1.6  # of the frames of a flight, from one look to the next

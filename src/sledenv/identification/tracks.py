@@ -3,65 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from sledenv.checks import BatchSolver, checked_choice
-from sledenv.descent import Descent, simulate
-from sledenv.identification.fitting import Fit, Interval, LocalMinimumError, Loss, Parameter, Problem, profiled, solve
-from sledenv.identification.flights import (
-    LAW,
-    Flight,
-    Noise,
-    Recording,
-    explained,
-    first_guess,
-    flights_of,
-    grid_of,
-    law_of,
-    lifted,
-    likely_laws,
-)
+from sledenv.descent import Descent
+from sledenv.identification.fitting import Fit, Interval, Loss
+from sledenv.identification.flights import FEWEST, LAW, Floats, Noise, Recording, law_of
 from sledenv.identification.rebounds import numbers
+from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
 from sledenv.outline import drawable_rows, reach, states_at
 from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked, made
 from sledenv.replay import Ghost
 from sledenv.text import TRAJECTORY_COLUMNS
 
-Floats = NDArray[np.float64]
-
 TIME = TRAJECTORY_COLUMNS["t"]
 POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))
 RECORDING = "recording"
 
-_STIFFNESS = "log10_stiffness"
-_UNITS = dict(zip(State._fields, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
-_FEWEST = 8  # frames of a recording
-_TAIL = 0.08  # [s] by which a horizon grows where flights are too short to be told apart
-_APART = 15.0  # by which the cost of a law may exceed the least one: half of what chi-squared may
-_KEPT = 8  # laws that are followed at a time
-_DRAWS = 32  # laws and launches that are drawn for each rebound
-_BACK = 4  # rebounds from which more are drawn where none of those explains what follows
-_SCANNED = np.linspace(0.0, 1.0, 24) ** 3  # of bounds of friction and arm, where they are tried
-_TRIED = 3  # of them, fitted
-_WIDER = 3.0  # than their covariance
-_BESIDE = (1.05, 1.15, 1.3, 1.6, 2.2, 4.0)  # factors of a friction, where another minimum is looked for
-_EQUAL = 1e-3  # difference of two costs that counts as none
-_ALIKE = 0.05  # of their scales: laws that differ by less are one
-_TAME = 3.0  # noise levels from which a pose counts as wrong
 _MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
-_CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level .95
-_LIMIT = 15  # steps of one minimisation on the way
 _DRAWN = 0.01  # [s] between two rows in flight of a descent that is shown, simulate's default
 _FLOOR = 1e-6  # least noise, of the size of the body and [rad]: about the precision of a single float
-_LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
-_STIFFNESSES = 7  # that are tried at the start
 
 
 def identify_tracks(
@@ -124,21 +91,21 @@ def identify_tracks(
     if noise is not None:
         names = zip(Noise._fields, noise, strict=True)
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
-    held = _known(fixed or {}, bounds or {}, solver)
+    held = known_of(fixed or {}, bounds or {}, solver)
     recordings = recordings_of(table, reach(body), known)
-    model = _Model(body, slope, solver, recordings, _parameters(body, solver, recordings, bounds or {}), loss)
+    model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, bounds or {}), loss)
     if solver == "rigid":
-        held[_STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
-    search = _Search(model, held, np.random.default_rng(seed))
+        held[STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
+    search = Search(model, held, np.random.default_rng(seed))
     fits = search.run()
     if not fits:
         raise ValueError(_nothing_told(search))
-    best, intervals = _settled(fits)
-    others = [fit for fit in _distinct([best, *fits]) if fit is not best]
+    best, intervals = settled(fits)
+    others = [fit for fit in distinct([best, *fits]) if fit is not best]
     return TrackFit(body, slope, solver, recordings, search.frames(search.level), best, intervals, others, model)
 
 
-def _nothing_told(search: _Search) -> str:
+def _nothing_told(search: Search) -> str:
     """Why no law could be fitted."""
     if all(
         track and track[-1].end > one.times[-1]
@@ -153,52 +120,6 @@ def _nothing_told(search: _Search) -> str:
         f"({noise}): are the body, the slope, the units and the frame right, and is the noise? "
         "A contact that lasts for some frames needs compliant surfaces"
     )
-
-
-def _settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
-    """Return the best fit, and intervals of the law that hold those of all minima that are as good.
-
-    A minimum with a lower cost, here or beside an interval, is where the fit goes on.
-    """
-    names = [name for name in fits[0].problem.free if name in (*LAW, _STIFFNESS)]
-    fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names=names)
-    rows = fit.problem.rows(fit.vector)
-    allowed = 2.0 * _CLOSE * fit.cost / (rows.size - len(fit.problem.free))
-    for values in (*(other.values for other in fits[1:]), *_beside(fit, intervals)):
-        other = solve(fit.problem, values, starts=1)
-        inside = all(ends.low <= other.values[name] <= ends.high for name, ends in intervals.items())
-        if not inside and fit.cost - _EQUAL < other.cost < fit.cost + allowed:
-            there = replace(other, cost=fit.cost)  # against which costs around this minimum are compared
-            try:
-                intervals = {name: _hull(ends, there.interval(name)) for name, ends in intervals.items()}
-            except LocalMinimumError as lower:
-                other = solve(fit.problem, lower.values, starts=1)
-        if other.cost < fit.cost - _EQUAL:
-            return _settled([other, fit])
-    return fit, intervals
-
-
-def _beside(fit: Fit, intervals: Mapping[str, Interval]) -> Iterator[dict[str, float]]:
-    """Values that may belong to another minimum, with a friction outside of its interval.
-
-    Beyond a friction at which a rebound stops to slip, the cost may rise at first and fall again.
-    """
-    if "friction" not in intervals:
-        return
-    low, high, *_ = intervals["friction"]
-    friction = fit.problem.parameter("friction")
-    for factor in _BESIDE:
-        for value in (low / factor, high * factor):
-            if friction.low <= value <= friction.high:
-                cost, values = fit.held(friction=value)
-                if cost < fit.cost + _APART:
-                    yield values
-
-
-def _hull(one: Interval, other: Interval) -> Interval:
-    """Return the smallest interval that holds both."""
-    low, high = min(one, other, key=lambda ends: ends.low), max(one, other, key=lambda ends: ends.high)
-    return Interval(low.low, high.high, one.level, low.low_on_bound, high.high_on_bound)
 
 
 def recordings_of(table: pd.DataFrame, size: float, noise: Noise | None = None) -> list[Recording]:
@@ -246,8 +167,8 @@ def _recording(name: str, table: pd.DataFrame, size: float, noise: Noise | None)
             f"recording {name!r}: {POSE[column]} = {poses[row, column]} in row {row}: must be finite or NaN"
         )
     seen = np.isfinite(poses).all(axis=1)
-    if seen.sum() < _FEWEST:
-        raise ValueError(f"recording {name!r}: {seen.sum()} frames with a pose: must be at least {_FEWEST}")
+    if seen.sum() < FEWEST:
+        raise ValueError(f"recording {name!r}: {seen.sum()} frames with a pose: must be at least {FEWEST}")
     times, poses = times[seen], poses[seen]
     found = noise if noise is not None else _noise(name, times, poses)
     return Recording(name, times, poses, Noise(max(found.position, _FLOOR * size), max(found.angle, _FLOOR)))
@@ -258,285 +179,12 @@ def _noise(name: str, times: Floats, poses: Floats) -> Noise:
     steps = np.diff(times)
     even = np.abs(steps - np.median(steps)) < 0.01 * np.median(steps)
     even = even[:-2] & even[1:-1] & even[2:]
-    if even.sum() < _FEWEST:
+    if even.sum() < FEWEST:
         raise ValueError(f"recording {name!r}: frames are too unevenly spaced to tell the noise: noise must be given")
     turned = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
     sizes = np.abs(np.diff(turned, n=3, axis=0)[even])
     position, angle = (float(np.median(part)) / (0.6745 * math.sqrt(20.0)) for part in (sizes[:, :2], sizes[:, 2]))
     return Noise(position, angle)
-
-
-def _parameters(
-    body: Body, solver: BatchSolver, recordings: Sequence[Recording], bounds: Mapping[str, tuple[float, float]]
-) -> list[Parameter]:
-    """Return all parameters: those of the law, then the launches."""
-    frame = min(float(np.median(np.diff(one.times))) for one in recordings)
-    arm = body.radius if body.radius > 0.0 else reach(body)
-    default = {
-        "stiffness": tuple(
-            body.mass * (math.pi / time) ** 2 for time in (_LONGEST, min(_SHORTEST * frame, 0.1 * _LONGEST))
-        ),
-        "restitution": (0.0, 1.0),
-        "friction": (0.0, 1.5),
-        "rolling_arm": (0.0, arm),
-        "corner_rolling_arm": (0.0, arm),
-    }
-    widest = default | {"stiffness": (1e-6, 1e15), "friction": (0.0, 100.0)}
-    for name, pair in bounds.items():
-        if name not in default or (name == "stiffness" and solver == "rigid"):
-            raise ValueError(f"bounds: {name!r} is not fitted: must be one of {', '.join(default)}")
-        low, high = pair
-        least, most = widest[name]
-        if not least <= low < high <= most:
-            raise ValueError(f"bounds: {name} = ({low!r}, {high!r}): must be in order and in [{least:g}, {most:g}]")
-    low, high = np.log10((default | dict(bounds))["stiffness"]).tolist()
-    found = [Parameter(_STIFFNESS, "", low, high, 0.3)]
-    for name, scale in zip(LAW, (0.05, 0.05, 0.02 * arm, 0.02 * arm), strict=True):
-        unit = "m" if name.endswith("arm") else ""
-        low, high = (default | dict(bounds))[name]
-        found.append(Parameter(name, unit, low, high, scale))
-    for recording in recordings:
-        found.extend(_launch_parameters(body, recording, len(recordings) > 1))
-    return found
-
-
-def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[Parameter]:
-    """Bounds of a launch: no farther away, nor faster, than the poses are apart."""
-    size, frame = reach(body), float(np.diff(recording.times).min())
-    middle, wide = (
-        np.median(recording.poses, axis=0),
-        np.ptp(recording.poses, axis=0) + np.array([size, size, 2.0 * math.pi]),
-    )
-    fastest = np.array([size, size, math.pi]) / frame + wide / np.ptp(recording.times)
-    second = math.sqrt(size / 9.81)  # a typical time of a fall
-    low, high = np.append(middle - wide, -fastest), np.append(middle + wide, fastest)
-    scales = 0.03 * np.array([size, size, 1.0, size / second, size / second, 1.0 / second])
-    suffix = f"[{recording.name}]" if several else ""
-    rows = zip(_UNITS.items(), low.tolist(), high.tolist(), scales.tolist(), strict=True)
-    return [Parameter(name + suffix, unit, least, most, scale) for (name, unit), least, most, scale in rows]
-
-
-def _known(
-    fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]], solver: BatchSolver
-) -> dict[str, float]:
-    """Values of the parameters that are not fitted, by the names of the fit."""
-    for name in fixed:
-        if name not in (*LAW, "stiffness"):
-            raise ValueError(f"fixed: {name!r} is no parameter: must be one of {', '.join((*LAW, 'stiffness'))}")
-        if name in bounds:
-            raise ValueError(f"bounds: {name!r} is fixed")
-    found = {name: float(value) for name, value in fixed.items() if name != "stiffness"}
-    if "corner_rolling_arm" not in bounds:
-        found.setdefault("corner_rolling_arm", 0.0)
-    if "stiffness" in fixed:
-        found[_STIFFNESS] = math.log10(checked("fixed", "stiffness", fixed["stiffness"], POSITIVE))
-    return found
-
-
-class _Model:
-    """What is fitted to recordings: the descents simulated from a law and launches, at the times of the frames."""
-
-    def __init__(
-        self,
-        body: Body,
-        slope: Slope,
-        solver: BatchSolver,
-        recordings: Sequence[Recording],
-        parameters: Sequence[Parameter],
-        loss: Loss,
-    ) -> None:
-        self.body, self.slope, self.solver = body, slope, solver
-        self.recordings, self.parameters, self.loss = recordings, parameters, loss
-        # A difference in the launch of one recording changes none of the others.
-        self._rows = lru_cache(maxsize=4 * len(recordings))(self._simulated_rows)
-
-    def problem(self, frames: Sequence[int], fixed: Mapping[str, float]) -> Problem:
-        """Problem of fitting the first frames of each recording."""
-        clusters = np.repeat(np.arange(len(frames)), frames)
-        return Problem(
-            self.parameters, partial(self.residuals, tuple(frames)), fixed, clusters, loss=self.loss, loss_scale=_TAME
-        )
-
-    def residuals(self, frames: Sequence[int], values: Floats) -> Floats:
-        """Residuals of the first frames of each recording, shape (sum of frames, 3), in noise levels."""
-        law, launches = values[: len(LAW) + 1].tobytes(), values[len(LAW) + 1 :].reshape(-1, 6)
-        return np.concatenate([self._rows(i, count, law, launches[i].tobytes()) for i, count in enumerate(frames)])
-
-    def _simulated_rows(self, i: int, frames: int, law: bytes, launch: bytes) -> Floats:
-        recording = self.recordings[i]
-        times = recording.times[:frames] - recording.times[0]
-        descent = self.descent(np.frombuffer(law), State(*np.frombuffer(launch).tolist()), float(times[-1]))
-        return recording.residuals(states_at(drawable_rows(descent), times)[:, :3])
-
-    def descent(self, law: Floats, launch: State, time: float, interval: float | None = None) -> Descent:
-        """Simulate a descent for ``time`` [s], with rows every ``interval`` in flight or, by default, at its ends.
-
-        ``law`` holds the parameters before the launches.
-        """
-        return simulate(
-            self.body,
-            law_of(10.0 ** float(law[0]), law[1:].tolist()),
-            self.slope,
-            lifted(self.body, launch),
-            solver=self.solver,
-            max_time=time,
-            record="trajectory",
-            sample_interval=interval or time,
-        )
-
-
-class _Search:
-    """Fits of one law after another to more and more of each recording, as long as it is explained."""
-
-    def __init__(self, model: _Model, fixed: Mapping[str, float], rng: np.random.Generator) -> None:
-        self.model, self.fixed, self.rng = model, fixed, rng
-        body, slope, recordings = model.body, model.slope, model.recordings
-        self.flights = [list(flights_of(body, slope, one)) for one in recordings]
-        self.horizons = [_horizons(track, one) for track, one in zip(self.flights, recordings, strict=True)]
-        self.level = [0] * len(recordings)
-        self.open = [i for i, horizon in enumerate(self.horizons) if len(horizon) > 1]
-        self.starts: list[dict[str, float]] = []
-
-    def run(self) -> list[Fit]:
-        """Return fits to all that is explained, the best first."""
-        found: list[Fit] = []
-        history: list[Fit] = []
-        candidates = self.starts = self._first()
-        while self.open:
-            level = [count + (i in self.open) for i, count in enumerate(self.level)]
-            rebounds = any(level[i] < len(self.flights[i]) for i in self.open)
-            drawn = self._drawn(history[-1:], level) if rebounds else []
-            fits = self._fitted([*candidates, *drawn], level)
-            if self._unexplained(fits[0], level):
-                more = self._drawn(history[-_BACK:], level) if history else candidates
-                fits = _distinct([*fits, *self._fitted(more, level, len(more))])
-            failed = self._unexplained(fits[0], level)
-            if failed:
-                self.open = [i for i in self.open if i not in failed]
-                continue
-            found, candidates, self.level = fits, [fit.values for fit in fits], level
-            history.append(fits[0])
-            self.open = [i for i in self.open if level[i] + 1 < len(self.horizons[i])]
-        return found
-
-    def frames(self, level: Sequence[int]) -> list[int]:
-        """How many frames of each recording are used."""
-        return [horizon[k] for horizon, k in zip(self.horizons, level, strict=True)]
-
-    def _first(self) -> list[dict[str, float]]:
-        """Laws to begin with, and the launches."""
-        model = self.model
-        launches = [
-            track[0].launch if track else first_guess(model.slope, one)
-            for track, one in zip(self.flights, model.recordings, strict=True)
-        ]
-        names = [one.name for one in model.parameters]
-        stiff, *law = model.parameters[: len(LAW) + 1]
-        held = {name: value for name, value in self.fixed.items() if name in LAW}
-        if any(len(track) > 1 for track in self.flights):
-            first = [track[:2] for track in self.flights]  # later ones may not be flights
-            laws = [
-                one
-                for tracks in (first, self.flights)
-                for one in likely_laws(model.body, model.slope, tracks, law, held)
-            ]
-        else:
-            laws = [
-                dict(zip(LAW, values, strict=True)) for values in grid_of(law, held, few=True).reshape(-1, len(LAW))
-            ]
-        levels = np.linspace(stiff.low, stiff.high, _STIFFNESSES)
-        if _STIFFNESS in self.fixed:
-            levels = np.array([self.fixed[_STIFFNESS]])
-        begun = np.concatenate([np.array(launch) for launch in launches])
-        low, high = np.array([one[2:4] for one in model.parameters]).T
-        return [
-            dict(zip(names, np.clip([level, *(one[name] for name in LAW), *begun], low, high).tolist(), strict=True))
-            for level in levels
-            for one in laws
-        ]
-
-    def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int], most: int = _KEPT) -> list[Fit]:
-        """Fit from those candidates whose cost is lowest."""
-        problem = self.model.problem(self.frames(level), self.fixed)
-        costs = [problem.cost(problem.values(one)) for one in candidates]
-        order = np.argsort(costs, kind="stable")[:most]
-        return _distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
-
-    def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
-        """Recordings whose new frames, or all of them, differ from a fit by more than noise."""
-        rows = np.split(fit.problem.rows(fit.vector), np.cumsum(self.frames(level))[:-1])
-        begun = [horizon[k] for horizon, k in zip(self.horizons, self.level, strict=True)]
-        return [i for i in self.open if not (explained(rows[i]) and explained(rows[i][begun[i] :]))]
-
-    def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[Mapping[str, float]]:
-        """Laws and launches like those of fits to fewer frames, and laws of the start: the best of each.
-
-        Several laws may explain the first rebounds equally well, so that the next one tells which of them are right.
-        """
-        found = []
-        for fit in fits:
-            guessed = [fit.values | {name: one[name] for name in LAW} for one in self.starts]
-            for group in (guessed, _like(fit, self.rng)):
-                found += self._cheapest(group, level)
-        return found
-
-    def _cheapest(self, group: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Mapping[str, float]]:
-        problem = self.model.problem(self.frames(level), self.fixed)
-        costs = [problem.cost(problem.values(one)) for one in group]
-        return [group[k] for k in np.argsort(costs, kind="stable")[:_TRIED].tolist()]
-
-
-def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
-    """Values drawn from the covariance of a fit, made wider; those that it does not tell, from their bounds.
-
-    Those of the fit as well, but for a friction or an arm anywhere in its bounds: the cost may be flat there.
-    """
-    names = fit.problem.free
-    covariance = fit.covariance.to_numpy()
-    told = np.isfinite(np.diag(covariance))
-    low, high = np.array([fit.problem.parameter(name)[2:4] for name in names]).T
-    values = np.tile([fit.values[name] for name in names], (_DRAWS, 1))
-    left, sizes, _ = np.linalg.svd(covariance[np.ix_(told, told)], hermitian=True)
-    values[:, told] += rng.standard_normal((_DRAWS, told.sum())) @ (left * np.sqrt(sizes)).T * _WIDER
-    untold = ~told & np.array([name in (*LAW, _STIFFNESS) for name in names])
-    anywhere = low + (high - low) * rng.uniform(size=values.shape) ** 3  # small ones make more of a difference
-    values[:, untold] = anywhere[:, untold]
-    drawn = [dict(zip(names, row, strict=True)) for row in np.clip(values, low, high).tolist()]
-    for name in ("friction", "rolling_arm"):
-        if name in names:
-            one = fit.problem.parameter(name)
-            drawn += [fit.values | {name: one.low + (one.high - one.low) * share} for share in _SCANNED.tolist()]
-    return drawn
-
-
-def _horizons(flights: Sequence[Flight], recording: Recording) -> list[int]:
-    """Numbers of frames that are fitted one after the other: up to the end of each flight, then step by step."""
-    count = len(recording.times)
-    ends = [min(recording.until(flight.end), count) for flight in flights] or [min(_FEWEST, count)]
-    step = max(_FEWEST, math.ceil(_TAIL / float(np.median(np.diff(recording.times)))))
-    return sorted({*ends, *range(ends[-1] + step, count, step), count})
-
-
-def _distinct(fits: Sequence[Fit]) -> list[Fit]:
-    """Fits whose costs are near the least one, the best first, one for each law."""
-    kept: list[Fit] = []
-    for fit in sorted(fits, key=lambda fit: fit.cost):
-        if kept and fit.cost > kept[0].cost + _APART:
-            break
-        if all(_differ(fit, other) for other in kept):
-            kept.append(fit)
-    return kept[:_KEPT]
-
-
-def _differ(one: Fit, other: Fit) -> bool:
-    """Whether two fits are minima of their own: one may be flat, as where rebounds do not tell the friction."""
-    if abs(one.cost - other.cost) < _EQUAL:
-        return False
-    names = [name for name in one.problem.free if name in (*LAW, _STIFFNESS)]
-    scales = [one.problem.parameter(name).scale for name in names]
-    return any(
-        abs(one.values[name] - other.values[name]) > _ALIKE * scale for name, scale in zip(names, scales, strict=True)
-    )
 
 
 @dataclass(frozen=True)
@@ -568,7 +216,7 @@ class TrackFit:
     fit: Fit
     intervals: dict[str, Interval]
     others: list[Fit]
-    model: _Model
+    model: Model
 
     @property
     def values(self) -> dict[str, float]:
@@ -592,7 +240,7 @@ class TrackFit:
     def table(self) -> pd.DataFrame:
         """One row a parameter of the law: ``value``, ``low`` and ``high`` of the interval, ``unit``, ``note``."""
         rows = []
-        for name in [_STIFFNESS] * (self.solver != "rigid") + list(LAW):
+        for name in [STIFFNESS] * (self.solver != "rigid") + list(LAW):
             value, unit = self.fit.values[name], self.fit.problem.parameter(name).unit
             low = high = math.nan
             note = "not fitted"
@@ -600,7 +248,7 @@ class TrackFit:
                 low, high, _, low_on_bound, high_on_bound = self.intervals[name]
                 ends = [f"{end} end is its bound" for end, on in (("low", low_on_bound), ("high", high_on_bound)) if on]
                 note = ", ".join(ends)
-            if name == _STIFFNESS:
+            if name == STIFFNESS:
                 name, unit, (value, low, high) = "stiffness", "N/m", (10.0**value, 10.0**low, 10.0**high)
             rows.append((name, value, low, high, unit, note))
         names = ["parameter", "value", "low", "high", "unit", "note"]
@@ -628,7 +276,7 @@ class TrackFit:
                 found.append(f"the recordings say nothing of {name}: every value in its bounds is as good")
         for other in self.others:
             beyond = [n for n, ends in self.intervals.items() if not ends.low <= other.values[n] <= ends.high]
-            if beyond and other.cost - self.fit.cost < _CLOSE:
+            if beyond and other.cost - self.fit.cost < CLOSE:
                 law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
                 found.append(f"another law explains the recordings nearly as well: {law}")
         return found
