@@ -1,10 +1,12 @@
-"""Bodies with corners that are no laminas."""
+"""Bodies with corners that are no laminas; a launch at a height above the slope."""
 
 from __future__ import annotations
 
 import math
 
-from sledenv.params import Body, least_eccentricity
+from sledenv.descent import Descent, simulate
+from sledenv.geometry import support_height
+from sledenv.params import Body, ContactLaw, Slope, State, least_eccentricity
 
 
 def rod(mass: float, half_length: float, inertia: float) -> Body:
@@ -20,3 +22,10 @@ def segment(mass: float, radius: float, share: float, inertia: float, half_angle
     """A body whose mass centre lies at a share of the way from the chord to the arc, or from the centre of the arc."""
     least = least_eccentricity(radius, half_angle)
     return Body(mass, radius, least + share * (radius - least), inertia, half_angle)
+
+
+def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
+    """Simulate a launch whose second entry is the clearance of the lowest point [m]."""
+    x, clearance, phi, *rates = launch
+    state = State(x, clearance + support_height(body, phi), phi, *rates)
+    return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from sledenv.descent import Descent, simulate
 from sledenv.geometry import arms, support_height
 from sledenv.kernel.records import Feature
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
-from tests.bodies import rod
+from tests.bodies import rod, run
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
@@ -32,13 +32,6 @@ POINT = Body(1.0, 0.0, 0.0, 1.0)
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
 HILL = Slope(0.15, 10.0)
-
-
-def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
-    """Simulate a launch whose second entry is the clearance of the lowest point [m]."""
-    x, clearance, phi, *rates = launch
-    state = State(x, clearance + support_height(body, phi), phi, *rates)
-    return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -17,12 +17,11 @@ from gymnasium.error import DependencyNotInstalled
 
 from sledenv.descent import Descent, simulate
 from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer, write_film
-from sledenv.geometry import support_height
 from sledenv.kernel.records import Mode, Status
 from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
 from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
 from sledenv.ride import Ride
-from tests.bodies import rod
+from tests.bodies import rod, run
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
@@ -32,13 +31,6 @@ ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm
 MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
 HILL = Slope(0.15, 10.0)
 PANEL = 486  # first row of the panel in a picture of 960 x 540
-
-
-def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
-    """Simulate a launch whose second entry is the clearance of the lowest point [m]."""
-    x, clearance, phi, *rates = launch
-    state = State(x, clearance + support_height(body, phi), phi, *rates)
-    return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
