@@ -22,7 +22,7 @@ from sledenv.descent import simulate, simulate_batch
 from sledenv.entries import cache_folder, entries
 from sledenv.impact import rigid_impact, velocities_after
 from sledenv.params import Body, ContactLaw, Slope, State
-from sledenv.ride import Ride, RideBatch
+from sledenv.ride import Ride
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
 
@@ -166,11 +166,6 @@ def _ride(solver: BatchSolver) -> None:
     ride.run()
 
 
-def _hops(solver: BatchSolver) -> None:
-    rides = RideBatch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], solver=solver, max_rebounds=5, rotor_inertia=_ROTOR)
-    rides.hop(np.zeros(2))
-
-
 def _rebounds() -> None:
     velocities_after(0.1, np.array([[0.01, 0.1, 1.0, -1.0, 1.0]]), np.array([[0.5, 0.1, 1e-3]]))
 
@@ -179,11 +174,9 @@ _KERNELS: Final[tuple[tuple[str, Callable[[], None]], ...]] = (
     ("one descent, compliant", partial(_descent, "compliant")),
     ("a batch, compliant", partial(_lanes, "compliant")),
     ("hop by hop, compliant", partial(_ride, "compliant")),
-    ("a batch of hops, compliant", partial(_hops, "compliant")),
     ("one descent, rigid", partial(_descent, "rigid")),
     ("a batch, rigid", partial(_lanes, "rigid")),
     ("hop by hop, rigid", partial(_ride, "rigid")),
-    ("a batch of hops, rigid", partial(_hops, "rigid")),
     ("one descent, euler", partial(_descent, "euler")),
     ("impacts told by their arms", _rebounds),
 )
