@@ -371,9 +371,8 @@ def test_the_command_writes_a_page_alone(
     assert "context of seed 3\nbest launch" in out
     assert out.endswith("map: wrote page.html\n")
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
-    # No agents lie in this folder.
     marks = data_of((tmp_path / "page.html").read_text(encoding="utf-8"))["contexts"][1]["marks"]
-    assert [mark["name"] for mark in marks] == ["best launch"]
+    assert [mark["name"] for mark in marks] == ["best launch", "critic"]  # that ships
 
 
 @pytest.mark.parametrize(
