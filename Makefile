@@ -55,8 +55,9 @@ agents: $(STAMP) ## train the agents of agents/trained anew: an hour on two core
 	for name in $(NEEDLES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--settings configs/agents/steady --runs agents/trained/steady --overwrite || exit; done
 
+# Two processes share two cores: more threads in each, of torch and BLAS, would wait for one another.
 test: $(STAMP) ## run the fast tests
-	$(BIN)/python -m pytest -n 2 -q -m "not slow"
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -q -m "not slow"
 
 test-slow: $(STAMP) ## run the slow tests
 	$(BIN)/python -m pytest -q -m slow
