@@ -298,13 +298,11 @@ def state_of(fields: dict[str, Any]) -> State:
     return State._make(fields[name] for name in State._fields)
 
 
-def new_flights(launches: np.ndarray) -> np.ndarray:
-    """Return an OUTCOME array of descents at their launches, rows of the fields of State."""
-    flights = np.zeros(len(launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+def launch(flights: np.ndarray, launches: np.ndarray) -> None:
+    """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
     flights["t_on_chord"] = flights["x_on_chord"] = np.inf
     for name, column in zip(State._fields, launches.T, strict=True):
         flights[name] = column
-    return flights
 
 
 class _Lanes(NamedTuple):
@@ -327,11 +325,11 @@ class _Lanes(NamedTuple):
         return new_logs(lanes, int(self.limits.max_rebounds)) if keep else np.zeros((0, 0), REBOUND)
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
-        """Simulate a block of lanes and return its jam metrics."""
+        """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
         tables = self.bodies, self.laws, self.slopes
         bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
         launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
-        outcomes[:] = new_flights(launches)
+        launch(outcomes, launches)
         while (outcomes["status"] == RUNNING).any():
             run_batch(bodies, self.like, laws, slopes, launches, self.limits, _ALL_HOPS, outcomes, rebounds, spaces)
         return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
