@@ -30,7 +30,7 @@ from sledenv.checks import (
 from sledenv.entries import entry, parallel_entry
 from sledenv.euler import descend_euler
 from sledenv.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.kernel.batch import Hop, descend_batch
+from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, TRAJECTORY, Energy, Status
@@ -51,7 +51,6 @@ WORK = 1e5  # steps in contact, hops and rows
 _EULER_STEPS = 2e6
 
 run_descent, run_batch, _descend_euler = entry(descend), parallel_entry(descend_batch), entry(descend_euler)
-_ALL_HOPS = Hop(False, np.zeros(0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,10 +327,10 @@ class _Lanes(NamedTuple):
         """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
         tables = self.bodies, self.laws, self.slopes
         bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
-        launches, spaces = self.launches[part], new(SPACE, numba.get_num_threads())
+        launches, spaces, all_hops = self.launches[part], new(SPACE, numba.get_num_threads()), np.empty((0, 2))
         launch(outcomes, launches)
         while (outcomes["status"] == RUNNING).any():
-            run_batch(bodies, self.like, laws, slopes, launches, self.limits, _ALL_HOPS, outcomes, rebounds, spaces)
+            run_batch(bodies, self.like, laws, slopes, launches, self.limits, all_hops, outcomes, rebounds, spaces)
         return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
 
 

@@ -37,7 +37,6 @@ from sledenv.descent import (
 )
 from sledenv.entries import entry
 from sledenv.jam import descent_jam
-from sledenv.kernel.batch import Hop
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
@@ -320,7 +319,7 @@ class RideBatch:
             self._slopes,
             self._launches,
             self._limits,
-            Hop(True, spins, self.rotor_inertia or 1.0),
+            np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1),
             self._flights,
             self._touched[:, np.newaxis],
             new(SPACE, numba.get_num_threads()),

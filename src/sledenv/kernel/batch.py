@@ -10,8 +10,7 @@ from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
 from sledenv.kernel.ballistics import begin_flight
 from sledenv.kernel.bounce import bounce
-from sledenv.kernel.descend import close_books, find_touchdown, meeting, trim, write_rebound
-from sledenv.kernel.descend import hop as follow_hop
+from sledenv.kernel.descend import close_books, find_touchdown, hop, meeting, trim, write_rebound
 from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touchdowns
 from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
@@ -20,14 +19,6 @@ from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTOR
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
 from sledenv.programs.jit import kernel
 from sledenv.programs.trace import LANES, straight
-
-
-class Hop(NamedTuple):
-    """Whether lanes are followed for one hop, and what the riders' rotors do in it: see ``trim`` in descend.py."""
-
-    once: bool
-    spins: np.ndarray  # [rad/s] that each lends to its body, shape (N,); any, if not once
-    rotor_inertia: float  # [kg m^2]
 
 
 class Lanes(NamedTuple):
@@ -159,7 +150,7 @@ def _hop_alone(like: Law, lanes: Lanes, limits: Limits, lane: int, space: np.voi
     law, log = law_of_row(like, lanes.laws, lane), row_of(lanes.logs, lane)
     body = _told(lanes.bodies, lane, space["hop"])
     find_touchdown(body, slope, limits, flight, space)
-    follow_hop(body, law, slope, limits, flight, log, space, trajectory)
+    hop(body, law, slope, limits, flight, log, space, trajectory)
 
 
 @kernel
@@ -240,7 +231,7 @@ def descend_batch(
     slopes: np.ndarray,
     launches: np.ndarray,
     limits: Limits,
-    hop: Hop,
+    trims: np.ndarray,
     flights: np.ndarray,
     rebounds: np.ndarray,
     spaces: np.ndarray,
@@ -260,7 +251,9 @@ def descend_batch(
         Fields of State.
     limits : Limits
         Shared by all lanes.
-    hop : Hop
+    trims : ndarray, shape (N, 2) or (0, 2)
+        For one hop, spin that the rider's rotor lends to each body [rad/s] and inertia of the rotor [kg m^2]; no row
+        follows all hops. (In a tuple with other arguments the table would cost a fifth of the speed.)
     flights : ndarray of OUTCOME, shape (N,)
         Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
         whose status is not RUNNING are left alone.
@@ -269,7 +262,7 @@ def descend_batch(
     spaces : ndarray of SPACE
         Work space, one a thread.
     """
-    count = flights.shape[0]
+    count, once = flights.shape[0], trims.shape[0] > 0
     size = block_size(count)
     inclines = _inclines_of(slopes)
     for i in range(spaces.shape[0]):
@@ -280,9 +273,9 @@ def descend_batch(
         lanes, trajectory = Lanes(bodies, laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
         moved = flights["status"][first:last] == RUNNING
         for i in range(first, last):
-            if hop.once and moved[i - first]:
-                trim(body_of(bodies, i), hop.rotor_inertia, flights[i], hop.spins[i])
-        follow_lanes(like, lanes, limits, first, last, hop.once, spaces[get_thread_id()], trajectory)
+            if once and moved[i - first]:
+                trim(body_of(bodies, i), trims[i, 1], flights[i], trims[i, 0])
+        follow_lanes(like, lanes, limits, first, last, once, spaces[get_thread_id()], trajectory)
         for i in range(first, last):
             if moved[i - first]:
                 close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), flights[i])
