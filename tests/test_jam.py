@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sledenv.descent import simulate, simulate_batch
@@ -85,13 +85,14 @@ def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float 
 
 
 @property_of_all
+@example(5e-324, 0.0, 0.0, 0.0)
 @given(st.floats(0.0, 1.0), st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
 def test_metrics_of_a_rebound_lie_in_their_ranges(friction: float, phi: float, u: float, omega: float) -> None:
     """Oracle: Coulomb's bound, and the clips."""
     law = ContactLaw(1e6, 0.5, friction, 0.001)
     launch = State(0.0, 0.3 + support_height(SEGMENT, phi), phi, u, -1.0, omega)
     jam = simulate(SEGMENT, law, Slope(0.1), launch, max_time=2.0, max_rebounds=20).rebound_jam
-    assert ((jam.grip >= 0.0) & (jam.grip <= 1.0 + 1e-9)).all()
+    assert ((jam.grip >= 0.0) & (jam.grip <= 1.0)).all()
     assert ((jam.tangential_loss >= 0.0) & (jam.tangential_loss <= 1.0)).all()
     assert (jam.nearly_stuck >= jam.stuck).all()
 

@@ -55,6 +55,7 @@ def rebound_jam(rebounds: np.ndarray, friction: float) -> ReboundJam:
         np.abs(rebounds["tangential_impulse"]), available, out=np.zeros(rebounds.shape), where=available > 0.0
     )
     before = rebounds["u_before"]
+    grip = np.minimum(grip, 1.0)  # rounding, of a subnormal friction too
     kept = np.divide(rebounds["u_after"], before, out=np.ones(rebounds.shape), where=before != 0.0)
     return ReboundJam(grip, np.clip(1.0 - kept, 0.0, 1.0), rebounds["stuck"] == 2, rebounds["stuck"] >= 1)
 

@@ -520,11 +520,12 @@ def test_gymnasiums_vector_wrappers_run_on_it():
     for _ in range(6):
         env.step(env.action_space.sample())
     assert env.obs_rms.count > 48
-    # Before Gymnasium 1.3 it cannot hold what RecordEpisodeStatistics adds.
     env = DictInfoToList(native(8, AutoresetMode.SAME_STEP))
     env.reset(seed=0)
     _, rewards, *_, infos = env.step(env.action_space.sample())
     assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
+    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 3):
+        return  # RecordEpisodeStatistics took every batch for one of NEXT_STEP
     env = RecordEpisodeStatistics(native(8, AutoresetMode.SAME_STEP, DESCENT_ID))
     env.reset(seed=0)
     lengths = np.zeros(8, int)
