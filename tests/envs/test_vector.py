@@ -524,7 +524,7 @@ def test_gymnasiums_vector_wrappers_run_on_it():
     env.reset(seed=0)
     _, rewards, *_, infos = env.step(env.action_space.sample())
     assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
-    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 3):
+    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
         return  # RecordEpisodeStatistics took every batch for one of NEXT_STEP
     env = RecordEpisodeStatistics(native(8, AutoresetMode.SAME_STEP, DESCENT_ID))
     env.reset(seed=0)
