@@ -145,14 +145,18 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
         problem.judge(Wrong(), problem.contexts("test", 3))
 
 
-def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input():
+@pytest.mark.parametrize(
+    ("act", "kind"), [(lambda seen: seen + np.zeros(3), ValueError), (lambda seen: seen[9], IndexError)]
+)
+def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
     """Oracle: commands tell a ValueError in one line, which would hide where in the agent it came from."""
 
     class Broken:
         def act(self, observations: np.ndarray) -> np.ndarray:
-            return observations + np.zeros(3)
+            return act(observations)
 
     problem = Problem("sled_tilt")
-    with pytest.raises(RuntimeError, match=f"^agent {__name__}, scenario sled_tilt: act raised ValueError: ") as raised:
+    said = f"^agent {__name__}, scenario sled_tilt: act raised {kind.__name__}: "
+    with pytest.raises(RuntimeError, match=said) as raised:
         problem.judge(Broken(), problem.contexts("test", 2))
-    assert isinstance(raised.value.__cause__, ValueError)
+    assert isinstance(raised.value.__cause__, kind)

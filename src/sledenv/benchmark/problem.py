@@ -228,7 +228,7 @@ class Problem:
         ValueError
             If its actions have another shape, are no numbers or lie outside [-1, 1].
         RuntimeError
-            If it raises a ValueError itself.
+            If it raises an error itself, which is the cause.
         """
         task = self.task
         seen = task.observe(contexts)
@@ -255,7 +255,7 @@ class Problem:
         whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
         try:
             actions = agent.act(observations)
-        except ValueError as error:  # a command would tell it as wrong input, without its place
+        except Exception as error:  # a command would tell a ValueError as wrong input, without its place
             raise RuntimeError(f"{whose}: act raised {type(error).__name__}: {error}") from error
         try:
             return checked_actions(self.action_space, actions, len(observations))
