@@ -21,7 +21,6 @@ from sledenv.command import FAILED, Count, Seed, Seeds, app, positive, progress,
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.table import Table
 
     from sledenv.descent import Descent, Record
     from sledenv.params import Body, ContactLaw, Slope, State
@@ -307,31 +306,15 @@ def benchmark(
     from sledenv.benchmark.runner import run_suite
     from sledenv.benchmark.scores import read_results, scores
     from sledenv.benchmark.suite import Suite
+    from sledenv.benchmark.tables import shown
 
     one = Suite.load(suite)
     folder = run_suite(one, out or Path("runs/benchmark") / one.id, workers=workers, ray=ray)
     results = read_results(folder)
     page, found = write_report(results, folder / "report"), scores(results)
     if not json:
-        tell(_table_of(found), None, json)
+        tell(shown(found), None, json)
     tell(f"benchmark: wrote {page}", {"suite": one.id, "scores": found, "written": [page]}, json)
-
-
-def _table_of(scores: pd.DataFrame) -> Table:
-    """Return the scores of a benchmark for a reader, least regret first."""
-    from rich.table import Table
-
-    from sledenv.benchmark.figures import label, title
-
-    table = Table(box=None, pad_edge=False)
-    for name in ("scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile"):
-        table.add_column(name, justify="left" if name in ("scenario", "agent") else "right")
-    for (environment, scenario), group in scores.groupby(["environment", "scenario"], sort=False):
-        for row in group.sort_values("regret", kind="stable").itertuples():
-            interval = f"{row.regret:z.2%} [{row.regret_low:z.2%}, {row.regret_high:z.2%}]"
-            numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, f"{row.regret_p90:z.2%}"
-            table.add_row(title(environment, scenario), label(row.agent), *numbers)
-    return table
 
 
 @command.command

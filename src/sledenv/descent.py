@@ -297,7 +297,7 @@ def state_of(fields: dict[str, Any]) -> State:
     return State._make(fields[name] for name in State._fields)
 
 
-def launch(flights: np.ndarray, launches: np.ndarray) -> None:
+def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
     """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
     flights["t_on_chord"] = flights["x_on_chord"] = np.inf
     for name, column in zip(State._fields, launches.T, strict=True):
@@ -328,7 +328,7 @@ class _Lanes(NamedTuple):
         tables = self.bodies, self.laws, self.slopes
         bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
         launches, spaces, all_hops = self.launches[part], new(SPACE, numba.get_num_threads()), np.empty((0, 2))
-        launch(outcomes, launches)
+        put_at_launch(outcomes, launches)
         while (outcomes["status"] == RUNNING).any():
             run_batch(bodies, self.like, laws, slopes, launches, self.limits, all_hops, outcomes, rebounds, spaces)
         return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])

@@ -30,7 +30,7 @@ from sledenv.descent import (
     Record,
     descent_of,
     fields_of,
-    launch,
+    put_at_launch,
     run_batch,
     run_descent,
     state_of,
@@ -373,7 +373,7 @@ class RideBatch:
             raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
         self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
-        launch(flights, given.launches)
+        put_at_launch(flights, given.launches)
         self._flights[lanes] = flights
         if self._rebounds.size:
             self._rebounds[lanes] = np.zeros((), REBOUND)

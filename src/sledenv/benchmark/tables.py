@@ -1,4 +1,4 @@
-"""The tables of a benchmark in Markdown, for the documents of a project."""
+"""The tables of a benchmark: in Markdown, for the documents of a project, and in the terminal."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from rich.table import Table
 
-from sledenv.benchmark.scores import BASELINES, Results, separation, verdicts
+from sledenv.benchmark.figures import label, title
+from sledenv.benchmark.scores import BASELINES, PROBLEM, Results, separation, verdicts
 from sledenv.jam import SHOWN
 from sledenv.text import metric_name
 
@@ -33,6 +35,19 @@ def markdown(results: Results, table: pd.DataFrame) -> str:
     if len(results.oracle):
         parts["What the scenarios ask for"] = _separation(results, table)
     return "\n".join(f"## {heading}\n\n{text}" for heading, text in parts.items())
+
+
+def shown(table: pd.DataFrame) -> Table:
+    """Return scores, of :func:`sledenv.benchmark.scores.scores`, for a terminal: least regret of a scenario first."""
+    lines = Table(box=None, pad_edge=False)
+    for name in ("scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile"):
+        lines.add_column(name, justify="left" if name in ("scenario", "agent") else "right")
+    for problem, group in table.groupby(PROBLEM, sort=False):
+        for row in group.sort_values("regret", kind="stable").itertuples():
+            interval = f"{row.regret:z.2%} [{row.regret_low:z.2%}, {row.regret_high:z.2%}]"
+            numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, f"{row.regret_p90:z.2%}"
+            lines.add_row(title(*problem), label(row.agent), *numbers)
+    return lines
 
 
 def _verdicts(table: pd.DataFrame) -> str:
