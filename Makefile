@@ -62,9 +62,9 @@ test: $(STAMP) ## run the fast tests
 test-slow: $(STAMP) ## run the slow tests
 	$(BIN)/python -m pytest -q -m slow
 
-test-nojit: $(STAMP) ## run kernel and programs as plain Python and measure their coverage
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/programs tests/test_euler.py \
-		-m "not jit_only and not slow" --cov=src/sledenv/kernel --cov=src/sledenv/programs \
+test-nojit: $(STAMP) ## run kernel and compiler as plain Python and measure their coverage
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/compiler tests/simulation/test_euler.py \
+		-m "not jit_only and not slow" --cov=src/sledenv/kernel --cov=src/sledenv/compiler \
 		--cov-report=term-missing
 
 $(BENCH_STAMP): $(STAMP)

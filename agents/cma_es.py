@@ -8,7 +8,7 @@ import numpy as np
 
 from sledenv.agents.linear import Floats, Judge, Linear, size
 from sledenv.benchmark.problem import Problem
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("benchmark", __name__):
     import cma

@@ -16,7 +16,7 @@ from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import run_folder, train, trained
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
-from sledenv.command import Count, Seed, app, run
+from sledenv.command.running import Count, Seed, app, run
 from sledenv.envs.task import Contexts
 from sledenv.plot import plot_strobe
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
-from sledenv.geometry import support_heights
+from sledenv.simulation.support import support_heights
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from sledenv.agents.curve import Curve
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     import torch

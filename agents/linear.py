@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts, Task
-from sledenv.sections import CONTROLS
+from sledenv.scenarios.sections import CONTROLS
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.envs.task import FIELDS, Contexts
-from sledenv.jam import descent_jam
-from sledenv.sections import CONTROLS
+from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.jam import descent_jam
 
 Floats = NDArray[np.float64]
 

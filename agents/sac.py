@@ -7,7 +7,7 @@ from typing import Any
 from sledenv.agents.learning import Learned
 from sledenv.agents.searching import SearchingSAC
 from sledenv.benchmark.problem import Problem
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     from stable_baselines3 import SAC

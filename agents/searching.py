@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import qmc
 
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     import torch

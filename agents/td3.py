@@ -9,7 +9,7 @@ import numpy as np
 from sledenv.agents.learning import Learned
 from sledenv.agents.searching import SearchingTD3
 from sledenv.benchmark.problem import Problem
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     from stable_baselines3 import TD3

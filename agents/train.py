@@ -10,8 +10,8 @@ from cyclopts import Parameter
 
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.command import Count, Seed, app, run
-from sledenv.configuration import CONFIGS
+from sledenv.command.running import Count, Seed, app, run
+from sledenv.scenarios.configuration import CONFIGS
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "critic", "land_flat", "no_trim", "ppo", "random_launch", "random_search"),

@@ -23,13 +23,13 @@ from scipy.interpolate import RBFInterpolator
 from scipy.io import loadmat
 from scipy.spatial import KDTree
 
-from sledenv.files import publish
 from sledenv.identification.comparison import Comparison, Predictor, compare, impact_models, predictive_bands
 from sledenv.identification.figures import plot_errors, plot_residuals
 from sledenv.identification.fitting import Floats, Parameter, Problem, profiled, solve
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification, ImpactModel, Rebounds, read_rebounds
-from sledenv.impact import velocities_after
+from sledenv.machine.files import publish
 from sledenv.plot.style import BLUE, DASHES, INK, ORANGE, RED, WIDTH, styled
+from sledenv.simulation.rigid_impact import velocities_after
 
 MASS, GYRATION_RADIUS = 0.0364, 0.0192  # [kg], [m]
 PUBLISHED = ("Drumwright-Shell", "AP Poisson", "AP Newton", "Mirtich", "Wang-Mason", "Whittaker")

@@ -13,7 +13,7 @@ from sledenv.agents.curve import FILE, validation
 from sledenv.benchmark import runs
 from sledenv.benchmark.oracle import oracle
 from sledenv.benchmark.problem import Problem
-from sledenv.configuration import CONFIGS
+from sledenv.scenarios.configuration import CONFIGS
 
 SCENARIO = "brake_mat"
 BUDGETS = {

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perf.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, save
-from sledenv.descent import simulate_blocks
 from sledenv.kernel.records import CHORD
-from sledenv.scenario import Scenario, load_scenario
+from sledenv.scenarios.scenario import Scenario, load_scenario
+from sledenv.simulation.simulate import simulate_blocks
 
 SCENARIO = "ice_drop"
 FRICTION = (0.05, 0.25)  # more than in the scenario, or all would reach the end of the slope

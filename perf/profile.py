@@ -42,7 +42,7 @@ def _plain_name(symbol: str) -> str:
 
 def _write_map() -> None:
     """Write /tmp/perf-PID.map: address, size and name of every function in the library of the descent."""
-    from sledenv.descent import run_descent
+    from sledenv.simulation.simulate import run_descent
 
     entries = []
     versions = run_descent._versions.values()  # type: ignore[attr-defined]

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Slope, State
-from sledenv.checks import touching_law
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
+from sledenv.compiler.trace import LANES
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.flight import begin_search, search, tell_body, tell_place, touchdowns
 from sledenv.kernel.laws import Law
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
-from sledenv.params import Limits
-from sledenv.programs.trace import LANES
+from sledenv.simulation.checks import touching_law
+from sledenv.simulation.settings import Limits
 
 
 # The cache notices changes of the kernel, not of this loop.

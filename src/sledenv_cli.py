@@ -6,7 +6,7 @@ import sys
 def main() -> int:
     """Run the command and return its exit status."""
     try:
-        from sledenv.cli import main as run
+        from sledenv.command.cli import main as run
 
         return run()
     except KeyboardInterrupt:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
-from sledenv.descent import Descent, simulate
-from sledenv.geometry import support_height
-from sledenv.params import Body, ContactLaw, Slope, State, least_eccentricity
+from sledenv.simulation.bodies import Body, least_eccentricity
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
 
 
 def rod(mass: float, half_length: float, inertia: float) -> Body:

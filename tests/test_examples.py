@@ -16,9 +16,9 @@ from docs.draw import run
 from sledenv import Scenario, load_study, sections
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
-from sledenv.configuration import Section
+from sledenv.compiler import values
 from sledenv.kernel import step
-from sledenv.programs import values
+from sledenv.scenarios.configuration import Section
 from tests.benchmark import make
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 import sledenv
-from sledenv.cli import main
+from sledenv.command.cli import main
 
 ROOT = Path(__file__).parents[1]
 BUILD = """
@@ -33,8 +33,8 @@ from sledenv.agents.train import ALGORITHMS, chosen_settings
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_class, load_run
 from sledenv.benchmark.suite import Suite
-from sledenv.replay import replay_page
-from sledenv.scenario import load_scenario, scenario_names
+from sledenv.pages.replay import replay_page
+from sledenv.scenarios.scenario import load_scenario, scenario_names
 
 home = Path(sledenv.__file__).parent
 assert home.parent == Path(sys.argv[1]), home

@@ -33,7 +33,8 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.scene import ContactLaw, Slope, State
 
 X, HEIGHT, TILT, U, V, SPIN, HYSTERESIS, SLIDING, ROLLING = range(9)  # of the integrated vector
 BOTH = (0, 1)  # tail, nose

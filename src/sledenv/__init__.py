@@ -19,16 +19,18 @@ from typing import TYPE_CHECKING, Any
 from sledenv.envs import register as _register
 
 if TYPE_CHECKING:
-    from sledenv.derivatives import Sensitivity, sensitivity
-    from sledenv.descent import Descent, DescentBatch, simulate, simulate_batch, simulate_blocks
+    from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
     from sledenv.identification.choice import identify
-    from sledenv.impact import Phase, RigidImpact, rigid_impact
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
-    from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
-    from sledenv.ride import Ride, RideBatch
-    from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+    from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+    from sledenv.simulation.bodies import Body, circular_segment, sled
+    from sledenv.simulation.derivatives import Sensitivity, sensitivity
+    from sledenv.simulation.outcomes import Descent, DescentBatch
+    from sledenv.simulation.ride import Ride, RideBatch
+    from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
+    from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
-    from sledenv.wheel import WheelImpact, collide_wheel
 
 __version__ = "0.1.0"
 
@@ -73,16 +75,16 @@ __all__ = [
 
 # Loaded where they are first asked for, so that `import sledenv` is quick: what each module has.
 _MODULES = {
-    "sledenv.derivatives": ("Sensitivity", "sensitivity"),
-    "sledenv.descent": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
+    "sledenv.simulation.derivatives": ("Sensitivity", "sensitivity"),
+    "sledenv.simulation.simulate": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
     "sledenv.identification.choice": ("identify",),
-    "sledenv.impact": ("Phase", "RigidImpact", "rigid_impact"),
+    "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),
     "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
-    "sledenv.params": ("Body", "ContactLaw", "Slope", "State", "circular_segment", "sled"),
-    "sledenv.ride": ("Ride", "RideBatch"),
-    "sledenv.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
+    "sledenv.simulation.params": ("Body", "ContactLaw", "Slope", "State", "circular_segment", "sled"),
+    "sledenv.simulation.ride": ("Ride", "RideBatch"),
+    "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.uncertainty": ("Study", "StudyResult", "load_study", "study", "study_names"),
-    "sledenv.wheel": ("WheelImpact", "collide_wheel"),
+    "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

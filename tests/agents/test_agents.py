@@ -16,7 +16,7 @@ from sledenv.agents.train import default_settings, run_folder, train, trained
 from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
-from sledenv.scenario import Scenario, load_scenario
+from sledenv.scenarios.scenario import Scenario, load_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
 

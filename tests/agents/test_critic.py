@@ -11,7 +11,7 @@ from sledenv.agents.train import default_settings, run_folder
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
-from sledenv.scenario import scenario_names
+from sledenv.scenarios.scenario import scenario_names
 
 SMALL = {"n_timesteps": 2000, "n_contexts": 20, "n_tries": 20, "warmup": 1, "gradient_steps": 60, "checks": 2}
 

@@ -10,7 +10,7 @@ from sledenv import load_scenario
 from sledenv.agents import cma_es, land_flat, linear, no_trim, ppo, random_search, random_trim, replan
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Task
-from sledenv.scenario import Scenario
+from sledenv.scenarios.scenario import Scenario
 
 CONTROLS = ["both", "orientation", "spin"]
 SEARCHES = {

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from sledenv.benchmark.scores import Results
-from sledenv.jam import DescentJam
+from sledenv.simulation.jam import DescentJam
 
 HASH = "0123456789abcdef"
 

@@ -5,7 +5,7 @@ import pytest
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
-from sledenv.scenario import Scenario, load_scenario
+from sledenv.scenarios.scenario import Scenario, load_scenario
 
 TURN = 2.0 * np.pi
 

@@ -16,12 +16,12 @@ from sledenv.benchmark import oracle
 from sledenv.benchmark.map_page import MOST_SEEDS, MapPage, map_page
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import train
-from sledenv.cli import main
-from sledenv.descent import Descent
-from sledenv.keyframes import TOLERANCE
-from sledenv.outline import reach, states_at
-from sledenv.scenario import Scenario, ScenarioError, load_scenario
-from sledenv.sections import CONTROLS
+from sledenv.command.cli import main
+from sledenv.pages.keyframes import TOLERANCE
+from sledenv.plot.shapes import reach, states_at
+from sledenv.scenarios.scenario import Scenario, ScenarioError, load_scenario
+from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.outcomes import Descent
 from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 
 PACK, SEEDS = "hard", (0, 4)

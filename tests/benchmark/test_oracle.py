@@ -20,7 +20,7 @@ from sledenv.benchmark.oracle import (
 )
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
-from sledenv.scenario import Context, Scenario, load_scenario
+from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")

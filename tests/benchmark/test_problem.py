@@ -9,7 +9,7 @@ import pytest
 from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
 from sledenv.envs.task import FIELDS
-from sledenv.scenario import Scenario, load_scenario
+from sledenv.scenarios.scenario import Scenario, load_scenario
 
 
 class Scripted:

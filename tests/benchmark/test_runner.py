@@ -200,7 +200,7 @@ def test_a_folder_that_another_process_writes_is_left_alone(finished):
     file, folder, found = finished
     script = (
         "import sys; from pathlib import Path\n"
-        "from sledenv.files import alone\n"
+        "from sledenv.machine.files import alone\n"
         "with alone(Path(sys.argv[1]), wait=False): print('held', flush=True); sys.stdin.read()\n"
     )
     command = [sys.executable, "-c", script, folder / ".lock"]

@@ -13,6 +13,7 @@ import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.vector import SledLaunchVector
+from sledenv.simulation.support import support_heights
 
 SPLITS = ("train", "validation", "test")
 IDS = (LAUNCH_ID, DESCENT_ID)
@@ -89,7 +90,7 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     same = [0, 3, 4]  # x, u, v
     assert np.array_equal(disturbed[:, same], exact[:, same])
     body = noisy.task.body
-    clearance = [y - sledenv.scenario.support_heights(body, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
+    clearance = [y - support_heights(body, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
     assert clearance == pytest.approx(contexts[:200, 4], abs=1e-12)
 
 

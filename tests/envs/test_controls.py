@@ -22,7 +22,7 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import make_vec_env
 from sledenv.envs.task import INFO_KEYS, Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
-from sledenv.sections import CONTROLS, control_words
+from sledenv.scenarios.sections import CONTROLS, control_words
 
 SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
 NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}

@@ -15,12 +15,14 @@ import pygame
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.descent import Descent, simulate
 from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer, write_film
 from sledenv.kernel.records import Mode, Status
-from sledenv.outline import arc_centre, film_times, pace, push_at, states_at
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
-from sledenv.ride import Ride
+from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.ride import Ride
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate
 from tests.bodies import rod, run
 
 DISC = Body(100.0, 0.5, 0.25, 18.75)

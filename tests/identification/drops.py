@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from sledenv.checks import BatchSolver
-from sledenv.descent import Descent, simulate
-from sledenv.geometry import support_height
-from sledenv.outline import drawable_rows, states_at
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment, sled
+from sledenv.plot.shapes import drawable_rows, states_at
+from sledenv.simulation.bodies import Body, circular_segment, sled
+from sledenv.simulation.checks import BatchSolver
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
 
 BODIES = (
     circular_segment(1.0, 0.1, math.radians(110.0)),

@@ -9,7 +9,7 @@ import pandas as pd
 
 from sledenv import Body, circular_segment, rigid_impact
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, ImpactModel, read_rebounds
-from sledenv.params import ContactLaw, State
+from sledenv.simulation.scene import ContactLaw, State
 
 GYRATION = 0.02
 TRUTH = {"restitution": 0.6, "friction": 0.15, "rolling_arm": 0.0006}

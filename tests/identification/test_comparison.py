@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sledenv.cli import main
+from sledenv.command.cli import main
 from sledenv.identification.comparison import Comparison, compare, impact_models, predictive_bands
 from sledenv.identification.figures import plot_errors
 from sledenv.identification.rebounds import ImpactModel, Rebounds, read_rebounds

@@ -13,7 +13,7 @@ import pytest
 
 import sledenv
 from sledenv import Body, ContactLaw
-from sledenv.cli import main
+from sledenv.command.cli import main
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification, read_rebounds
 from tests.identification.rebound_tables import (
     DISC,

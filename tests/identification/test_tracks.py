@@ -10,12 +10,13 @@ import pytest
 from scipy.stats import binom
 
 import sledenv
-from sledenv.cli import main
+from sledenv.command.cli import main
 from sledenv.identification.figures import plot_track_residuals
 from sledenv.identification.flights import flights_of
 from sledenv.identification.report import write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
-from sledenv.params import Body, ContactLaw, Slope, State
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
 
 SEGMENT, DISC, SLED = BODIES

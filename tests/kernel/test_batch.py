@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
-from sledenv.geometry import support_heights
+from sledenv.simulation.support import support_heights
 from tests.bodies import rod
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
+from sledenv.compiler.trace import LANES
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.flight import tell_body, tell_place
 from sledenv.kernel.impact import ENERGETIC, impact
 from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
-from sledenv.programs.trace import LANES
 from tests.bodies import rod
 
 BODIES = {

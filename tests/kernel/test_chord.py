@@ -9,12 +9,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pytest
 
-from sledenv import theory
-from sledenv.descent import Descent, simulate, simulate_batch
-from sledenv.geometry import support_height
+from sledenv.closed_forms import theory
 from sledenv.kernel.records import Feature, Status
-from sledenv.params import TOLERANCE, Body, ContactLaw, Slope, State, circular_segment
-from sledenv.scenario import load_scenario
+from sledenv.scenarios.scenario import load_scenario
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import TOLERANCE
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.support import support_height
 from tests.two_springs import Result, follow, random_contacts
 
 Solver = Literal["compliant", "rigid"]

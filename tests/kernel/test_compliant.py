@@ -12,10 +12,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.descent import Descent, simulate
-from sledenv.geometry import support_height
 from sledenv.kernel.records import Feature, Mode, Status
-from sledenv.params import Body, ContactLaw, Limits, Slope, State
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Limits
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
 from tests.bodies import rod
 from tests.oracles import DATA_FILE, wheel_table
 

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.entries import entry
-from sledenv.geometry import arms, feature_at, support_height, whole_turns
+from sledenv.compiler.entries import entry
+from sledenv.compiler.trace import LANES
 from sledenv.kernel import flight
 from sledenv.kernel.params import Incline
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, PACK, new
-from sledenv.params import Body, circular_segment
-from sledenv.programs.trace import LANES
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.support import arms, feature_at, support_height, whole_turns
 from tests.bodies import rod, segment
 from tests.oracles import scanned_touchdown, support
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
 from sledenv.kernel import friction as box
 from sledenv.kernel.friction import Bounds, Drive, Mobility
 from tests.oracles import box_rule

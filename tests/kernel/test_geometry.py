@@ -9,7 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sledenv.geometry import (
+from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.support import (
     arms,
     directions,
     feature_at,
@@ -19,8 +21,6 @@ from sledenv.geometry import (
     support_height,
     whole_turns,
 )
-from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.params import Body, circular_segment
 from tests.bodies import rod
 from tests.oracles import outline_heights, support
 

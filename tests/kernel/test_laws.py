@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
+from sledenv.compiler.jit import by_type, kernel
 from sledenv.kernel.laws import law_of_row
 from sledenv.kernel.params import RigidLaw
-from sledenv.params import ContactLaw
-from sledenv.programs.jit import by_type, kernel
+from sledenv.simulation.scene import ContactLaw
 
 
 class Two(NamedTuple):

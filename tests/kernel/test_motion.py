@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
 from sledenv.kernel import motion
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES
-from sledenv.params import Slope
+from sledenv.simulation.scene import Slope
 
 incline = entry(incline_of)
 SLOPES = [Slope(0.3), Slope(-0.2, gravity=1.6), Slope(0.0), Slope(0.1, gravity=0.0)]

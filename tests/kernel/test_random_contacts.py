@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from sledenv.descent import DescentBatch, simulate_batch
-from sledenv.geometry import arms, feature_at
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT
-from sledenv.params import TOLERANCE, Body, circular_segment
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.settings import TOLERANCE
+from sledenv.simulation.simulate import simulate_batch
+from sledenv.simulation.support import arms, feature_at
 from tests import extrapolation
 from tests.bodies import rod, segment
 

@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from sledenv.entries import entry
+from sledenv.compiler.entries import entry
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import PHASE
 from sledenv.kernel.state import HOP, new

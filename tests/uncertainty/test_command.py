@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from sledenv.cli import main
+from sledenv.command.cli import main
 from tests.uncertainty.make import DROP, mapping
 
 
@@ -89,7 +89,7 @@ def test_without_the_extra_the_command_to_install_it_is_named() -> None:
     program = (
         "import sys; sys.modules['SALib'] = None; import sledenv;"
         "print('pandas' in sys.modules, 'scipy.stats' in sys.modules);"
-        "from sledenv.cli import main; sys.exit(main(['study', 'push_off']))"
+        "from sledenv.command.cli import main; sys.exit(main(['study', 'push_off']))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "False False\n")

@@ -16,8 +16,8 @@ from scipy import integrate
 
 import sledenv
 from sledenv import ContactLaw, Slope, State, simulate_batch
-from sledenv.configuration import Section
-from sledenv.sections import AnyBody, ContactSection, LaunchSection, SlopeSection
+from sledenv.scenarios.configuration import Section
+from sledenv.scenarios.sections import AnyBody, ContactSection, LaunchSection, SlopeSection
 from sledenv.uncertainty import StudyError, load_study, study_names
 from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE
@@ -129,7 +129,7 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
     for row, body, launch in zip(values, lanes.bodies, lanes.launches, strict=True):
         alone = section.model_validate({"kind": kind} | dict(zip(fields, row.tolist(), strict=True))).build()
         assert np.array_equal(body, alone)
-        assert launch[1] == sledenv.geometry.support_height(alone, launch[2])
+        assert launch[1] == sledenv.simulation.support.support_height(alone, launch[2])
 
 
 def test_draws_go_where_their_keys_say() -> None:
@@ -244,7 +244,7 @@ def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None
 
 def test_draws_that_are_no_body_are_counted() -> None:
     """Oracle: the mass centre is above the chord in the upper half of the range."""
-    rise = sledenv.params.sled_rise(1.2, 1.0)
+    rise = sledenv.simulation.bodies.sled_rise(1.2, 1.0)
     height = {"kind": "triangular", "low": 0.0, "mode": 0.0, "high": 2.0 * rise}
     study = made(PUSH, body__mass_centre_height_m=height)
     with pytest.raises(

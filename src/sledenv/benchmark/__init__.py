@@ -1,6 +1,6 @@
 """The benchmark: problems, the best launch of each context, agents trained and judged, scores and their report."""
 
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("benchmark", __name__):
     import joblib  # noqa: F401

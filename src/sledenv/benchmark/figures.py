@@ -28,7 +28,7 @@ from sledenv.benchmark.scores import (
 )
 from sledenv.kernel.records import LOSSES
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
-from sledenv.sections import CONTROLS
+from sledenv.scenarios.sections import CONTROLS
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "zero": (POTENTIAL, "x"),

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Contexts
-from sledenv.geometry import support_heights
-from sledenv.scenario import Context
+from sledenv.scenarios.scenario import Context
+from sledenv.simulation.support import support_heights
 
 Floats = NDArray[np.float64]
 

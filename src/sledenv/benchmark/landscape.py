@@ -17,8 +17,8 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.task import Contexts
 from sledenv.plot.style import INK
-from sledenv.scenario import Scenario, ScenarioError
-from sledenv.sections import CONTROLS
+from sledenv.scenarios.scenario import Scenario, ScenarioError
+from sledenv.scenarios.sections import CONTROLS
 
 
 class Landscape(NamedTuple):

@@ -23,11 +23,11 @@ from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.benchmark.runs import TRAINED, read_config
 from sledenv.envs.task import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
-from sledenv.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
-from sledenv.outline import body_outline, heavy_side, reach
-from sledenv.page import filled
-from sledenv.scenario import Context, Scenario, ScenarioError
-from sledenv.sections import CONTROLS
+from sledenv.pages.html import filled
+from sledenv.pages.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
+from sledenv.plot.shapes import body_outline, heavy_side, reach
+from sledenv.scenarios.scenario import Context, Scenario, ScenarioError
+from sledenv.scenarios.sections import CONTROLS
 
 MOST_SEEDS: Final = 24  # contexts of a page
 DESCENTS: Final = 36_000  # that a page holds: the grid is coarser where contexts are many

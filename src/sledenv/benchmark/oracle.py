@@ -18,9 +18,9 @@ from scipy.stats import qmc
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import TREMBLE, TREMBLES, Problem
 from sledenv.envs.task import Contexts
-from sledenv.files import replacing
-from sledenv.scenario import Context, Split
-from sledenv.sections import CONTROLS
+from sledenv.machine.files import replacing
+from sledenv.scenarios.scenario import Context, Split
+from sledenv.scenarios.sections import CONTROLS
 
 GRID: Final = {name: control.searched for name, control in CONTROLS.items()}  # launches of the dense search
 FINE: Final = 32  # cells for each of these on the bounds of the box, where many optima lie, or if one alone is chosen

@@ -13,12 +13,12 @@ from gymnasium.error import InvalidAction
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
-from sledenv.descent import DescentBatch
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
 from sledenv.kernel.records import RUNNING
-from sledenv.scenario import NOISY, Scenario, Split, check_split
-from sledenv.sections import CONTROLS
+from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
+from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.outcomes import DescentBatch
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}

@@ -32,10 +32,10 @@ from sledenv.benchmark.scores import (
     verdicts,
 )
 from sledenv.benchmark.tables import markdown
-from sledenv.files import publish
-from sledenv.jam import SHOWN
-from sledenv.page import filled
-from sledenv.text import metric_name
+from sledenv.machine.files import publish
+from sledenv.pages.html import filled
+from sledenv.pages.words import metric_name
+from sledenv.simulation.jam import SHOWN
 
 PAGE: Final = "index.html"
 TABLE: Final = "scores.md"

@@ -18,13 +18,13 @@ from sledenv.benchmark.oracle import map_table, oracle
 from sledenv.benchmark.problem import TREMBLE, TREMBLES, TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
-from sledenv.entries import FINGERPRINT
+from sledenv.compiler.entries import FINGERPRINT
 from sledenv.envs.task import FIELDS, Contexts, Solver, Task
-from sledenv.files import alone, replacing
-from sledenv.jam import DescentJam
 from sledenv.kernel.records import LOSSES
-from sledenv.sections import CONTROLS
-from sledenv.workers import Call, runner
+from sledenv.machine.files import alone, replacing
+from sledenv.machine.workers import Call, runner
+from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.jam import DescentJam
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder

@@ -19,8 +19,8 @@ from typing import Any, Final, cast
 import yaml
 
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.configuration import read_yaml
-from sledenv.scenario import Scenario
+from sledenv.scenarios.configuration import read_yaml
+from sledenv.scenarios.scenario import Scenario
 
 TRAINED: Final = Path(__file__).parents[1] / "agents" / "trained"  # what ships: a critic for every scenario
 _CONFIG: Final = "config.yaml"

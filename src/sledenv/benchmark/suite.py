@@ -11,8 +11,8 @@ from pydantic import Field, field_validator
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.configuration import CONFIGS, Document, Quantity, Whole
-from sledenv.scenario import ScenarioError, load_scenario
+from sledenv.scenarios.configuration import CONFIGS, Document, Quantity, Whole
+from sledenv.scenarios.scenario import ScenarioError, load_scenario
 
 
 class SuiteError(ScenarioError):

@@ -10,8 +10,8 @@ from rich.table import Table
 
 from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import BASELINES, PROBLEM, Results, separation, verdicts
-from sledenv.jam import SHOWN
-from sledenv.text import metric_name
+from sledenv.pages.words import metric_name
+from sledenv.simulation.jam import SHOWN
 
 _CHECKS = {True: "yes", False: "**no**", None: "-"}
 

@@ -10,12 +10,12 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Solver, checked_actions, only_lane
 from sledenv.kernel.records import Status
-from sledenv.ride import Ride
-from sledenv.scenario import Scenario, Split
+from sledenv.scenarios.scenario import Scenario, Split
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.ride import Ride
 
 
 class SledDescent(SledLaunch):

@@ -14,11 +14,11 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import INFO_KEYS, Contexts, Solver, Task, checked_actions, checked_info, only_lane
-from sledenv.scenario import Context, Scenario, Split
-from sledenv.text import setting, story
+from sledenv.pages.words import setting, story
+from sledenv.scenarios.scenario import Context, Scenario, Split
+from sledenv.simulation.outcomes import Descent
 
 _NOTHING = -1.0  # [s] before any time of a film
 
@@ -55,7 +55,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Action
         ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward
-        progress / 2 + sqrt(retention) / 2 in [0, 1]; see :mod:`sledenv.jam` and docs/environments.md.
+        progress / 2 + sqrt(retention) / 2 in [0, 1]; see :mod:`sledenv.simulation.jam` and docs/environments.md.
     Ending
         Every episode terminates after its one step.
     Info

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.descent import Descent
-from sledenv.files import replacing
 from sledenv.kernel.records import Status
-from sledenv.outline import (
+from sledenv.machine.files import replacing
+from sledenv.pages.words import feature_name, mode_name, motion_words, quantity
+from sledenv.plot.shapes import (
     Push,
     body_outline,
     contact_spans,
@@ -31,8 +31,9 @@ from sledenv.outline import (
     strobe_states,
     to_world,
 )
-from sledenv.params import Body, Slope, State
-from sledenv.text import feature_name, mode_name, motion_words, quantity
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import Slope, State
 
 if TYPE_CHECKING:
     import pygame

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from sledenv.envs.vector import SledVectorEnv
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     import torch

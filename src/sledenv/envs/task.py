@@ -15,8 +15,6 @@ from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from sledenv.descent import Descent, DescentBatch, Record, simulate, simulate_batch
-from sledenv.geometry import directions, support_heights
 from sledenv.kernel.records import (
     FINISH,
     LEDGER_FIELDS,
@@ -27,10 +25,15 @@ from sledenv.kernel.records import (
     STEP_BUDGET,
     TIMEOUT,
 )
-from sledenv.params import NOT_NEGATIVE, Body, ContactLaw, Slope, State, checked, checked_rows
-from sledenv.ride import Ride, RideBatch
-from sledenv.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
-from sledenv.sections import CONTROLS, control_words
+from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
+from sledenv.scenarios.sections import CONTROLS, control_words
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent, DescentBatch, Record
+from sledenv.simulation.ride import Ride, RideBatch
+from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_rows
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.support import directions, support_heights
 
 Solver = Literal["compliant", "rigid"]
 # (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
@@ -65,8 +68,8 @@ class Task:
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
     control : str, optional
-        What of the launch the agent chooses, a word of :func:`sledenv.scenario.control_words`; the rest is part of the
-        context. What the scenario says by default.
+        What of the launch the agent chooses, a word of :func:`sledenv.scenarios.sections.control_words`; the rest is
+        part of the context. What the scenario says by default.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -78,7 +81,7 @@ class Task:
     Attributes
     ----------
     controlled : tuple of str
-        What the agent chooses, in the order of its actions: of ``CONTROLS`` in :mod:`sledenv.scenario`.
+        What the agent chooses, in the order of its actions: of ``CONTROLS`` in :mod:`sledenv.scenarios.scenario`.
     control : str
         The first word for it, so that tasks with the same choice have the same.
     bounds : dict of ndarray, shape (2,)

@@ -18,13 +18,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.checks import checked_count
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch, Snapshot, check_snapshot
 from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions, checked_info
-from sledenv.ride import RideBatch
-from sledenv.room import check_room
-from sledenv.scenario import Scenario, Split
+from sledenv.scenarios.scenario import Scenario, Split
+from sledenv.simulation.memory import check_room
+from sledenv.simulation.ride import RideBatch
+from sledenv.simulation.rules import checked_count
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 

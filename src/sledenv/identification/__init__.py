@@ -1,6 +1,6 @@
 """From recordings to a contact law: what is fitted to measured rebounds and tracks, and how sure one may be of it."""
 
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("analysis", __name__):
     import joblib  # noqa: F401

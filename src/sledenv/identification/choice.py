@@ -10,7 +10,8 @@ import pandas as pd
 from sledenv.identification.rebounds import Identification, read_table
 from sledenv.identification.rebounds import identify as identify_rebounds
 from sledenv.identification.tracks import POSE, TIME, TrackFit, identify_tracks
-from sledenv.params import Body, Slope
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.scene import Slope
 
 
 def holds_tracks(table: pd.DataFrame) -> bool:

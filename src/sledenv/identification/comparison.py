@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.checks import checked_count
 from sledenv.identification.fitting import Floats
 from sledenv.identification.rebounds import ImpactModel, Rebounds, read_rebounds
-from sledenv.impact import Hypothesis
-from sledenv.params import Body, checked
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rigid_impact import Hypothesis
+from sledenv.simulation.rules import checked, checked_count
 
 Predictor = Callable[[Rebounds, Rebounds], Floats]  # fitted to the first, velocities after of the second, (N, 3)
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import brentq, least_squares
 
-from sledenv.checks import checked_choice, checked_count
-from sledenv.params import POSITIVE, checked
+from sledenv.simulation.rules import POSITIVE, checked, checked_choice, checked_count
 
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sledenv.descent import simulate
-from sledenv.geometry import support_height
 from sledenv.identification.fitting import Parameter, Problem, solve
 from sledenv.identification.rebounds import arms_of
-from sledenv.impact import velocities_after
-from sledenv.params import Body, ContactLaw, Slope, State, asymmetry_of
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rigid_impact import velocities_after
+from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
 
 Floats = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sledenv.checks import checked_choice
-from sledenv.geometry import arms, feature_at, within_a_turn
 from sledenv.identification.fitting import Fit, Floats, Interval, Loss, Parameter, Problem, profiled, solve
-from sledenv.impact import Hypothesis, velocities_after
 from sledenv.kernel.records import ARC
-from sledenv.params import POSITIVE, Body, checked, made
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
+from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
+from sledenv.simulation.support import arms, feature_at, within_a_turn
 
 BEFORE: Final = ("u_before_m_s", "v_before_m_s", "omega_before_rad_s")
 AFTER: Final = ("u_after_m_s", "v_after_m_s", "omega_after_rad_s")

@@ -11,9 +11,9 @@ from sledenv.identification.comparison import Comparison
 from sledenv.identification.figures import plot_errors, plot_profiles, plot_residuals, plot_track_residuals
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification
 from sledenv.identification.tracks import TrackFit
-from sledenv.params import State
-from sledenv.replay import replay_page
-from sledenv.text import TRAJECTORY_COLUMNS
+from sledenv.pages.replay import replay_page
+from sledenv.pages.words import TRAJECTORY_COLUMNS
+from sledenv.simulation.scene import State
 
 FILES: Final = ("parameters.csv", "starts.csv", "balance.csv", "rebounds.csv", "residuals.png", "profiles.png")
 COMPARED: Final = ("errors.csv", "models.csv", "differences.csv", "models.png")

@@ -9,8 +9,6 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sledenv.checks import BatchSolver
-from sledenv.descent import Descent, simulate
 from sledenv.identification.fitting import Fit, Interval, LocalMinimumError, Loss, Parameter, Problem, profiled, solve
 from sledenv.identification.flights import (
     FEWEST,
@@ -26,8 +24,13 @@ from sledenv.identification.flights import (
     lifted,
     likely_laws,
 )
-from sledenv.outline import drawable_rows, reach, states_at
-from sledenv.params import POSITIVE, Body, Slope, State, checked
+from sledenv.plot.shapes import drawable_rows, reach, states_at
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import BatchSolver
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import POSITIVE, checked
+from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.simulate import simulate
 
 STIFFNESS = "log10_stiffness"
 _UNITS = dict(zip(State._fields, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))

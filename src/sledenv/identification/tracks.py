@@ -11,16 +11,18 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 
-from sledenv.checks import BatchSolver, checked_choice
-from sledenv.descent import Descent
 from sledenv.identification.fitting import Fit, Interval, Loss
 from sledenv.identification.flights import FEWEST, LAW, Floats, Noise, Recording, law_of
 from sledenv.identification.rebounds import numbers
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
-from sledenv.outline import drawable_rows, reach, states_at
-from sledenv.params import POSITIVE, Body, ContactLaw, Slope, State, checked, made
-from sledenv.replay import Ghost
-from sledenv.text import TRAJECTORY_COLUMNS
+from sledenv.pages.replay import Ghost
+from sledenv.pages.words import TRAJECTORY_COLUMNS
+from sledenv.plot.shapes import drawable_rows, reach, states_at
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import BatchSolver
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
+from sledenv.simulation.scene import ContactLaw, Slope, State
 
 TIME = TRAJECTORY_COLUMNS["t"]
 POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))
@@ -300,7 +302,7 @@ class TrackFit:
         return self.model.descent(law, launch, length, _DRAWN)
 
     def ghost(self, name: str | None = None) -> Ghost:
-        """Return a recording for :func:`sledenv.replay.replay_page` of its :meth:`descent`."""
+        """Return a recording for :func:`sledenv.pages.replay.replay_page` of its :meth:`descent`."""
         i = self._number(name)
         one = self.recordings[i]
         rows = self.residuals[self.residuals[RECORDING] == one.name]

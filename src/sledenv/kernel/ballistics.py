@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from sledenv.compiler.values import absolute, equal, fma, larger, less, nearest, not_more, root, smaller, where
 from sledenv.kernel import motion
 from sledenv.kernel.geometry import TURN, arms_of, without_turns
 from sledenv.kernel.params import Incline
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.state import MOTION, change, copy
-from sledenv.programs.values import absolute, equal, fma, larger, less, nearest, not_more, root, smaller, where
 
 # Phases of a search. POISED: on the surface without a gap rate, to be looked at by itself.
 FALLING, SEARCHING, LANDED, POISED = -1.0, 0.0, 1.0, 2.0

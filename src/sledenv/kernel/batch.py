@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import LANES, straight
 from sledenv.kernel.ballistics import begin_flight
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.descend import close_books, find_touchdown, hop, meeting, trim, write_rebound
@@ -17,8 +19,6 @@ from sledenv.kernel.laws import Law, by_law, law_of_row
 from sledenv.kernel.params import Body, Incline, Limits, RigidLaw, Slope, State, body_of, reader, row_of
 from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import LANES, straight
 
 
 class Lanes(NamedTuple):

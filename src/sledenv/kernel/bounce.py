@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import LANES, packed
+from sledenv.compiler.values import equal, less, not_more, where
 from sledenv.kernel import impact
 from sledenv.kernel.ballistics import arrival
 from sledenv.kernel.flight import for_bodies, touchdowns
@@ -19,9 +22,6 @@ from sledenv.kernel.motion import finish_of
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, LOSSES
 from sledenv.kernel.state import change
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import LANES, packed
-from sledenv.programs.values import equal, less, not_more, where
 
 
 def touch(hop: Any, corners: bool) -> None:

@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.trace import of_step, straight
+from sledenv.compiler.values import absolute, equal, larger, less, not_more, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.friction import CLEAR
 from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.state import CONTACT, PEAKS, SUMS, add, clear, copy
 from sledenv.kernel.step import complete, orient
-from sledenv.programs.jit import kernel, part
-from sledenv.programs.trace import of_step, straight
-from sledenv.programs.values import absolute, equal, larger, less, not_more, where
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
 NO_SLIP = 1e-24  # of it: slips that are zero but for rounding

@@ -13,12 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.trace import copy_into_callers, of_step
+from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, unite
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
+from sledenv.kernel.roots import horner, locate
 from sledenv.kernel.state import FLYING, TOUCHING, followed_by
 from sledenv.kernel.step import begin_step, complete, expect, orient
 from sledenv.kernel.trajectory import (
@@ -30,10 +34,6 @@ from sledenv.kernel.trajectory import (
     write_motion,
     write_slip,
 )
-from sledenv.programs.jit import kernel, part
-from sledenv.programs.roots import horner, locate
-from sledenv.programs.trace import copy_into_callers, of_step
-from sledenv.programs.values import equal, where
 
 SOUGHT = 1.1  # the expected root is sought if the guess lies within so many lengths of the step
 # A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.

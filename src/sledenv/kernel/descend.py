@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.rows import WIDTH
+from sledenv.compiler.trace import copy_into_callers, straight
 from sledenv.kernel import records
 from sledenv.kernel.ballistics import LANDED
 from sledenv.kernel.contact import write_contact
@@ -35,9 +38,6 @@ from sledenv.kernel.state import (
     record,
 )
 from sledenv.kernel.trajectory import next_row, rows_to_write
-from sledenv.programs.jit import kernel, part
-from sledenv.programs.rows import WIDTH
-from sledenv.programs.trace import copy_into_callers, straight
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler import rows
+from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.rows import EIGHT, element, repeated
+from sledenv.compiler.trace import copy_into_callers, scalar, write_series
+from sledenv.compiler.values import fma
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import has_corners
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
-from sledenv.programs import rows
-from sledenv.programs.jit import kernel, part
-from sledenv.programs.roots import first_root, horner
-from sledenv.programs.rows import EIGHT, element, repeated
-from sledenv.programs.trace import copy_into_callers, scalar, write_series
-from sledenv.programs.values import fma
+from sledenv.kernel.roots import first_root, horner
 
 # What ends a step.
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)

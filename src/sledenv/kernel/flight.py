@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.trace import LANES, packed, scalar, straight
 from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
 from sledenv.kernel.params import Body, Incline
 from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
-from sledenv.programs.jit import kernel, part
-from sledenv.programs.trace import LANES, packed, scalar, straight
 
 EDGE = 1e-9  # [rad]
 FEW = 3  # lanes from which on a pack is faster than each by itself

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers, scalar
-from sledenv.programs.values import absolute, equal, less, where
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import copy_into_callers, scalar
+from sledenv.compiler.values import absolute, equal, less, where
 
 TIE = 1e-12  # violations closer than this are equal; the branch listed first is then taken, and locks come first
 CLEAR = 1e-9  # violations above this are told from none

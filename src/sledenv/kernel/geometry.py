@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import scalar
+from sledenv.compiler.values import nearest, sine_cosine
 from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import scalar
-from sledenv.programs.values import nearest, sine_cosine
 
 TURN = 2.0 * math.pi
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import copy_into_callers, straight
+from sledenv.compiler.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates_of, resolve
 from sledenv.kernel.state import change, followed_by
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers, straight
-from sledenv.programs.values import absolute, equal, larger, less, not_more, root, sign, sine_cosine, smaller, where
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 MOST_PHASES = 32

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numba.extending import overload
 
+from sledenv.compiler.jit import by_type, kernel, part
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader, row_of
@@ -16,7 +17,6 @@ from sledenv.kernel.progress import begin_with_approaching
 from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.state import TOUCHING
-from sledenv.programs.jit import by_type, kernel, part
 
 Law = CompliantLaw | RigidLaw
 _Law = TypeVar("_Law", bound=Law)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from sledenv.programs.values import equal, larger, less, not_more, root, where
+from sledenv.compiler.values import equal, larger, less, not_more, root, where
 
 
 def accelerations(slope: Any, u: Any, v: Any) -> tuple[Any, Any]:

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import scalar
+from sledenv.compiler.values import larger, less, where
 from sledenv.kernel.params import ContactLaw
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import scalar
-from sledenv.programs.values import larger, less, where
 
 ROUNDING: Final = 2e-15  # of the size: gaps that are equal, or zero, but for rounding
 NO_DEPTH: Final = 1e-12  # of the size: a contact that is shallower is resolved in the limit of a vanishing normal force

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import scalar
+from sledenv.compiler.values import absolute, equal, larger, less, not_more, sign, smaller, where
 from sledenv.kernel import normal
 from sledenv.kernel.friction import CLEAR, TIE, Branch, beyond, excluded, in_turn
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import scalar
-from sledenv.programs.values import absolute, equal, larger, less, not_more, sign, smaller, where
 
 
 class Point(NamedTuple):

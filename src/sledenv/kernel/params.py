@@ -1,6 +1,6 @@
 """What kernels are given: body, contact law, slope, launch state and limits, as tuples of floats.
 
-Python makes them with the classes of the same names in :mod:`sledenv.params`, which check every field.
+Python makes them with the classes of the same names in :mod:`sledenv.simulation.params`, which check every field.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import scalar
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import scalar
 
 
 class Body(NamedTuple):

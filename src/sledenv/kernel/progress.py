@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import copy_into_callers, straight
+from sledenv.compiler.values import equal, less, root, where
 from sledenv.kernel import events, normal, records
 from sledenv.kernel.friction import Branch
 from sledenv.kernel.geometry import arms, feature_geometry, other_corner, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.series import longest_step
 from sledenv.kernel.step import advance
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers, straight
-from sledenv.programs.values import equal, less, root, where
 
 MOST_UNITS = 2.0  # [units] longest step
 UNIT_ANGLE = 1.5  # [rad] of the contact oscillation in a unit of time

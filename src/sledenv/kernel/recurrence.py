@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler import rows
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.rows import element, repeated, shuffled, side_by_side
+from sledenv.compiler.trace import straight
+from sledenv.compiler.values import equal, fma, where
 from sledenv.kernel import normal
 from sledenv.kernel.pair import branch_of, couples, hold, locking, pick, points, unturned
 from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking, product
 from sledenv.kernel.state import clear, copy
-from sledenv.programs import rows
-from sledenv.programs.jit import kernel
-from sledenv.programs.rows import element, repeated, shuffled, side_by_side
-from sledenv.programs.trace import straight
-from sledenv.programs.values import equal, fma, where
 
 _DERIVED = np.array([1.0, 1.0, -1.0, -1.0])  # signs of cosines and sines in the derivatives of sines and cosines
 

@@ -6,6 +6,9 @@ import math
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import copy_into_callers, scalar, straight
+from sledenv.compiler.values import where
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
@@ -13,9 +16,6 @@ from sledenv.kernel.params import Body, Incline, RigidLaw
 from sledenv.kernel.progress import arms_now, change_corner
 from sledenv.kernel.records import ARC, INCONSISTENT, NOSE, RUNNING, SEPARATED, STEP_BUDGET, TAIL
 from sledenv.kernel.state import SUMS, add, copy, followed_by
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import copy_into_callers, scalar, straight
-from sledenv.programs.values import where
 
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sledenv.compiler import rows
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
+from sledenv.compiler.trace import Program, block, scalar, straight
+from sledenv.compiler.values import absolute, fma, larger, not_more, rough_root, smaller, where
 from sledenv.kernel import normal
-from sledenv.programs import rows
-from sledenv.programs.jit import kernel
-from sledenv.programs.rows import EIGHT, TERMS, element, repeated, shuffled, side_by_side
-from sledenv.programs.trace import Program, block, scalar, straight
-from sledenv.programs.values import absolute, fma, larger, not_more, rough_root, smaller, where
 
 ORDER = TERMS - 1  # forces are known to one order less than the motion
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last

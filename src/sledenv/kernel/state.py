@@ -1,6 +1,6 @@
 """What a descent works on while it runs, as records with named fields: a contact, a step of it, a flight, an impact.
 
-In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sledenv.programs.trace`) ``step.length``.
+In a kernel a field is ``step["length"]``, in a straight-line program (:mod:`sledenv.compiler.trace`) ``step.length``.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from sledenv.compiler.rows import WIDTH
+from sledenv.compiler.trace import pack_of
+from sledenv.compiler.values import nearest, where
 from sledenv.kernel import normal
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import CONTACT_LOSSES, LOSSES
-from sledenv.programs.rows import WIDTH
-from sledenv.programs.trace import pack_of
-from sledenv.programs.values import nearest, where
 
 # A generator of random numbers (Park and Miller) mixes the codes of a sequence: whole numbers, exact in a double.
 _MIX, _PRIME = 48271.0, 2147483647.0

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from sledenv.compiler import rows, values
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
+from sledenv.compiler.trace import of_step, straight
+from sledenv.compiler.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 from sledenv.kernel import events, normal
 from sledenv.kernel.records import ARC
-from sledenv.programs import rows, values
-from sledenv.programs.jit import kernel
-from sledenv.programs.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
-from sledenv.programs.trace import of_step, straight
-from sledenv.programs.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import straight
 from sledenv.kernel.records import FLIGHT_LOSSES, NOSE, TAIL
 from sledenv.kernel.state import MOTION, copy
-from sledenv.programs.jit import kernel
-from sledenv.programs.trace import straight
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
 MOST_ROWS: Final = 1e18  # up to which they are counted

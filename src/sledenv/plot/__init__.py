@@ -1,11 +1,10 @@
 """The figures: descents as strobe pictures, impacts and descents in time, energies, and maps of how an impact ends."""
 
-from sledenv.plot.contact import plot_impact, plot_penetration, plot_slip
+from sledenv.plot.contacts import plot_impact, plot_penetration, plot_slip
 from sledenv.plot.energy import energy_layers, plot_descent
 from sledenv.plot.growth import plot_growth
 from sledenv.plot.impacts import plot_impulse_plane, plot_impulses, plot_phase_portraits
 from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
-from sledenv.plot.motion import plot_strobe
 from sledenv.plot.paper import (
     plot_convergence,
     plot_impact_phases,
@@ -13,6 +12,7 @@ from sledenv.plot.paper import (
     plot_velocities,
     plot_worked_example,
 )
+from sledenv.plot.strobe import plot_strobe
 
 __all__ = [
     "energy_layers",

@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sledenv.descent import Descent
 from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES
-from sledenv.outline import drawable_rows, to_world
-from sledenv.plot.rows import kinetic, penetration, touching_arms
+from sledenv.plot.shapes import drawable_rows, to_world
 from sledenv.plot.style import (
     BLUE,
     GREEN,
@@ -25,6 +23,8 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
+from sledenv.plot.trajectories import kinetic, penetration, touching_arms
+from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

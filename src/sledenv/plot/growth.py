@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.derivatives import LAUNCH, Sensitivity
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, PURPLE, RED, SKY, WIDTH, outcome, styled
+from sledenv.simulation.derivatives import LAUNCH, Sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.descent import Descent
-from sledenv.geometry import arms, feature_at, within_a_turn
-from sledenv.impact import Hypothesis, rigid_impact
 from sledenv.kernel.records import Feature
-from sledenv.params import Body, ContactLaw, State
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, RED, SHADE, WIDTH, contact_key, shade_contacts, styled
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rigid_impact import Hypothesis, rigid_impact
+from sledenv.simulation.scene import ContactLaw, State
+from sledenv.simulation.support import arms, feature_at, within_a_turn
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -48,7 +48,7 @@ def plot_table_1(
     friction : ndarray, shape (m,)
         f [-], likewise.
     scenario : ndarray of str, shape (m, n)
-        The scenario that holds, as :func:`sledenv.wheel.collide_wheel` names it.
+        The scenario that holds, as :func:`sledenv.closed_forms.wheel.collide_wheel` names it.
     printed : ndarray of str, shape (m, n)
         The rows of Table 1 whose printed rules hold, as in "1 + 3"; hatched where there are several.
     note : str

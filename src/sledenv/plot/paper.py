@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.descent import Descent
-from sledenv.outline import drawable_rows, to_world
-from sledenv.plot.rows import contact_rows, gap_rate
+from sledenv.plot.shapes import drawable_rows, to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -25,6 +23,8 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
+from sledenv.plot.trajectories import contact_rows, gap_rate
+from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
-from sledenv.descent import Descent
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
+from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from sledenv.files import publish, write_csv
+from sledenv.machine.files import publish, write_csv
 from sledenv.reproduce import cases, figures
 from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows
 

@@ -8,10 +8,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.checks import Solver
-from sledenv.descent import Descent, DescentBatch, FrictionSign, simulate, simulate_batch
-from sledenv.geometry import support_height, support_heights
-from sledenv.params import Body, ContactLaw, Slope, State, circular_segment
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.checks import Solver
+from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import FrictionSign, simulate, simulate_batch
+from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
 

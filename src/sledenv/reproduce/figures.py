@@ -8,12 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sledenv.descent import Descent, DescentBatch, FrictionSign, simulate
-from sledenv.files import write_csv
-from sledenv.geometry import support_height
-from sledenv.impact import rigid_impact
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Feature, Status
-from sledenv.params import State
+from sledenv.machine.files import write_csv
 from sledenv.plot import (
     plot_convergence,
     plot_impact_phases,
@@ -26,7 +23,11 @@ from sledenv.plot import (
     plot_worked_example,
 )
 from sledenv.reproduce import cases
-from sledenv.wheel import collide_wheel
+from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.rigid_impact import rigid_impact
+from sledenv.simulation.scene import State
+from sledenv.simulation.simulate import FrictionSign, simulate
+from sledenv.simulation.support import support_height
 
 _DPI = 150
 _SLED_GIVEN = "Given in the paper: 100 kg, friction 0.03, restitution 0.5."

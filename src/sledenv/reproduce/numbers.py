@@ -8,12 +8,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sledenv.descent import Descent, DescentBatch, FrictionSign
-from sledenv.impact import rigid_impact
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Feature, Status
 from sledenv.reproduce import cases
 from sledenv.reproduce.cases import Floats
-from sledenv.wheel import collide_wheel
+from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.rigid_impact import rigid_impact
+from sledenv.simulation.simulate import FrictionSign
 
 _SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")
 

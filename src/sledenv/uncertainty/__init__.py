@@ -1,6 +1,6 @@
 """Uncertainty studies: what is not known of a launch, a law, a slope or a body, and what follows for the descent."""
 
-from sledenv.extras import needs
+from sledenv.machine.extras import needs
 
 with needs("analysis", __name__):
     from sledenv.uncertainty.model import Study, StudyError, load_study, study_names

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.descent import simulate_batch
-from sledenv.jam import DescentJam, descent_jam
 from sledenv.kernel.records import FINISH, OUTCOME
-from sledenv.params import Body, Slope
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.jam import DescentJam, descent_jam
+from sledenv.simulation.scene import Slope
+from sledenv.simulation.simulate import simulate_batch
 from sledenv.uncertainty.model import Lanes
 
 _LENGTH = Slope._fields.index("length")

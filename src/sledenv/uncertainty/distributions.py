@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 from scipy import stats
 
-from sledenv.configuration import Quantity, Section
+from sledenv.scenarios.configuration import Quantity, Section
 
 Number = Annotated[float, Quantity("(-inf, inf)")]
 Positive = Annotated[float, Quantity("(0, inf)")]

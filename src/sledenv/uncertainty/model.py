@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
-from sledenv.configuration import Document, Section, Whole
-from sledenv.entries import FINGERPRINT
-from sledenv.jam import DescentJam
-from sledenv.params import Body, ContactLaw, Slope
-from sledenv.scenario import Context, Scenario, ScenarioError, load_scenario
-from sledenv.sections import ContactSection, LaunchSection, SlopeSection
+from sledenv.compiler.entries import FINGERPRINT
+from sledenv.scenarios.configuration import Document, Section, Whole
+from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
+from sledenv.scenarios.sections import ContactSection, LaunchSection, SlopeSection
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
 
 PARTS: Final = ("slope", "body", "contact", "launch")  # sections whose numbers may be uncertain

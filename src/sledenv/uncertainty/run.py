@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from SALib.sample import sobol
 from tqdm import tqdm
 
-from sledenv.checks import checked_count
-from sledenv.files import check_free, replacing
 from sledenv.kernel.records import LOSSES, STATUS_OF_CODE
+from sledenv.machine.files import check_free, replacing
+from sledenv.machine.workers import Call, Runner, runner
+from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.descents import descend_past
 from sledenv.uncertainty.distributions import EDGE
 from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
 from sledenv.uncertainty.model import Study, StudyError, load_study
-from sledenv.workers import Call, Runner, runner
 
 BLOCK: Final = 4096  # launches in a file, at most
 _DPI: Final = 150

@@ -1,0 +1,350 @@
+"""The impact of a wheel in closed form, the paper's Table 1 corrected and completed: docs/physics.md, section 3.
+
+The mass centre of a wheel is its centre, so the normal motion does not feel the tangential one: the normal impulse is
+``P = m |v| (1 + e)`` whatever happens at the contact. It plays the part of time. With the slip ``v_t = u + r omega``,
+
+    m du = F dp,    J domega = (r F + M) dp,    d(J omega - m r u) = M dp,    I = J + m r^2,
+
+and slip and spin decay at constant rates until the first of them stops, after the impulse
+
+    p1 = |v_t| / [f (1/m + r^2/J) + c r delta/J]    or    p2 = |omega| J / (delta + c r f),    c = sgn(v_t) sgn(omega)
+
+(never, if the denominator is not positive; a velocity that is zero at entry has c = -1, and the impulse 0 if it stays
+zero). What stops first can stay zero or come back with the other sign:
+
+- Slip stays zero, the wheel rolls, iff ``f >= f_r = m r delta/I``: rolling needs the friction ``f_r`` per normal force.
+- Spin stays zero iff ``r f <= delta``: rolling resistance holds against the moment of sliding friction.
+
+As ``f_r < delta/r``, never both come back: once slip has, ``r f < delta`` stops the spin for good; once spin has,
+``f > f_r`` stops the slip for good. A wheel has no double reversal. Every impact is one of the paths below, cut where
+``P`` is used up; the velocities at the cut follow from two of: ``F`` known, ``M`` known, ``u + r omega = 0``,
+``omega = 0``.
+
+    slide-roll -> stop-roll -> stuck                        p1 < p2, f >= f_r
+    slide-roll -> slip-reversal -> slide -> stuck           p1 < p2, f < f_r
+    slide-roll -> slide -> stuck                            p2 < p1, r f <= delta
+    slide-roll -> spin-reversal -> stop-roll -> stuck       p2 < p1, r f > delta
+    slide-roll -> stuck                                     p1 = p2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Values = float | FloatArray
+
+# Where an impact can end, and the rule of existence in the symbols above.
+NO_IMPACT, SLIDES, ROLLS, ROLLS_BACK, SLIDES_STOPPED, SLIDES_BACK, SPIN_BACK, SLIP_BACK, STUCK_AT_ONCE = range(9)
+STUCK_ROLLING, STUCK_SLIDING, STUCK_ROLLING_BACK, STUCK_SLIDING_BACK = range(9, 13)
+BRANCHES: Final = (
+    ("none", "v > 0"),
+    ("slide-roll", "P < p1 and P < p2"),
+    ("stop-roll", "p1 < p2 and p1 <= P, f >= f_r: slip stays zero, and omega keeps its sign"),
+    ("stop-roll", "p2 < p1 and p2 <= P, r f > delta: spin turned back, then slip stopped, and the wheel still rolls"),
+    ("slide", "p2 < p1 and p2 <= P, r f <= delta: spin stays zero, and u keeps the sign of the slip"),
+    ("slide", "p1 < p2 and p1 <= P, f < f_r: slip turned back, then spin stopped, and the wheel still slides"),
+    ("spin-reversal", "p2 < p1 and p2 <= P, r f > delta: spin turned back, and slip keeps its sign"),
+    ("slip-reversal", "p1 < p2 and p1 <= P, f < f_r: slip turned back, and spin keeps its sign"),
+    ("stuck", "p1 = p2 <= P: slip and spin stop together"),
+    ("stuck", "p1 < p2 and p1 <= P, f >= f_r: slip stopped, then rolling"),
+    ("stuck", "p2 < p1 and p2 <= P, r f <= delta: spin stopped, then sliding"),
+    ("stuck", "p2 < p1 and p2 <= P, r f > delta: spin turned back, slip stopped, then rolling"),
+    ("stuck", "p1 < p2 and p1 <= P, f < f_r: slip turned back, spin stopped, then sliding"),
+)
+_SCENARIOS: Final = np.array([scenario for scenario, _ in BRANCHES], dtype=object)
+_RULES: Final = np.array([rule for _, rule in BRANCHES], dtype=object)
+
+
+@dataclass(frozen=True)
+class WheelImpact:
+    """Result of a wheel's impact; floats, or arrays of the broadcast shape of the arguments.
+
+    Attributes
+    ----------
+    u, v : float or ndarray
+        Velocity of the centre after the impact [m/s].
+    omega : float or ndarray
+        Spin after it [rad/s].
+    tangential_impulse, normal_impulse : float or ndarray
+        SF and P = SN of the paper [N s], those of the slope on the wheel.
+    arm : float or ndarray
+        d of Table 1 [m]: moment impulse of the rolling resistance over normal impulse, ``|d| <= delta``.
+        Counter-clockwise is positive, as for a normal impulse that acts at d downhill of the contact point; positive
+        throughout Table 1, where u0 > 0 and omega0 = 0. 0 without normal impulse.
+    branch : int or ndarray
+        Index into ``BRANCHES``.
+    """
+
+    u: Values
+    v: Values
+    omega: Values
+    tangential_impulse: Values
+    normal_impulse: Values
+    arm: Values
+    branch: int | npt.NDArray[np.intp]
+
+    @property
+    def scenario(self) -> Any:
+        """How the impact ended, str or array of str: in the words of ``sledenv.Mode``, or "none"."""
+        return _SCENARIOS[self.branch]
+
+    @property
+    def rule(self) -> Any:
+        """Rule of existence that held, str or array of str, in the symbols of :mod:`sledenv.closed_forms.wheel`."""
+        return _RULES[self.branch]
+
+
+def _checked(name: str, value: Any, accepts: Callable[[FloatArray], npt.NDArray[np.bool_]], allowed: str) -> FloatArray:
+    """Return ``value`` as an array of floats, or raise an error that names argument, value and allowed range."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} = {value!r}: must be a number or an array of numbers {allowed}") from None
+    bad = ~(np.isfinite(array) & accepts(array))
+    if bad.any():
+        where = np.unravel_index(int(np.argmax(bad)), array.shape)
+        index = f"[{', '.join(map(str, where))}]" if array.ndim else ""
+        raise ValueError(f"{name}{index} = {float(array[where])!r}: must be {allowed}")
+    return array
+
+
+def _positive(name: str, value: Any) -> FloatArray:
+    return _checked(name, value, lambda array: array > 0.0, "in (0, inf)")
+
+
+def _not_negative(name: str, value: Any) -> FloatArray:
+    return _checked(name, value, lambda array: array >= 0.0, "in [0, inf)")
+
+
+def _fraction(name: str, value: Any) -> FloatArray:
+    return _checked(name, value, lambda array: (array >= 0.0) & (array <= 1.0), "in [0, 1]")
+
+
+def _finite(name: str, value: Any) -> FloatArray:
+    return _checked(name, value, np.isfinite, "a finite number")
+
+
+def _broadcast(**arrays: FloatArray) -> list[FloatArray]:
+    try:
+        return list(np.broadcast_arrays(*arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items() if array.ndim)
+        raise ValueError(f"arguments do not broadcast together: {shapes}") from None
+
+
+def _impulse_to_stop(speed: FloatArray, rate: FloatArray) -> FloatArray:
+    """Normal impulse [N s] after which ``speed``, falling at ``rate`` per impulse, is zero; inf if it does not fall."""
+    impulse: FloatArray = np.divide(speed, rate, out=np.full(speed.shape, np.inf), where=rate > 0.0)
+    return impulse
+
+
+def collide_wheel(
+    mass: npt.ArrayLike,
+    inertia: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    friction: npt.ArrayLike,
+    rolling_arm: npt.ArrayLike,
+    restitution: npt.ArrayLike,
+    u: npt.ArrayLike,
+    v: npt.ArrayLike,
+    omega: npt.ArrayLike = 0.0,
+) -> WheelImpact:
+    """Solve one impact of a wheel in closed form, for any entry: docs/physics.md, section 3 (the paper's Table 1).
+
+    All arguments broadcast against each other. Exactly one scenario holds for every input; where two meet, their
+    velocities are the same.
+
+    Parameters
+    ----------
+    mass : array_like
+        m [kg], > 0.
+    inertia : array_like
+        J about the centre [kg m^2], > 0.
+    radius : array_like
+        r [m], > 0.
+    friction : array_like
+        Coulomb coefficient f [-], >= 0.
+    rolling_arm : array_like
+        delta [m], >= 0: rolling resistance is at most delta times the normal force.
+    restitution : array_like
+        e [-] in [0, 1], the paper's R; for a wheel Newton's, Poisson's and Stronge's are the same.
+    u, v : array_like
+        Velocity of the centre at touch [m/s], along the slope and along the outward normal. v < 0 approaches, v > 0 is
+        no impact, and v = 0 is one without impulse.
+    omega : array_like
+        Spin at touch [rad/s], counter-clockwise positive: rolling in the direction of u > 0 is omega < 0.
+
+    Returns
+    -------
+    WheelImpact
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    OverflowError
+        If a velocity or an impulse after it is too large for a number.
+
+    Examples
+    --------
+    >>> impact = collide_wheel(1.0, 0.005, 0.1, 0.1, 0.001, 0.5, u=2.0, v=-1.0)
+    >>> impact.scenario, round(impact.u, 3), round(impact.omega, 3)
+    ('slide-roll', 1.85, -2.7)
+    """
+    m, inertia_, r, f, delta, e, u0, v0, w0 = _broadcast(
+        mass=_positive("mass", mass),
+        inertia=_positive("inertia", inertia),
+        radius=_positive("radius", radius),
+        friction=_not_negative("friction", friction),
+        rolling_arm=_not_negative("rolling_arm", rolling_arm),
+        restitution=_fraction("restitution", restitution),
+        u=_finite("u", u),
+        v=_finite("v", v),
+        omega=_finite("omega", omega),
+    )
+    with np.errstate(all="ignore"):  # of every input all branches are evaluated, and one is chosen
+        fields = _solve(m, inertia_, r, f, delta, e, u0, v0, w0)
+    if not all(np.isfinite(field).all() for field in fields):
+        raise OverflowError("collide_wheel: velocities and impulses of this impact are too large for a number")
+    if fields[0].ndim == 0:
+        return WheelImpact(*(field.item() for field in fields))
+    return WheelImpact(*fields)
+
+
+def _solve(
+    m: FloatArray,
+    inertia: FloatArray,
+    r: FloatArray,
+    f: FloatArray,
+    delta: FloatArray,
+    e: FloatArray,
+    u0: FloatArray,
+    v0: FloatArray,
+    w0: FloatArray,
+) -> tuple[Any, ...]:
+    """Fields of WheelImpact, as arrays, of checked arguments of one shape."""
+    about_contact = inertia + m * r * r  # I
+    impulse = np.where(v0 > 0.0, 0.0, m * np.abs(v0) * (1.0 + e))
+    slip = u0 + r * w0
+    grips = f * about_contact >= m * r * delta  # f >= f_r: slip stays zero
+    holds = (r * f <= delta) | ~grips  # spin stays zero; the second follows from the first but for rounding
+    # A velocity that is zero at entry and does not stay so departs against the other one.
+    s = np.where(slip == 0.0, -np.sign(w0), np.sign(slip))
+    sigma = np.where(w0 == 0.0, -s, np.sign(w0))
+    p1 = _impulse_to_stop(np.abs(slip), (f * about_contact + s * sigma * m * r * delta) / (m * inertia))
+    p2 = _impulse_to_stop(np.abs(w0), (delta + s * sigma * r * f) / inertia)
+    p1 = np.where((slip == 0.0) & grips, 0.0, p1)
+    p2 = np.where((w0 == 0.0) & holds, 0.0, p2)
+
+    # Impulses of friction (F) and of rolling resistance (M) on each path, with the last phase that fixes them.
+    f_slides = -s * f * impulse
+    f_slip_back = s * f * (impulse - 2.0 * p1)
+    m_spins = -sigma * delta * impulse
+    m_spin_back = s * delta * (impulse - 2.0 * p2)
+    momentum = inertia * w0 - m * r * u0  # J omega - m r u, changed by M alone
+    w_rolls, w_rolls_back = (momentum + m_spins) / about_contact, (momentum + m_spin_back) / about_contact
+    w_slip_back = w0 + (r * f_slip_back + m_spins) / inertia
+    slip_spin_back = slip + f_slides / m + r * (r * f_slides + m_spin_back) / inertia
+    u_slides, u_slides_back = u0 + f_slides / m, u0 + f_slip_back / m
+
+    slip_first, spin_first = p1 < p2, p2 < p1
+    branch = np.select(
+        [
+            v0 > 0.0,
+            (impulse < p1) & (impulse < p2),
+            slip_first & grips & (sigma * w_rolls > 0.0),
+            slip_first & grips,
+            slip_first & (sigma * w_slip_back > 0.0),
+            slip_first & (s * u_slides_back < 0.0),
+            slip_first,
+            spin_first & holds & (s * u_slides > 0.0),
+            spin_first & holds,
+            spin_first & (s * slip_spin_back > 0.0),
+            spin_first & (s * w_rolls_back < 0.0),
+            spin_first,
+        ],
+        [
+            NO_IMPACT,
+            SLIDES,
+            ROLLS,
+            STUCK_ROLLING,
+            SLIP_BACK,
+            SLIDES_BACK,
+            STUCK_SLIDING_BACK,
+            SLIDES_STOPPED,
+            STUCK_SLIDING,
+            SPIN_BACK,
+            ROLLS_BACK,
+            STUCK_ROLLING_BACK,
+        ],
+        STUCK_AT_ONCE,
+    )
+
+    none = branch == NO_IMPACT
+    back = (branch == SLIP_BACK) | (branch == SLIDES_BACK)
+    spin_back = (branch == SPIN_BACK) | (branch == ROLLS_BACK)
+    rolls = (branch == ROLLS) | (branch == ROLLS_BACK)
+    free = (branch == SLIDES) | (branch == SPIN_BACK) | (branch == SLIP_BACK)  # slips and spins
+    slides = free | (branch == SLIDES_STOPPED) | (branch == SLIDES_BACK)
+    force, moment = np.where(back, f_slip_back, f_slides), np.where(spin_back, m_spin_back, m_spins)
+    w1 = np.select(
+        [none, rolls, free], [w0, (momentum + moment) / about_contact, w0 + (r * force + moment) / inertia], 0.0
+    )
+    u1 = np.select([none, slides], [u0, u0 + force / m], 0.0 - r * w1)
+    tangential = np.select([none, slides], [0.0, force], m * (u1 - u0))
+    moment = np.select([none, rolls | free], [0.0, moment], -inertia * w0 - r * tangential)
+    arm = np.divide(moment, impulse, out=np.zeros(impulse.shape), where=impulse > 0.0)
+    v1 = np.where(v0 > 0.0, v0, e * np.abs(v0))
+    return u1, v1, w1, tangential, impulse, np.clip(arm, -delta, delta), branch
+
+
+def is_stuck(
+    radius: npt.ArrayLike,
+    friction: npt.ArrayLike,
+    rolling_arm: npt.ArrayLike,
+    restitution: npt.ArrayLike,
+    u: npt.ArrayLike,
+    v: npt.ArrayLike,
+) -> Any:
+    """Whether a wheel without spin is stuck by its impact: ``|u|/|v| <= (1 + e) min(f, delta/r)``.
+
+    Row 4 of Table 1 (docs/physics.md, section 3); neither mass nor inertia matters.
+
+    Parameters
+    ----------
+    radius : array_like
+        r [m], > 0.
+    friction : array_like
+        Coulomb coefficient f [-], >= 0.
+    rolling_arm : array_like
+        delta [m], >= 0.
+    restitution : array_like
+        e [-] in [0, 1].
+    u, v : array_like
+        Velocity of the centre at touch [m/s]; v > 0 is no impact.
+
+    Returns
+    -------
+    bool or ndarray of bool
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    r, f, delta, e, u0, v0 = _broadcast(
+        radius=_positive("radius", radius),
+        friction=_not_negative("friction", friction),
+        rolling_arm=_not_negative("rolling_arm", rolling_arm),
+        restitution=_fraction("restitution", restitution),
+        u=_finite("u", u),
+        v=_finite("v", v),
+    )
+    stuck = (v0 <= 0.0) & (np.abs(u0) <= (1.0 + e) * np.abs(v0) * np.minimum(f, delta / r))
+    return bool(stuck) if stuck.ndim == 0 else stuck

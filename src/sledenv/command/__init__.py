@@ -1,0 +1,1 @@
+"""The command line: its groups of commands, how they are run, the doctor; may import all of sledenv but agents/."""

@@ -1,0 +1,305 @@
+"""Straight-line programs, written once in Python and compiled without a loop or a call in them.
+
+A program may use arithmetic, the functions of :mod:`sledenv.compiler.values` and of :mod:`sledenv.compiler.rows`, and
+loops whose bounds are known beforehand. It is run once, with values that write LLVM instructions instead of computing.
+An unrolled recurrence of thousands of instructions then costs no type inference, which is what takes numba long, and
+the processor finds many instructions that do not wait for each other.
+
+A program is given records and knows their fields by name: ``step.length`` loads a field, ``step.length = 2.0`` stores
+one. :func:`straight` makes a function of records that hold one number in a field, or a series of them. :func:`packed`
+makes one of records whose every field holds LANES numbers, one of each lane: the same text then works on all lanes at
+once, with vector instructions. Each lane goes through the same correctly rounded operations as a single number does, so
+the results agree bit for bit. ``pack.at(k)`` is one lane of a pack that a program of :func:`straight` is given, as a
+record of one. :func:`scalar` makes a function of numbers. A named tuple of numbers is read like a record.
+
+With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
+
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.values import DOUBLE, Value, constant
+
+Program = Callable[..., None]
+
+LANES = 16  # of a pack: two AVX-512 registers; while one of them waits for a result the other goes on
+_LINE = 64  # bytes of cache
+_ROOM = 64  # numbers of a series that a function of numbers may look at
+
+
+# What programs are given.
+
+
+class Series:
+    """Consecutive numbers in memory, in the function that is being written; each is loaded once."""
+
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value) -> None:
+        self._builder = builder
+        self._data = builder.bitcast(data, ir.PointerType(DOUBLE))
+        self._known: dict[int, Value] = {}
+
+    def _place(self, i: int, kind: ir.Type) -> ir.Value:
+        place = self._builder.gep(self._data, [ir.Constant(ir.IntType(64), i)], source_etype=DOUBLE)
+        return self._builder.bitcast(place, ir.PointerType(kind))
+
+    def __getitem__(self, i: int) -> Value:
+        if i not in self._known:
+            self._known[i] = Value(self._builder, self._builder.load(self._place(i, DOUBLE), align=8, typ=DOUBLE))
+        return self._known[i]
+
+    def block(self, first: int, count: int) -> Value:
+        """Load a vector of consecutive numbers."""
+        kind = ir.VectorType(DOUBLE, count)
+        return Value(self._builder, self._builder.load(self._place(first, kind), align=8, typ=kind))
+
+    def write(self, blocks: Sequence[Any]) -> None:
+        """Overwrite all numbers by vectors, one behind the other."""
+        self._known.clear()
+        first = 0
+        for vector in blocks:
+            count = len(vector) if isinstance(vector, np.ndarray) else vector.value.type.count
+            kind = ir.VectorType(DOUBLE, count)
+            value = vector.value if isinstance(vector, Value) else constant(kind, vector)
+            self._builder.store(value, self._place(first, kind), align=8)
+            first += count
+
+
+def block(numbers: Any, first: int, count: int) -> Any:
+    """Vector of consecutive numbers of a series."""
+    return numbers.block(first, count) if isinstance(numbers, Series) else numbers[first : first + count].copy()
+
+
+def write_series(numbers: Any, blocks: Sequence[Any]) -> None:
+    """Overwrite the numbers of a series by vectors, one behind the other."""
+    if isinstance(numbers, Series):
+        numbers.write(blocks)
+    else:
+        joined = np.concatenate(blocks)
+        numbers[: len(joined)] = joined
+
+
+class _Fields:
+    """A record in the function that is being written.
+
+    Reading an attribute loads the field of that name, once; setting one stores it. A field is a number, or as many as
+    there are lanes. In a record of one lane it may also be a series, which is set to a list of vectors.
+    """
+
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any, lanes: int, kind: Any = None) -> None:
+        kind = kind or (ir.VectorType(DOUBLE, lanes) if lanes > 1 else DOUBLE)
+        # Past __setattr__, which stores.
+        self.__dict__.update(_builder=builder, _data=data, _record=record, _lanes=lanes, _kind=kind, _known={})
+
+    def at(self, lane: Value) -> _Fields:
+        numbers = self._builder.bitcast(self._data, ir.PointerType(DOUBLE))
+        first = self._builder.gep(numbers, [lane.value], source_etype=DOUBLE)
+        return _Fields(self._builder, first, self._record, LANES, DOUBLE)
+
+    def _place(self, name: str) -> ir.Value:
+        byte = ir.IntType(8)
+        data = self._builder.bitcast(self._data, ir.PointerType(byte))
+        return self._builder.gep(data, [ir.Constant(ir.IntType(64), self._record.offset(name))], source_etype=byte)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self._known:
+            of: Any = self._record.typeof(name)
+            if isinstance(of, types.Record):
+                self._known[name] = _Fields(self._builder, self._place(name), of, self._lanes)
+            elif isinstance(of, types.NestedArray) and of.shape != (self._lanes,):
+                self._known[name] = Series(self._builder, self._place(name))
+            else:
+                place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
+                loaded = self._builder.load(place, align=8, typ=self._kind)
+                self._known[name] = Value(self._builder, loaded)
+        return self._known[name]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, list):
+            getattr(self, name).write(value)
+            return
+        lifted = value.value if isinstance(value, Value) else constant(self._kind, value)
+        self._known[name] = Value(self._builder, lifted)
+        place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
+        self._builder.store(lifted, place, align=8)
+
+
+class _Interpreted:
+    """A record for a program that runs as it stands."""
+
+    def __init__(self, record: Any, lane: Any = ()) -> None:
+        self.__dict__.update(_record=record, _lane=lane)
+
+    def at(self, lane: int) -> _Interpreted:
+        return _Interpreted(self._record, lane)
+
+    def __getattr__(self, name: str) -> Any:
+        field = self._record[name][self._lane]
+        if isinstance(field, np.void):
+            return _Interpreted(field)
+        # A copy, or the old number would change with the new one; but a series can be written.
+        return field.copy() if isinstance(field, np.ndarray) and len(field) == LANES else field
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self._lane != ():
+            self._record[name][self._lane] = value
+        else:
+            self._record[name] = np.concatenate(value) if isinstance(value, list) else value
+
+
+def _as_it_stands(given: Any) -> Any:
+    """What a program that runs as it stands gets for an argument."""
+    if hasattr(given, "_make"):
+        return given._make(map(np.float64, given))
+    return _Interpreted(given) if isinstance(given, np.void) else given
+
+
+def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int) -> Any:
+    """What a program that is being compiled gets for an argument."""
+    if isinstance(kind, types.Record):
+        return _Fields(builder, argument, kind, lanes)
+    if hasattr(kind, "instance_class"):
+        numbers = (builder.extract_value(argument, i) for i in range(len(kind)))
+        doubles = (builder.sitofp(n, DOUBLE) if isinstance(n.type, ir.IntType) else n for n in numbers)
+        return kind.instance_class._make(Value(builder, number) for number in doubles)
+    if isinstance(kind, types.Array):
+        return Series(builder, context.make_array(kind)(context, builder, argument).data)
+    return Value(builder, argument)
+
+
+class _Unknown(float):
+    """A number, or a record of them, of a program that only tells how many answers it has."""
+
+    def __getattr__(self, name: str) -> _Unknown:
+        return _Unknown(math.nan)
+
+
+def _unknown(kind: Any) -> Any:
+    """What a program that only tells how many answers it has gets for an argument."""
+    number = _Unknown(math.nan)
+    if hasattr(kind, "instance_class"):
+        return kind.instance_class._make([number] * len(kind))
+    return np.full(_ROOM, number) if isinstance(kind, types.Array) else number
+
+
+# How programs are compiled.
+
+
+def straight(program: Program) -> Callable[..., None]:
+    """Return a function that runs a program of records, for use in kernels, which compile it.
+
+    Each call in a kernel writes the whole program into it: call it in one kernel of its own.
+    """
+    return _of_records(program, 1)
+
+
+def of_step(program: Program) -> Callable[[np.void, np.void], None]:
+    """Return a kernel of its own that runs a program of a contact and a step of it."""
+    run = straight(program)
+
+    @kernel
+    def whole(contact: np.void, step: np.void) -> None:
+        run(contact, step)
+
+    return whole
+
+
+def packed(program: Program) -> Callable[..., None]:
+    """Return a function that runs a program of packs, for use in kernels, which compile it; see :func:`pack_of`."""
+    return _of_records(program, LANES)
+
+
+def pack_of(record: np.dtype) -> np.dtype:
+    """Return the type of a pack: a record with the same fields, each of LANES numbers."""
+    return np.dtype([(name, "f8", (LANES,)) for name in record.names or () if record[name].shape == ()], align=True)
+
+
+def _of_records(program: Program, lanes: int) -> Callable[..., None]:
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(*given: Any) -> None:
+            with np.errstate(all="ignore"):
+                program(*map(_as_it_stands, given))
+
+        return interpreted
+
+    def typed(typing_context: Any, *kinds: Any) -> Any:
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            # Or vectors that are kept on the stack would lie across two lines.
+            builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
+            builder.function.attributes.alignstack = _LINE
+            given = zip(signature.args, arguments, strict=True)
+            program(*(_as_values(context, builder, kind, argument, lanes) for kind, argument in given))
+            return context.get_dummy_value()
+
+        return types.void(*kinds), write
+
+    return cast(Callable[..., None], _intrinsic_like(program, typed))
+
+
+def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
+    """Return a function of numbers, series and records that runs a program, for use in kernels, which compile it.
+
+    Series are contiguous arrays of doubles that are read, and may be written as a whole: see :func:`write_series`.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+
+        def interpreted(*numbers: Any) -> tuple[float, ...]:
+            with np.errstate(all="ignore"):
+                return function(*(np.float64(n) if isinstance(n, int | float) else _as_it_stands(n) for n in numbers))
+
+        return interpreted
+
+    def typed(typing_context: Any, *numbers: Any) -> Any:
+        kinds = tuple(types.float64 if isinstance(number, types.Number) else number for number in numbers)
+        results = len(function(*map(_unknown, kinds)))
+
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            given = zip(signature.args, arguments, strict=True)
+            zero = Value(builder, ir.Constant(DOUBLE, None))
+            values = function(*(_as_values(context, builder, kind, argument, 1) for kind, argument in given))
+            found = [zero.lift(value) for value in values]
+            return context.make_tuple(builder, signature.return_type, found)
+
+        returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
+        return returned(*kinds), write
+
+    return cast(Callable[..., tuple[float, ...]], _intrinsic_like(function, typed))
+
+
+def _attribute(name: str) -> Callable[[], None]:
+    """Return a function that gives the kernel in which it is called an attribute of LLVM's."""
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return lambda: None
+
+    def typed(typing_context: Any) -> Any:
+        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.function.attributes.add(name)
+            return context.get_dummy_value()
+
+        return types.void(), write
+
+    return cast(Callable[[], None], intrinsic(typed))
+
+
+# Called in a kernel: keep its code out of its callers, because many call it where speed does not matter; or copy it
+# into them, because handing over its many arguments takes longer than it does.
+keep_apart = _attribute("noinline")
+copy_into_callers = _attribute("alwaysinline")
+
+
+def _intrinsic_like(function: Callable[..., Any], typed: Any) -> Any:
+    """Return an intrinsic function with the arguments of a program: numba looks for their names."""
+    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = (context, *inspect.signature(function).parameters.values())
+    typed.__signature__ = inspect.Signature(names)
+    return intrinsic(typed)

@@ -1,0 +1,202 @@
+"""A descent in words: how it began, its rebounds one by one, how it ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from sledenv.kernel.records import Feature, Mode
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
+from sledenv.simulation.jam import SHOWN
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.support import support_height
+
+# Fields of TRAJECTORY and how a table calls them, with their units; features are written as words.
+TRAJECTORY_COLUMNS = {
+    "t": "t_s",
+    "x": "x_m",
+    "y": "y_m",
+    "phi": "phi_rad",
+    "u": "u_m_s",
+    "v": "v_m_s",
+    "omega": "omega_rad_s",
+    "normal": "normal_n",
+    "tangential": "tangential_n",
+    "rolling": "rolling_n_m",
+    "feature": "feature",
+    "slip": "slip_sign",
+    "spin": "spin_sign",
+}
+
+
+def feature_name(feature: int) -> str:
+    """Return what touches, such as "arc"; "none" in flight."""
+    return Feature(feature).name.lower()
+
+
+def mode_name(mode: int) -> str:
+    """Return how a contact ended, such as "slip-reversal"."""
+    return Mode(mode).name.lower().replace("_", "-")
+
+
+def metric_name(metric: str) -> str:
+    """Return the name of a jam metric for a reader, with its unit if it has one: "reward"."""
+    unit = SHOWN[metric].unit if metric in SHOWN else ""
+    return metric.replace("_", " ") + (f" [{unit}]" if unit else "")
+
+
+def motion_words(slip: int, spin: int) -> str:
+    """Return what a contact does at one time, from the signs of its slip and of its spin."""
+    return f"{'slides' if slip else 'sticks'}, {'turns' if spin else 'does not turn'}"
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a quantity with three digits and, where it needs one, a prefix of its unit: "24.1 kN"."""
+    size = abs(value)
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if factor <= size < 1e3 * factor:
+            return f"{value / factor:.3g} {prefix}{unit}"
+    return f"{value:z.3g} {unit}"
+
+
+def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
+    """Return the body, the surface, the slope and the launch, one line each."""
+    clearance = launch.y - support_height(body, launch.phi)
+    corners = body.half_angle < math.pi
+    shape = f"half-angle {math.degrees(body.half_angle):.4g} deg" if corners else "no corners"
+    arm = f"rolling arm {law.rolling_arm:.4g} m"
+    if corners:
+        arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
+    length = f"length {slope.length:.4g} m" if math.isfinite(slope.length) else "without end"
+    return (
+        f"body: mass {body.mass:.4g} kg, radius {body.radius:.4g} m, eccentricity {body.eccentricity:.4g} m, "
+        f"inertia {body.inertia:.4g} kg m^2, {shape}\n"
+        f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
+        f"friction {law.friction:.3f}, {arm}\n"
+        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n"
+        f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
+        f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
+    )
+
+
+def trajectory_rows(descent: Descent) -> Iterator[tuple[object, ...]]:
+    """Return the rows of the table of the trajectory, one cell for each of ``TRAJECTORY_COLUMNS``."""
+    columns = [descent.trajectory[field].tolist() for field in TRAJECTORY_COLUMNS]
+    feature = list(TRAJECTORY_COLUMNS).index("feature")
+    columns[feature] = [feature_name(code) for code in columns[feature]]
+    return zip(*columns, strict=True)
+
+
+REBOUND_COLUMNS = (
+    "#",
+    "t [s]",
+    "x [m]",
+    "where",
+    "how it ended",
+    "u [m/s]",
+    "v [m/s]",
+    "omega [rad/s]",
+    "grip",
+    "loss",
+    "stuck",
+)
+_WIDTHS = (3, 8, 8, 5, 15, 15, 15, 17, 5, 5, 0)
+
+
+def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
+    """Return the cells of the table of rebounds, a row each, with the velocities before and after it."""
+    jam = descent.rebound_jam
+    rows = []
+    for i, row in enumerate(descent.rebounds):
+        changes = (
+            f"{row[f'{name}_before']:z.2f} ->{row[f'{name}_after']:z{width}.2f}"
+            for name, width in (("u", 6), ("v", 6), ("omega", 7))
+        )
+        stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
+        place = f"{row['t']:.4f}", f"{row['x']:.4f}", feature_name(row["feature"]), mode_name(row["mode"])
+        rows.append((f"{i + 1}", *place, *changes, f"{jam.grip[i]:.2f}", f"{jam.tangential_loss[i]:.2f}", stuck))
+    return rows
+
+
+def rebound_table(descent: Descent) -> str:
+    """Return a header and one line for each rebound."""
+    lines = [
+        " ".join(f"{cell:>{width}}" for cell, width in zip(row, _WIDTHS, strict=True)).rstrip()
+        for row in (REBOUND_COLUMNS, *rebound_cells(descent))
+    ]
+    return "\n".join(lines if len(lines) > 1 else [*lines, "    no rebounds"])
+
+
+def sensitivity_table(found: Sensitivity) -> str:
+    """Return what the end of a descent changes by with each parameter, and how differences grow, rebound by rebound."""
+    shown = ("t", "x", "u", "omega", "reward")
+    header = ("", "value", *(_named(name, END_QUANTITIES[name]) for name in shown), "less by", "more by")
+    rows: list[tuple[str, ...]] = [header]
+    for i, name in enumerate(found.parameters):
+        derivatives = (found.of_end(quantity, name) for quantity in shown)
+        mark = {-1: " <", 0: "", 1: " >"}[int(found.sides[-1, i])]
+        cells = (f"{value:z.4g}" for value in (found.values[i], *derivatives, *found.distances[-1, i]))
+        rows.append((_named(name, PARAMETERS[name]) + mark, *cells))
+    lines = ["derivatives of the end by each parameter, and how much less or more of it changes the events:"]
+    lines += _aligned(rows)
+    if found.sides[-1].any():
+        lines.append("  < or >: holds for less, or for more, of the parameter alone")
+    if set(LAUNCH) <= set(found.parameters):
+        lines += ["", "growth of a small difference of the launch, and the nearest other events up to the rebound:"]
+        lines += _aligned(_growth_rows(found))
+    return "\n".join(lines)
+
+
+def _growth_rows(found: Sensitivity) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("#", "t [s]", "x [m]", "growth", "nearest change")]
+    columns = [found.parameters.index(name) for name in LAUNCH]
+    for i, (rebound, growth) in enumerate(zip(found.descent.rebounds, found.growth, strict=False)):
+        apart = found.distances[i, columns] / found.units[:, None]
+        which, side = divmod(int(apart.argmin()), 2)
+        name = LAUNCH[which]
+        change = f"{name} {'+' if side else '-'} {found.distances[i, columns[which], side]:.3g} {PARAMETERS[name]}"
+        nearest = change if math.isfinite(apart.min()) else "none found"
+        rows.append((f"{i + 1}", f"{rebound['t']:.4f}", f"{rebound['x']:.4f}", f"{growth[0]:.4g}", nearest))
+    return rows
+
+
+def _named(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+    """Return lines of cells in columns: the first one to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    first, *others = widths
+    return [
+        "  ".join([f"{row[0]:<{first}}", *(f"{cell:>{width}}" for cell, width in zip(row[1:], others, strict=True))])
+        for row in rows
+    ]
+
+
+def summary(descent: Descent) -> str:
+    """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
+    jam, energy = descent.jam, descent.energy
+    metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
+    lying = []
+    if descent.on_chord is not None:
+        time, x = descent.on_chord
+        lying.append(f"chord      first lay on it, settled, after {time:.4f} s at x = {x:z.4f} m")
+    lines = [
+        f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
+        *lying,
+        f"jam        {metrics}, jam index {float(jam.jam_index):.4f}",
+        "",
+        "energy [J]",
+        *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),
+        f"  {'residual':<12}{energy.residual:16.1e}",
+    ]
+    return "\n".join(lines)
+
+
+def story(descent: Descent) -> str:
+    """Return setting, rebounds and outcome of a descent, with blank lines between them."""
+    begin = setting(descent.body, descent.law, descent.slope, descent.launch)
+    return "\n\n".join([begin, rebound_table(descent), summary(descent)])

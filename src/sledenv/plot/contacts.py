@@ -1,0 +1,201 @@
+"""What happens in the contacts of a descent, over time: forces, slip and stick, penetration."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, RED, WIDTH, contact_key, shade_contacts, styled
+from sledenv.plot.trajectories import (
+    contact_rows,
+    gap_rate,
+    kinetic,
+    penetration,
+    rows_between,
+    slip_velocity,
+    touching_arms,
+)
+from sledenv.simulation.outcomes import Descent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) -> Figure:
+    """Plot forces, moment and kinetic energy over time: the paper's Fig. 7-10.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    start, stop : float
+        Interval of time [s].
+
+    Returns
+    -------
+    Figure
+        Normal force, tangential force, total moment about the mass centre, kinetic energy.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing or has fewer than two rows in the interval.
+    """
+    rows = rows_between(descent, start, stop)
+    a, b = touching_arms(descent, rows)
+    moment = -a * rows["normal"] + b * rows["tangential"] + rows["rolling"]
+    translation, rotation = kinetic(descent, rows)
+    panels = (
+        ("N [N]\nnormal force", rows["normal"], BLUE),
+        ("F [N]\ntangential force", rows["tangential"], RED),
+        ("moment [N m]\nabout the mass centre", moment, GREEN),
+        ("T [J]\nkinetic energy", translation + rotation, INK),
+    )
+    scale, unit = _time_scale(rows)
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
+        grid = figure.subplots(2, 2, sharex=True)
+        for ax, (label, values, colour) in zip(grid.flat, panels, strict=True):
+            shade_contacts(ax, descent, scale)
+            ax.axhline(0.0, color=INK, lw=0.6)
+            ax.plot(scale * rows["t"], values, color=colour)
+            ax.set_ylabel(label)
+            ax.set_xlim(scale * rows["t"][0], scale * rows["t"][-1])
+        for ax in grid[1]:
+            ax.set_xlabel(f"time [{unit}]")
+        figure.align_ylabels(grid)
+        figure.legend(handles=[contact_key()], loc="outside lower center")
+    return figure
+
+
+def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> Figure:
+    """Plot the slip velocity and how much of the friction is used, over time, with stick and slip shaded.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    start, stop : float
+        Interval of time [s].
+
+    Returns
+    -------
+    Figure
+        Velocity of the touching point along the slope; friction force over its bound, F/(f N) in [-1, 1], -1 or 1 where
+        the body slips.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing, has fewer than two rows in the interval, or none in contact there.
+    """
+    rows = rows_between(descent, start, stop)
+    touching = rows["feature"] > 0
+    if not touching.any():
+        raise ValueError(f"start = {start!r}, stop = {stop!r}: the body flies all the time")
+    scale, unit = _time_scale(rows)
+    bound = descent.law.friction * rows["normal"]
+    loaded = touching & (bound > 0.0)
+    used = np.divide(rows["tangential"], bound, out=np.full(len(rows), np.nan), where=loaded)
+    slip = np.where(touching, slip_velocity(descent, rows), np.nan)
+    t = scale * rows["t"]
+    # A step of a contact has one mode from its first row to its last.
+    lasting = touching[:-1] & touching[1:] & (np.diff(rows["t"]) > 0.0)
+    sticks = lasting & (rows["slip"][:-1] == 0) & (rows["slip"][1:] == 0)
+    with styled():
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Patch
+
+        figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
+        axes: list[Axes] = list(figure.subplots(2, 1, sharex=True))
+        kinds = ((ORANGE, "slips", lasting & ~sticks), (GREEN, "sticks", sticks))
+        for ax in axes:
+            for colour, _, mask in kinds:
+                for first, last in _runs(mask):
+                    ax.axvspan(t[first], t[last], color=colour, alpha=0.18, lw=0.0, zorder=0)
+            ax.axhline(0.0, color=INK, lw=0.6)
+            ax.set_xlim(t[0], t[-1])
+        axes[0].plot(t, slip, color=BLUE)
+        axes[0].set_ylabel("slip velocity $v_t$ [m/s]")
+        axes[1].plot(t, used, color=RED)
+        for level in (-1.0, 1.0):
+            axes[1].axhline(level, color=INK, lw=0.8, ls=DASHES)
+        axes[1].set_ylim(-1.15, 1.15)
+        axes[1].set_ylabel("friction used $F/(fN)$ [-]")
+        axes[1].set_xlabel(f"time [{unit}]")
+        handles = [Patch(color=colour, alpha=0.18, label=label) for colour, label, _ in kinds]
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+        figure.align_ylabels(axes)
+    return figure
+
+
+def plot_penetration(descent: Descent, number: int = 0) -> Figure:
+    """Plot how deep a compliant contact goes, over time, and the normal force over the depth.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``.
+    number : int
+        Row of ``descent.rebounds``: a contact that takes time.
+
+    Returns
+    -------
+    Figure
+        Penetration over time; the loop of the normal force, whose area is lost by hysteresis.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If the trajectory is missing, or there is no such contact or it takes no time.
+    """
+    rows = contact_rows(descent, number)
+    depth = penetration(descent, rows)
+    scale, unit = _time_scale(rows)
+    length, lengths = (1e6, "µm") if depth.max() < 1e-4 else (1e3, "mm")
+    force, forces = (1e-3, "kN") if rows["normal"].max() > 1e4 else (1.0, "N")
+    opening = gap_rate(descent, rows) > 0.0
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 4.0), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        left.plot(scale * (rows["t"] - rows["t"][0]), length * depth, color=BLUE)
+        left.set_xlabel(f"time since the touchdown [{unit}]")
+        left.set_ylabel(f"penetration [{lengths}]")
+        left.set_title(f"contact {number + 1}, at {rows['t'][0]:.4g} s", loc="left")
+        loss = float(descent.rebounds["loss_hysteresis"][number])
+        right.plot(length * depth, force * rows["normal"], color=INK, lw=0.6)
+        for mask, colour, label in ((~opening, BLUE, "gap closes or rests"), (opening, RED, "gap opens")):
+            right.plot(length * depth[mask], force * rows["normal"][mask], ".", ms=4.0, color=colour, label=label)
+        right.set_xlabel(f"penetration [{lengths}]")
+        right.set_ylabel(f"normal force N [{forces}]")
+        right.set_title(f"lost by hysteresis: {loss:.4g} J", loc="left")
+        right.legend()
+        for ax in (left, right):
+            ax.set_xlim(left=0.0)
+            ax.set_ylim(bottom=0.0)
+    return figure
+
+
+def _time_scale(rows: np.ndarray) -> tuple[float, str]:
+    """Return how many units of time a second has in a figure, and the unit."""
+    brief: bool = rows["t"][-1] - rows["t"][0] < 0.5
+    return (1e3, "ms") if brief else (1.0, "s")
+
+
+def _runs(mask: np.ndarray) -> np.ndarray:
+    """Return first and last row, shape (n, 2), of each run of intervals between rows for which ``mask`` holds."""
+    edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))
+    return np.stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)], axis=-1)

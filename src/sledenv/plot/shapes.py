@@ -1,0 +1,342 @@
+"""Where the body is, what it looks like and how it is touched: what figures, renderer and replay share."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.kernel.records import Feature, Status
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import State
+from sledenv.simulation.support import arms, feature_at, whole_turns
+
+_DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
+_DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one
+_HOLD = 0.6  # [s] that an impact stays on the screen at least
+_HARD = (
+    0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
+)
+
+
+class Push(NamedTuple):
+    """What the slope does to the body at one time."""
+
+    number: int  # of the contact, from 0: row of the rebounds
+    place: float  # [m] along the slope where it touches
+    feature: int  # Feature that touches
+    slip: int  # sign of the slip velocity, 0 for an impact, which may run through several
+    spin: int  # sign of the angular velocity, likewise
+    tangential: float  # [N] force, or impulse [N s] if instantaneous
+    normal: float  # [N] or [N s]
+    largest: float  # [N] or [N s] largest normal force of the contact
+    instantaneous: bool  # whether the contact has no duration: an impact of rigid surfaces
+
+
+def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
+    """Return the closed outline of a body in the slope frame.
+
+    Parameters
+    ----------
+    body : Body
+        Its shape.
+    x, y : float
+        Mass centre [m].
+    phi : float
+        Orientation [rad].
+    points : int
+        Number of points on the arc, >= 2.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Columns x, y [m]; the first point is repeated as the last.
+    """
+    centre = np.array([x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)])
+    angle = phi + np.linspace(-body.half_angle, body.half_angle, points)
+    arc = centre + body.radius * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
+    return np.concatenate([arc, arc[:1]])
+
+
+def heavy_side(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
+    """Return the outline of the half of the body that holds the mass centre, which shows how the body is turned.
+
+    Parameters and result are those of :func:`body_outline`.
+    """
+    return body_outline(body._replace(half_angle=min(body.half_angle, math.pi / 2)), x, y, phi, points)
+
+
+def arc_centre(body: Body, x: float, y: float, phi: float) -> tuple[float, float]:
+    """Return the centre O [m] of the arc, slope frame, of a body whose mass centre is at ``x``, ``y`` [m]."""
+    return x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)
+
+
+def spoke(body: Body, x: float, y: float, phi: float) -> np.ndarray:
+    """Return the line that shows how far the mass centre lies out of the middle of the body, slope frame.
+
+    It ends at the mass centre, ``x``, ``y`` [m], and begins at the centre of the arc; at the middle of the chord where
+    the segment is shallower than a half disc, because the centre of its arc lies outside of it.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+        Columns x, y [m].
+    """
+    below = max(body.radius * math.cos(body.half_angle), 0.0)
+    x0, y0 = arc_centre(body, x, y, phi)
+    return np.array([(x0 + below * math.sin(phi), y0 - below * math.cos(phi)), (x, y)])
+
+
+def reach(body: Body) -> float:
+    """Return the largest distance [m] of a point of the body from its mass centre."""
+    return float(np.hypot(*body_outline(body, 0.0, 0.0, 0.0, 65).T).max())
+
+
+def to_world(points: ArrayLike, angle: float) -> np.ndarray:
+    """Rotate slope-frame points so that the slope descends to the right.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., 2)
+        Along the slope and normal to it [m].
+    angle : float
+        Inclination of the slope [rad].
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Horizontal distance and height [m].
+    """
+    along, normal = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.stack([along * cosine + normal * sine, normal * cosine - along * sine], axis=-1)
+
+
+def drawable_rows(descent: Descent) -> np.ndarray:
+    """Return the rows of the trajectory that can be drawn, at least one: a numerical overflow is left out.
+
+    An impact without duration has two rows, the state before it and the state after.
+
+    Raises
+    ------
+    ValueError
+        If the descent was simulated without ``record="trajectory"``.
+    """
+    rows = descent.trajectory
+    if len(rows) == 0:
+        raise ValueError('the descent has no trajectory: simulate(..., record="trajectory") keeps it')
+    values = np.stack([rows[name] for name in ("t", *State._fields)])
+    drawable = (np.abs(values) < _DRAWABLE).all(axis=0)  # False for NaN
+    if drawable.any():
+        return _with_states_before_impacts(rows[drawable], descent.rebounds)
+    row = rows[:1].copy()
+    for name in ("t", *State._fields):
+        row[name] = np.clip(np.nan_to_num(row[name]), -_DRAWABLE, _DRAWABLE)
+    return row
+
+
+def _with_states_before_impacts(rows: np.ndarray, rebounds: np.ndarray) -> np.ndarray:
+    impacts = rebounds[rebounds["duration"] == 0.0]
+    places = np.searchsorted(rows["t"], impacts["t"])
+    known = places < len(rows)
+    known[known] = rows["t"][places[known]] == impacts["t"][known]
+    impacts, places = impacts[known], places[known]
+    before = np.zeros(len(impacts), rows.dtype)
+    for name in ("t", "x", "y", "phi"):
+        before[name] = rows[name][places]
+    for rate in State._fields[3:]:
+        before[rate] = impacts[f"{rate}_before"]
+    return np.insert(rows, places, before)
+
+
+def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:
+    """Interpolate a trajectory.
+
+    Parameters
+    ----------
+    rows : ndarray of TRAJECTORY, shape (m,)
+        At least one row.
+    times : array_like, shape (n,)
+        Times [s]; those outside the trajectory take its ends.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        Columns as in :class:`State`. Positions follow the recorded velocities, which is exact in flight.
+    """
+    when = np.asarray(times, dtype=float)
+    i = np.clip(np.searchsorted(rows["t"], when, side="right") - 1, 0, max(len(rows) - 2, 0))
+    j = np.minimum(i + 1, len(rows) - 1)
+    step = rows["t"][j] - rows["t"][i]
+    s = np.clip(np.divide(when - rows["t"][i], step, out=np.zeros_like(when), where=step > 0.0), 0.0, 1.0)
+    columns = []
+    for name, rate in zip(State._fields[:3], State._fields[3:], strict=True):
+        start, end = rows[name][i], rows[name][j]
+        bend = step * s * (1.0 - s) * ((1.0 - s) * rows[rate][i] - s * rows[rate][j])
+        columns.append(start + s * s * (3.0 - 2.0 * s) * (end - start) + bend)
+    columns += [rows[rate][i] + s * (rows[rate][j] - rows[rate][i]) for rate in State._fields[3:]]
+    return np.stack(columns, axis=-1)
+
+
+def strobe_states(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
+    """Return the states of a strobe picture: at equal intervals of time and at the end.
+
+    Parameters
+    ----------
+    body : Body
+        Its size tells which poses would lie on top of each other and are left out.
+    rows : ndarray of TRAJECTORY, shape (m,)
+        At least one row.
+    interval : float
+        Between two poses [s], > 0.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        Columns as in :class:`State`, n >= 1.
+    """
+    start, end = float(rows["t"][0]), float(rows["t"][-1])
+    times = start + interval * np.arange(max(1, math.ceil((end - start) / interval - 1e-9)))
+    states = states_at(rows, np.append(times, end))
+    size = reach(body)
+    weights = np.array([1.0, 1.0, size]) / max(size, 1e-9)
+    kept = [len(states) - 1]
+    for i in range(len(states) - 2, -1, -1):
+        shift = np.abs(states[kept, :3] - states[i, :3]) @ weights
+        if shift.min() > _DISTINCT:
+            kept.append(i)
+    return states[kept[::-1]]
+
+
+def contact_spans(descent: Descent, until: float = math.inf) -> np.ndarray:
+    """Return where on the slope each contact began and ended.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    until : float
+        Time [s]; later contacts are left out and the current one ends here.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Place of the contact point along the slope [m] at touchdown and at separation.
+    """
+    rows = drawable_rows(descent)
+    begun = descent.rebounds[descent.rebounds["t"] - descent.rebounds["duration"] <= until]
+    ends = np.stack([begun["t"] - begun["duration"], np.minimum(begun["t"], until)], axis=-1)
+    states = states_at(rows, ends.ravel())
+    places = [contact_place(descent.body, x, phi) for x, phi in states[:, [0, 2]].tolist()]
+    return np.array(places, dtype=float).reshape(-1, 2)
+
+
+def push_at(descent: Descent, time: float) -> Push | None:
+    """Return what the slope does to the body at ``time`` [s], None in flight.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    time : float
+        An impact without duration is met at its very time alone, where :func:`pace` holds it.
+    """
+    log = descent.rebounds
+    i = int(np.searchsorted(log["t"] - log["duration"], time, side="right")) - 1
+    if i < 0 or time > log["t"][i]:
+        return None
+    rebound = log[i]
+    rows = drawable_rows(descent)
+    state = State._make(states_at(rows, [time])[0].tolist())
+    if rebound["duration"] == 0.0:
+        impulses = (float(rebound["tangential_impulse"]), float(rebound["normal_impulse"]))
+        place = contact_place(descent.body, state.x, state.phi, int(rebound["feature"]))
+        return Push(i, place, int(rebound["feature"]), 0, 0, *impulses, impulses[1], True)
+    within = (rows["t"] >= rebound["t"] - rebound["duration"]) & (rows["t"] <= rebound["t"])
+    rows = rows[within & (rows["feature"] > 0)]
+    if len(rows) == 0:
+        return None
+    row = rows[max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)]
+    tangential, normal = (float(np.interp(time, rows["t"], rows[name])) for name in ("tangential", "normal"))
+    place = contact_place(descent.body, state.x, state.phi, int(row["feature"]))
+    signs = int(row["slip"]), int(row["spin"])
+    return Push(i, place, int(row["feature"]), *signs, tangential, normal, float(rows["normal"].max()), False)
+
+
+def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
+    """Return how fast a descent is shown: at its own rate, but impacts are held until one has seen them.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    speed : float
+        Seconds of the descent in a second of film, > 0; the hold of an impact is the same at any speed.
+
+    Returns
+    -------
+    ndarray, shape (2 n + 2, 2)
+        Columns time in the film and time in the descent [s], neither of which ever decreases; linear in between. A hop
+        lasts as long in the film of a part of a descent as in that of the whole.
+    """
+    end = float(drawable_rows(descent)["t"][-1])
+    log = descent.rebounds
+    impulse = np.nan_to_num(log["normal_impulse"], nan=0.0, posinf=0.0)
+    holds = _HOLD * np.clip(impulse / (_HARD * descent.body.mass), 0.0, 1.0)
+    contacts = np.stack([log["t"] - log["duration"], log["t"]], axis=-1).ravel()
+    times = np.maximum.accumulate(np.concatenate([[0.0], np.clip(np.nan_to_num(contacts), 0.0, end), [end]]))
+    steps = np.diff(times) / speed
+    steps[1::2] = np.maximum(steps[1::2], holds)
+    return np.stack([np.append(0.0, np.cumsum(steps)), times], axis=-1)
+
+
+def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: float = 1.0) -> np.ndarray:
+    """Return the times [s] of the pictures of a film of a descent.
+
+    Parameters
+    ----------
+    descent : Descent
+        With its trajectory.
+    fps : float
+        Pictures a second, > 0.
+    after : float
+        Leave out what had been shown when the descent was at this time [s]: the films of successive hops are the film
+        of the whole.
+    speed : float
+        As for :func:`pace`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Never decreasing; the last is the end of a descent that has ended.
+    """
+    film, times = pace(descent, speed).T
+    seen = float(np.interp(after, times, film)) if after >= 0.0 else -1.0
+    shown = np.arange(math.floor(seen * fps) + 1 if after >= 0.0 else 0, math.floor(film[-1] * fps) + 1) / fps
+    found: np.ndarray = np.interp(shown, film, times)
+    if descent.status != Status.RUNNING and seen < film[-1] and shown[-1:] != film[-1:]:
+        found = np.append(found, times[-1])
+    return found
+
+
+def contact_place(body: Body, x: float, phi: float, feature: int = Feature.NONE) -> float:
+    """Return where along the slope [m] a feature lies; the lowest point of the body in flight and for both corners.
+
+    Parameters
+    ----------
+    body : Body
+        Its shape.
+    x : float
+        Mass centre [m].
+    phi : float
+        Orientation [rad].
+    feature : Feature
+        What touches.
+    """
+    local = phi - whole_turns(phi)
+    if feature in (Feature.NONE, Feature.CHORD):
+        feature = feature_at(body, local)
+    return x - float(arms(body, feature, local)[0])

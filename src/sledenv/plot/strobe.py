@@ -1,0 +1,172 @@
+"""The motion of a body as strobe pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sledenv.plot.shapes import (
+    body_outline,
+    contact_spans,
+    drawable_rows,
+    heavy_side,
+    reach,
+    spoke,
+    strobe_states,
+    to_world,
+)
+from sledenv.plot.style import DASHES, GROUND, INK, RED, WIDTH, outcome, styled
+from sledenv.simulation.outcomes import Descent
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+
+def plot_strobe(
+    descents: Descent | Sequence[Descent],
+    *,
+    labels: Sequence[str] | None = None,
+    frames: int = 14,
+    whole: bool = True,
+) -> Figure:
+    """Draw descents as strobe pictures, one panel each, all to one scale.
+
+    The sled is drawn at equal intervals of time, the same in all panels, coloured by its speed; its darker half holds
+    the mass centre.
+
+    Parameters
+    ----------
+    descents : Descent or sequence of Descent
+        Simulated with ``record="trajectory"``.
+    labels : sequence of str, optional
+        One a panel, put in front of its title.
+    frames : int
+        About this many poses of the shortest descent, >= 2; poses that would lie on top of each other are left out.
+    whole : bool
+        Show the slope to its end, otherwise only where the sleds went.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If there is no descent, one has no trajectory, ``frames`` < 2 or the number of labels differs.
+    """
+    descents = [descents] if isinstance(descents, Descent) else list(descents)
+    if not descents:
+        raise ValueError("descents is empty: there is nothing to draw")
+    if labels is not None and len(labels) != len(descents):
+        raise ValueError(f"{len(labels)} labels for {len(descents)} descents")
+    if frames < 2:
+        raise ValueError(f"frames = {frames!r}: must be >= 2")
+    with styled():
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+
+        tracks = [drawable_rows(descent) for descent in descents]
+        ends = [float(rows["t"][-1]) for rows in tracks]
+        interval = _round_interval(max(min(ends), max(ends) / 3.0) / (frames - 1))
+        fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
+        speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
+        boxes = [_box(descent, rows, whole) for descent, rows in zip(descents, tracks, strict=True)]
+        low = min(box[0, 0] for box in boxes)
+        high = max(box[1, 0] for box in boxes)
+        heights = [float(np.clip(8.0 * (box[1, 1] - box[0, 1]) / (high - low), 1.0, 4.5)) for box in boxes]
+        figure = Figure(figsize=(WIDTH, sum(heights) + 0.35 * len(descents) + 1.0), layout="constrained")
+        grid = figure.subplots(len(descents), 1, sharex=True, squeeze=False, height_ratios=heights)
+        axes: list[Axes] = list(grid[:, 0])
+        for i, (ax, descent, rows, box) in enumerate(zip(axes, descents, tracks, boxes, strict=True)):
+            ax.set_xlim(low, high)
+            ax.set_ylim(box[0, 1], box[1, 1])
+            ax.set_aspect("equal")
+            ax.set_ylabel("height [m]")
+            ax.set_title(outcome(descent) if labels is None else f"{labels[i]}: {outcome(descent)}", loc="left")
+            _draw_slope(ax, descent)
+            _draw_contacts(ax, descent)
+            _draw_poses(ax, descent, rows, interval, speed)
+        axes[-1].set_xlabel("horizontal distance [m]")
+        figure.colorbar(speed, ax=axes, label="speed [m/s]", shrink=0.9 if len(axes) == 1 else 0.6, aspect=24, pad=0.02)
+        handles: list[Artist] = [
+            Line2D([], [], color=INK, lw=1.0, label="path of the mass centre"),
+            Line2D([], [], color=RED, marker="^", ls="", label="touchdown"),
+            Line2D([], [], color=RED, lw=4.0, label="contact"),
+            Line2D([], [], marker="o", mfc="none", mec=INK, ms=9, ls="", label=f"pose every {interval:g} s"),
+        ]
+        if whole and any(math.isfinite(descent.slope.length) for descent in descents):
+            handles.append(Line2D([], [], color=INK, lw=1.2, ls=DASHES, label="finish"))
+        figure.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.3, handletextpad=0.5)
+    return figure
+
+
+def _round_interval(interval: float) -> float:
+    """Return the round number that is nearest to an interval, 1 for none."""
+    if interval <= 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(interval))
+    return min(
+        (factor * power for factor in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0)), key=lambda nice: abs(nice - interval)
+    )
+
+
+def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
+    """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
+    size = reach(descent.body)
+    path = np.stack([rows["x"], rows["y"]], axis=-1)
+    below = path * (1.0, 0.0)
+    ends = [(0.0, 0.0), (descent.slope.length, 0.0)] if whole and math.isfinite(descent.slope.length) else path[:1]
+    world = to_world(np.concatenate([path, below, ends]), descent.slope.angle)
+    low, high = world.min(axis=0), world.max(axis=0)
+    sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
+    # Below the surface there is room for the marks of the contacts.
+    return np.stack([low - (sides, 0.4 * size + 0.02 * (high[0] - low[0])), high + sides])
+
+
+def _draw_slope(ax: Axes, descent: Descent) -> None:
+    low, high = np.array(ax.get_xlim())
+    steepness = math.tan(descent.slope.angle)
+    surface = np.array([-low * steepness, -high * steepness])
+    ax.fill_between([low, high], surface, ax.get_ylim()[0] - abs(high - low), color=GROUND, lw=0.0, zorder=0)
+    ax.plot([low, high], surface, color=INK, lw=1.0, zorder=1)
+    if math.isfinite(descent.slope.length):
+        foot, top = to_world([(descent.slope.length, 0.0), (descent.slope.length, 1e3)], descent.slope.angle)
+        ax.plot(*np.stack([foot, top], axis=-1), color=INK, lw=1.2, ls=DASHES, zorder=1, scalex=False, scaley=False)
+
+
+def _draw_contacts(ax: Axes, descent: Descent) -> None:
+    spans = contact_spans(descent)
+    segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
+    world = to_world(segments, descent.slope.angle)
+    for begin_end in world:
+        ax.plot(*begin_end.T, color=RED, lw=4.0, solid_capstyle="butt", zorder=10)
+    ax.plot(*world[:, 0].T, color=RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
+
+
+def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, speed: ScalarMappable) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    body, angle = descent.body, descent.slope.angle
+    states = strobe_states(body, rows, interval)
+    colours = speed.to_rgba(np.hypot(states[:, 3], states[:, 4]))
+    places = states[:, :3].tolist()
+    outlines = [to_world(body_outline(body, *place), angle) for place in places]
+    heavy = [to_world(heavy_side(body, *place), angle) for place in places]
+    spokes = [to_world(spoke(body, *place), angle) for place in places]
+    ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.15, zorder=4))
+    ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
+    ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=1.3, zorder=6))
+    ax.add_collection(LineCollection(spokes, colors=INK, linewidths=1.0, zorder=7))
+    path = to_world(np.stack([rows["x"], rows["y"]], axis=-1), angle)
+    ax.plot(*path.T, color=INK, lw=0.8, zorder=8)
+    ax.plot(*to_world(states[:, :2], angle).T, color=INK, marker="o", ms=2.5, ls="", zorder=9)

@@ -1,0 +1,79 @@
+"""What figures compute from the rows of a trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sledenv.plot.shapes import drawable_rows
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.support import arms
+
+_LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
+
+
+def touching_arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the arms [m] of the touching feature in each row, zero in flight."""
+    a, b = np.zeros(len(rows)), np.zeros(len(rows))
+    for i in np.flatnonzero(rows["feature"]):
+        a[i], b[i] = arms(descent.body, rows["feature"][i], rows["phi"][i])
+    return a, b
+
+
+def kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the energy [J] of translation and of rotation in each row."""
+    speed_squared = np.square(rows["u"]) + np.square(rows["v"])
+    return 0.5 * descent.body.mass * speed_squared, 0.5 * descent.body.inertia * np.square(rows["omega"])
+
+
+def slip_velocity(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Return the velocity of the touching point along the slope [m/s] in each row in contact."""
+    _, b = touching_arms(descent, rows)
+    velocity: np.ndarray = rows["u"] + b * rows["omega"]
+    return velocity
+
+
+def penetration(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Return how deep the touching feature is in the slope [m] in each row, zero in flight."""
+    _, b = touching_arms(descent, rows)
+    return np.where(rows["feature"] > 0, np.maximum(b - rows["y"], 0.0), 0.0)
+
+
+def rows_between(descent: Descent, start: float, stop: float) -> np.ndarray:
+    """Return the rows of the trajectory between two times [s].
+
+    Raises
+    ------
+    ValueError
+        If the trajectory is missing or has fewer than two rows in the interval.
+    """
+    rows = drawable_rows(descent)
+    rows = rows[(rows["t"] >= start) & (rows["t"] <= stop)]
+    if len(rows) < 2:
+        raise ValueError(f"start = {start!r}, stop = {stop!r}: fewer than two rows of the trajectory lie in between")
+    return rows
+
+
+def gap_rate(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Return the rate of the gap [m/s] in each row in contact."""
+    a, _ = touching_arms(descent, rows)
+    rate: np.ndarray = rows["v"] - a * rows["omega"]
+    return rate
+
+
+def contact_rows(descent: Descent, number: int = 0) -> np.ndarray:
+    """Return the rows of one contact, from touchdown to separation.
+
+    Raises
+    ------
+    ValueError
+        If the trajectory is missing, or there is no such contact or it takes no time.
+    """
+    every = drawable_rows(descent)
+    if not 0 <= number < len(descent.rebounds):
+        raise ValueError(f"number = {number!r}: must be in [0, {len(descent.rebounds)}), the contacts of the descent")
+    rebound = descent.rebounds[number]
+    begin = rebound["t"] - rebound["duration"]
+    rows: np.ndarray = every[(every["feature"] > 0) & (every["t"] >= begin - _LATE) & (every["t"] <= rebound["t"])]
+    if len(rows) < 2 or rows["t"][-1] <= rows["t"][0]:
+        raise ValueError(f"number = {number!r}: this contact takes no time, as between rigid surfaces")
+    return rows

@@ -1,1 +1,0 @@
-"""How kernels are compiled, and the straight-line programs in them; no mechanics."""

@@ -1,0 +1,1 @@
+"""Files of configuration, and the contexts that scenarios draw from theirs; imports simulation/."""

@@ -1,0 +1,268 @@
+"""What a scenario's file says of the body, the slope, the contact, the launch and of what an agent chooses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from itertools import combinations
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import StrictBool, ValidationInfo, field_validator, model_validator
+
+from sledenv.scenarios.configuration import Bounds, Pair, Quantity, Range, Section, Whole
+from sledenv.simulation.bodies import Body, circular_segment, holds_its_mass_centre, least_eccentricity, sled, sled_rise
+
+BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
+
+
+class LaunchControl(Bounds):
+    """Marks a key of ``ControlSection`` that holds bounds: what an agent may choose of the launch within them.
+
+    Parameters
+    ----------
+    interval : str
+        Which bounds are allowed, with their unit. Those in deg are radians in a context.
+    name : str
+        Field of ``Context`` in whose place the choice stands.
+    printed : str
+        Format of a value, for a reader.
+    searched : int
+        Values on the grid of the oracle.
+    drawn : int
+        Values along an axis of the map of one context.
+    turn : float
+        Values that differ by this are the same launch; 0 where none are.
+    """
+
+    def __init__(self, interval: str, name: str, *, printed: str, searched: int, drawn: int, turn: float = 0.0) -> None:
+        super().__init__(interval)
+        self.name = name
+        self.printed = printed
+        self.searched = searched
+        self.drawn = drawn
+        self.turn = turn
+
+
+class DiscBody(Section):
+    """A full disc whose mass centre lies off its axis."""
+
+    kind: Literal["disc"]
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("(0, inf) m")]
+    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
+
+    @field_validator("eccentricity_m")
+    @classmethod
+    def _mass_centre_inside(cls, eccentricity: float, info: ValidationInfo) -> float:
+        radius = info.data.get("radius_m", math.inf)
+        if eccentricity >= radius:
+            raise ValueError(f"must be a number in [0, radius_m) = [0, {radius:g}) m")
+        return eccentricity
+
+    @field_validator("inertia_kg_m2")
+    @classmethod
+    def _mass_within_the_rim(cls, inertia: float, info: ValidationInfo) -> float:
+        if {"mass_kg", "radius_m", "eccentricity_m"} <= info.data.keys():
+            mass, radius, eccentricity = (info.data[key] for key in ("mass_kg", "radius_m", "eccentricity_m"))
+            highest = mass * (radius - eccentricity) * (radius + eccentricity)
+            if not highest < math.inf:
+                raise ValueError("m r^2 must be a finite number of kg m^2")
+            if inertia > highest * (1.0 + 1e-9):
+                raise ValueError(f"must be a number in (0, m (r^2 - h^2)] = (0, {highest:g}] kg m^2")
+        return inertia
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2)
+
+
+class SegmentBody(Section):
+    """A uniform lamina bounded by an arc and its chord."""
+
+    kind: Literal["segment"]
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("(0, inf) m")]
+    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")]  # of the arc
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return circular_segment(self.mass_kg, self.radius_m, math.radians(self.half_angle_deg))
+
+
+class SledBody(Section):
+    """A sled with its rider: runners bent to an arc, closed by the chord between their ends."""
+
+    kind: Literal["sled"]
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    length_m: Annotated[float, Quantity("(0, inf) m")]
+    rocker_radius_m: Annotated[float, Quantity("(0, inf) m")]  # of the runners
+    mass_centre_height_m: Annotated[float, Quantity("[0, inf) m")]  # above the middle of the runners
+    gyration_radius_m: Annotated[float, Quantity("(0, inf) m")]  # about the mass centre
+
+    @field_validator("rocker_radius_m")
+    @classmethod
+    def _reaches_both_ends(cls, radius: float, info: ValidationInfo) -> float:
+        length = info.data.get("length_m", 0.0)
+        if radius < 0.5 * length:
+            raise ValueError(f"must be a number in [length_m / 2, inf) = [{0.5 * length:g}, inf) m")
+        return radius
+
+    @field_validator("mass_centre_height_m")
+    @classmethod
+    def _mass_centre_inside(cls, height: float, info: ValidationInfo) -> float:
+        if {"length_m", "rocker_radius_m"} <= info.data.keys():
+            rise = sled_rise(info.data["length_m"], info.data["rocker_radius_m"])
+            if height > rise:
+                raise ValueError(
+                    f"must be a number in [0, {rise:g}] m: the chord between the runners' ends closes the body"
+                )
+        return height
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        given = self.length_m, self.rocker_radius_m, self.mass_centre_height_m, self.gyration_radius_m
+        return sled(self.mass_kg, *given)
+
+
+class CustomBody(Section):
+    """Any body of the simulator."""
+
+    kind: Literal["custom"]
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    radius_m: Annotated[float, Quantity("[0, inf) m")]
+    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
+    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
+    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")] = 180.0
+
+    @model_validator(mode="after")
+    def _mass_centre_inside(self) -> Self:
+        half_angle = math.radians(self.half_angle_deg)
+        if not holds_its_mass_centre(self.radius_m, self.eccentricity_m, half_angle):
+            least = least_eccentricity(self.radius_m, half_angle)
+            allowed = f"[max(radius_m cos(half_angle_deg), 0), radius_m] = [{least:g}, {self.radius_m:g}] m"
+            raise ValueError(f"eccentricity_m = {self.eccentricity_m:g}: must be a number in {allowed}")
+        return self
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        half_angle = math.radians(self.half_angle_deg)
+        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
+
+
+AnyBody = DiscBody | SegmentBody | SledBody | CustomBody
+
+
+class SlopeSection(Section):
+    """The incline."""
+
+    angle_deg: Annotated[Pair, Range("(-90, 90) deg")]  # positive downhill
+    length_m: Annotated[float, Quantity("(0, inf) m")]
+    gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
+
+
+class ContactSection(Section):
+    """How the body touches the slope; either ``restitution`` or ``asymmetry``."""
+
+    stiffness_n_m: Annotated[float, Quantity("(0, inf) N/m")]
+    restitution: Annotated[Pair | None, Range("(0, 1]")] = None
+    asymmetry: Annotated[float | None, Quantity("[0, 1)")] = None
+    friction: Annotated[Pair, Range("[0, inf)")]
+    rolling_arm_m: Annotated[float, Quantity("[0, inf) m")]
+    corner_rolling_arm_m: Annotated[float, Quantity("[0, inf) m")] = 0.0
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.restitution is None) == (self.asymmetry is None):
+            have = "both are given" if self.asymmetry is not None else "both are missing"
+            raise ValueError(f"must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}")
+        return self
+
+    @property
+    def restitution_range(self) -> Pair:
+        """Lowest and highest coefficient of restitution [-], whichever key gave it."""
+        if self.restitution is not None:
+            return self.restitution
+        assert self.asymmetry is not None  # by _one_of_two
+        restitution = math.sqrt((1.0 - self.asymmetry) / (1.0 + self.asymmetry))
+        return restitution, restitution
+
+
+class LaunchSection(Section):
+    """How the body is let go."""
+
+    speed_m_s: Annotated[Pair, Range("[0, inf) m/s")]  # along the slope, downhill, unless the agent chooses it
+    drop_m: Annotated[Pair, Range("[0, inf) m")]  # clearance of the lowest point of the body
+    fall_m_s: Annotated[Pair, Range("[0, inf) m/s")] = (0.0, 0.0)  # towards the slope
+    orientation_deg: Annotated[Pair, Range("[-360, 360] deg")] = (0.0, 0.0)  # unless the agent chooses it
+    spin_rad_s: Annotated[Pair, Range("(-inf, inf) rad/s")] = (0.0, 0.0)  # unless the agent chooses it
+
+
+class ControlSection(Section):
+    """What an agent may choose of the launch, within which bounds and how exactly.
+
+    A key that is a ``LaunchControl`` is all that there is to a control; its order here is that of the actions. One that
+    is None by default is optional.
+    """
+
+    orientation_deg: Annotated[
+        Pair,
+        LaunchControl("[-360, 360] deg", "orientation", printed="8.2f", searched=72, drawn=180, turn=360.0),
+    ]
+    spin_rad_s: Annotated[
+        Pair,
+        LaunchControl("(-inf, inf) rad/s", "spin", printed="7.3f", searched=33, drawn=81),
+    ]
+    speed_m_s: Annotated[
+        Pair | None,
+        LaunchControl("[0, inf) m/s", "speed", printed="7.3f", searched=9, drawn=81),
+    ] = None
+    chosen: str = "both"  # a word of control_words, unless an environment is made with another
+    noise_orientation_deg: Annotated[float, Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch
+    noise_spin_rad_s: Annotated[float, Quantity("[0, inf) rad/s")] = 0.0
+
+    @field_validator("chosen")
+    @classmethod
+    def _offered(cls, word: str, info: ValidationInfo) -> str:
+        # A key whose bounds are wrong is not in the data; it has its own message.
+        given = [control.name for key, control in cls.controls().items() if info.data.get(key, key) is not None]
+        words = control_words(given)
+        if word not in words:
+            raise ValueError(f"must be one of {', '.join(map(repr, words))}")
+        return word
+
+    @classmethod
+    def controls(cls) -> dict[str, LaunchControl]:
+        """Return the controls by key."""
+        fields = cls.model_fields.items()
+        return {key: mark for key, field in fields for mark in field.metadata if isinstance(mark, LaunchControl)}
+
+
+CONTROLS: Final = {mark.name: mark for mark in ControlSection.controls().values()}
+
+
+def control_words(offered: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return what each word lets an agent choose, in the order of its actions, if ``offered`` of ``CONTROLS`` are."""
+    names = [name for name in CONTROLS if name in offered]
+    several = (each for count in range(1, len(names) + 1) for each in combinations(names, count))
+    return {"both": BOTH} | {"+".join(each): each for each in several} | {"all": tuple(names)}
+
+
+class RiderSection(Section):
+    """A rider who can trim the spin in flight, with a rotor inside the body: docs/physics.md, section 9."""
+
+    trim_rad_s: Annotated[float, Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
+    rotor_inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]
+
+
+class LimitsSection(Section):
+    """Where a descent is given up."""
+
+    max_time_s: Annotated[float, Quantity("(0, inf) s")]
+    max_rebounds: Annotated[int, Whole("[1, 1000000]")]
+
+
+class EndsSection(Section):
+    """What ends a descent beyond the mechanics: a rider who has fallen does not go on."""
+
+    on_chord: StrictBool = False  # lying on the chord, both ends settled

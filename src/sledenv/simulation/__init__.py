@@ -1,0 +1,1 @@
+"""Bodies, laws, slopes, launches and settings, checked; descents, rides, impacts, derivatives; imports kernel/."""

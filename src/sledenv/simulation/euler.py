@@ -1,0 +1,216 @@
+"""The paper's own method, explicit Euler with a fixed step and plain sign functions, kept as a reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import straight
+from sledenv.kernel import motion
+from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, write_rebound
+from sledenv.kernel.geometry import arms, feature_at, incline_of, whole_turns
+from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, Slope, State
+from sledenv.kernel.records import ARC, CHORD, FINISH, LOG_FULL, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
+from sledenv.kernel.trajectory import next_row, write_corner, write_forces, write_slip
+
+
+class Point(NamedTuple):
+    """A point of the body: where it is, how it moves and how the slope pushes it."""
+
+    feature: int
+    a: float  # [m] arms
+    b: float  # [m]
+    gap: float  # [m]
+    v_n: float  # [m/s] gap rate
+    v_t: float  # [m/s] slip velocity
+    normal: float  # [N]
+    force: float  # [N] along the slope
+    moment: float  # [N m] of rolling resistance
+
+
+NOWHERE: Final = Point(ARC, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+ROW_WORK = 20.0  # of a row of the trajectory, in steps
+
+
+def _step(body: Any, slope: Any, flight: Any, normal: Any, force: Any, dt: Any) -> None:
+    """Program of one step of the mass centre."""
+    for name, lost in motion.losses(slope, flight, dt).items():
+        setattr(flight, name, getattr(flight, name) + body.mass * lost)
+    along, away = motion.accelerations(slope, flight.u, flight.v)
+    flight.x, flight.y = flight.x + dt * flight.u, flight.y + dt * flight.v
+    flight.u = flight.u + dt * (force / body.mass + along)
+    flight.v = flight.v + dt * (normal / body.mass + away)
+
+
+_step_on = straight(_step)
+
+
+@kernel
+def _point(body: Body, law: ContactLaw, flight: np.void, feature: int) -> Point:
+    """Lowest point of a feature and the forces on it, which are zero above the slope; (10)-(13) are the paper's."""
+    a, b = arms(body, feature, flight["phi"] - whole_turns(flight["phi"]))
+    omega = flight["omega"]
+    gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
+    if not gap < 0.0:
+        return Point(feature, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0)
+    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(v_n)) * gap  # (13)
+    force, moment = -law.friction * normal * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
+    return Point(feature, a, b, gap, v_n, v_t, normal, force, moment)
+
+
+@kernel
+def _look(body: Body, law: ContactLaw, flight: np.void, contact: np.void) -> tuple[Point, Point]:
+    """Write where the body is lowest and how it moves there; return that point and, of a corner, the other one."""
+    feature = feature_at(body, flight["phi"] - whole_turns(flight["phi"]))
+    lowest = _point(body, law, flight, feature)
+    contact["time"], contact["x"], contact["phi"] = flight["t"], flight["x"], flight["phi"]
+    contact["feature"], contact["omega"] = feature, flight["omega"]
+    contact["gap"], contact["v_n"], contact["v_t"] = lowest.gap, lowest.v_n, lowest.v_t
+    return lowest, NOWHERE if feature == ARC else _point(body, law, flight, NOSE if feature == TAIL else TAIL)
+
+
+@kernel
+def _status(slope: Incline, limits: Limits, flight: np.void, contact: np.void) -> int:
+    """Whether the descent goes on, or why it ends here."""
+    if not math.isfinite(contact["gap"] + contact["v_n"] + contact["v_t"]):
+        return NON_FINITE
+    if contact["x"] >= slope.length:
+        return FINISH
+    if flight["t"] >= limits.max_time:
+        return TIMEOUT
+    return STEP_BUDGET if flight["steps"] >= limits.max_steps else RUNNING
+
+
+@kernel
+def _touch_down(flight: np.void, contact: np.void, a: float) -> None:
+    """Keep the state at a touchdown, ``a`` [m] from the mass centre; nothing has been added up yet."""
+    contact["time_before"], contact["phi_before"] = contact["time"], contact["phi"]
+    contact["x_before"], contact["a_before"] = contact["x"], a
+    contact["u_before"], contact["v_before"] = flight["u"], flight["v"]
+    contact["v_t_before"], contact["omega_before"] = contact["v_t"], contact["omega"]
+    contact["feature_before"] = contact["feature"]
+    clear_sums(contact)
+    contact["peak_force"] = contact["peak_penetration"] = contact["on_chord"] = 0.0
+
+
+@kernel
+def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void, a: float, b: float) -> None:
+    """Record a contact that has ended."""
+    write_rebound(body, rebound, contact, a, b)
+    flight["rebounds"] += 1
+    book_losses(contact, flight)
+
+
+@kernel
+def _add_up(law: ContactLaw, contact: np.void, point: Point, dt: float) -> None:
+    """Add up impulses and losses of a point over one step in contact, and keep peaks."""
+    depth = -min(point.gap, 0.0)
+    contact["peak_force"] = max(contact["peak_force"], point.normal)
+    contact["peak_penetration"] = max(contact["peak_penetration"], depth)
+    contact["normal_impulse"] += point.normal * dt
+    contact["tangential_impulse"] += point.force * dt
+    contact["rolling_impulse"] += point.moment * dt
+    contact["sliding"] -= point.force * point.v_t * dt
+    contact["rolling"] -= point.moment * contact["omega"] * dt
+    if point.v_n > 0.0:
+        contact["hysteresis"] += 2.0 * law.stiffness * law.asymmetry * depth * point.v_n * dt
+
+
+@kernel
+def _write_contact(law: ContactLaw, contact: np.void, lowest: Point, other: Point, row: np.void) -> None:
+    """Fill the forces of a row."""
+    slip, spin = int(np.sign(contact["v_t"])), int(np.sign(contact["omega"]))
+    feature = CHORD if other.gap < 0.0 else lowest.feature
+    normal, force, moment = lowest.normal + other.normal, lowest.force + other.force, lowest.moment + other.moment
+    write_forces(row, normal, force, moment, feature, slip, spin)
+    write_slip(row, contact["v_t"], law.friction)
+    write_corner(row, lowest.feature, lowest.normal, lowest.force)
+    write_corner(row, other.feature, other.normal, other.force)
+
+
+@kernel
+def descend_euler(
+    body: Body,
+    law: ContactLaw,
+    slope: Slope,
+    launch: State,
+    limits: Limits,
+    log: np.ndarray,
+    contacts: np.ndarray,
+    trajectory: np.ndarray,
+    outcomes: np.ndarray,
+) -> None:
+    """Simulate one descent by explicit Euler: paper equations (10)-(13) with gravity, docs/physics.md, section 2.
+
+    While both ends of the chord are below the surface, each has a spring, friction and rolling resistance of its own.
+    Its events lie on the grid of steps: errors are of first order, and a body at rest chatters. So it neither jams nor
+    settles on its chord. With ``limits.most_work`` done it is still RUNNING, and to be called again; it then goes on
+    where it was.
+
+    Parameters
+    ----------
+    body, law, slope, launch, limits
+        See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
+        moment of friction with the paper's printed sign, which creates energy.
+    log : ndarray of REBOUND
+        As long as ``limits.max_rebounds`` or longer.
+    contacts : ndarray of CONTACT, shape (1,)
+        Work space; of another descent only if that has ended.
+    trajectory : ndarray of TRAJECTORY
+        Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
+    outcomes : ndarray of OUTCOME, shape (1,)
+        Of zeros, or of a descent that has ended; overwritten.
+    """
+    flight, contact = outcomes[0], contacts[0]
+    incline = incline_of(slope)
+    dt = limits.step
+    moment_sign = -1.0 if limits.printed_sign == 1.0 else 1.0
+    stride = max(1, round(limits.sample_interval / dt))
+    touching = False
+    if flight["status"] == RUNNING and flight["steps"] > 0:
+        touching = contact["gap"] < 0.0  # at the last step
+    else:
+        begin(launch, flight)
+    work = 0.0
+    while True:
+        lowest, other = _look(body, law, flight, contact)
+        status = _status(incline, limits, flight, contact)
+        inside = lowest.gap < 0.0
+        if inside and not touching:
+            _touch_down(flight, contact, lowest.a)
+        if other.gap < 0.0:
+            contact["on_chord"] = 1.0
+        if touching and (not inside or status != RUNNING):
+            _take_off(body, flight, log[flight["rebounds"]], contact, lowest.a, lowest.b)
+            if status == RUNNING and flight["rebounds"] >= limits.max_rebounds:
+                status = LOG_FULL
+        touching = inside
+        if trajectory.shape[0] > 0 and (flight["steps"] % stride == 0 or status != RUNNING):
+            row = next_row(trajectory, flight)
+            work += ROW_WORK
+            if inside:
+                _write_contact(law, contact, lowest, other, row)
+        if status != RUNNING:
+            break
+        if inside:
+            _add_up(law, contact, lowest, dt)
+            _add_up(law, contact, other, dt)
+        _step_on(body, incline, flight, lowest.normal + other.normal, lowest.force + other.force, dt)
+        flight["phi"] += dt * flight["omega"]
+        push = lowest.a * lowest.normal + other.a * other.normal
+        pull = lowest.b * lowest.force + other.b * other.force
+        flight["omega"] += dt * (-push + moment_sign * pull + (lowest.moment + other.moment)) / body.inertia
+        flight["steps"] += 1
+        flight["t"] = flight["steps"] * dt
+        work += 1.0
+        if work >= limits.most_work:
+            break
+    flight["status"] = status
+    deep = min(lowest.gap, 0.0) ** 2 + min(other.gap, 0.0) ** 2
+    flight["stored"] = 0.5 * law.stiffness * (1.0 + law.asymmetry) * deep
+    close_books(body, incline, launch, flight)

@@ -1,0 +1,152 @@
+"""What a simulated descent, or a batch of them, has come to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from sledenv.kernel.records import STATUS_OF_CODE, Energy, Status
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
+from sledenv.simulation.scene import AnyLaw, Slope, State
+
+Record = Literal["rebounds", "trajectory"]
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """One simulated descent.
+
+    Attributes
+    ----------
+    status : Status
+        Why it ended; a string such as "finish", "jammed" or "timeout".
+    time : float
+        Duration [s].
+    state : State
+        At the end.
+    rebounds : ndarray of REBOUND, shape (n,)
+        One row a contact, in order; the last may be a contact in which the descent ended.
+    trajectory : ndarray of TRAJECTORY, shape (m,)
+        Empty unless simulated with ``record="trajectory"``. Times never decrease; two rows share one where forces may
+        jump.
+    energy : Energy
+        The ledger.
+    body, law, slope, launch
+        What was simulated.
+    """
+
+    body: Body
+    law: AnyLaw
+    slope: Slope
+    launch: State
+    status: Status
+    time: float
+    state: State
+    rebounds: np.ndarray = field(repr=False)
+    trajectory: np.ndarray = field(repr=False)
+    energy: Energy
+    outcome: np.void = field(repr=False)
+
+    @property
+    def on_chord(self) -> tuple[float, float] | None:
+        """When [s] and where [m] the body first lay on its chord, both ends settled, so that it slid or rested there.
+
+        None if it never did, or only bounced or rocked on both ends. ``solver="euler"`` does not tell: nothing settles.
+        """
+        time, x = float(self.outcome["t_on_chord"]), float(self.outcome["x_on_chord"])
+        return (time, x) if math.isfinite(time) else None
+
+    @cached_property
+    def jam(self) -> DescentJam:
+        """Progress, retention, reward and jam index of the descent."""
+        return descent_jam(self.outcome, self.body.mass, self.slope.length)
+
+    def as_batch(self) -> DescentBatch:
+        """Return a batch of this one descent."""
+        jam = DescentJam._make(field.reshape(1) for field in self.jam)
+        return DescentBatch(self.outcome.reshape(1), self.rebounds[np.newaxis], jam)
+
+    @cached_property
+    def rebound_jam(self) -> ReboundJam:
+        """Grip, tangential loss and stuck flags of each rebound."""
+        return rebound_jam(self.rebounds, self.law.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class DescentBatch:
+    """Many simulated descents, arrays of N.
+
+    Attributes
+    ----------
+    outcomes : ndarray of OUTCOME, shape (N,)
+        Status code, time, final state and energy ledger of each.
+    rebounds : ndarray of REBOUND, shape (N, max_rebounds) or (0, 0)
+        The logs, ``outcomes["rebounds"]`` rows of which are filled.
+    jam : DescentJam
+        Progress, retention and reward, shape (N,).
+    """
+
+    outcomes: np.ndarray
+    rebounds: np.ndarray
+    jam: DescentJam
+
+    @property
+    def status(self) -> np.ndarray:
+        """Status of each descent, an array of strings of shape (N,)."""
+        return np.asarray(np.array(STATUS_OF_CODE)[self.outcomes["status"]])
+
+    @property
+    def time(self) -> np.ndarray:
+        """Duration [s], shape (N,)."""
+        return np.asarray(self.outcomes["t"])
+
+    @property
+    def on_chord(self) -> np.ndarray:
+        """When [s] and where [m] each body first lay on its chord, see :class:`Descent`, shape (N, 2); inf if never."""
+        return np.stack([self.outcomes["t_on_chord"], self.outcomes["x_on_chord"]], axis=-1)
+
+    @property
+    def states(self) -> np.ndarray:
+        """Final states, shape (N, 6), columns as in :class:`State`."""
+        return np.stack([self.outcomes[name] for name in State._fields], axis=-1)
+
+
+def descent_of(
+    body: Body,
+    law: AnyLaw,
+    slope: Slope,
+    launch: State,
+    outcome: np.void,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray,
+) -> Descent:
+    """Descent out of what the kernel has written; shares no log with it."""
+    found = fields_of(outcome)
+    return Descent(
+        body=body,
+        law=law,
+        slope=slope,
+        launch=launch,
+        status=STATUS_OF_CODE[found["status"]],
+        time=found["t"],
+        state=state_of(found),
+        rebounds=rebounds[: found["rebounds"]].copy(),
+        trajectory=trajectory[: found["samples"]],
+        energy=Energy._make(found[name] for name in Energy._fields),
+        outcome=outcome,
+    )
+
+
+def fields_of(outcome: np.void) -> dict[str, Any]:
+    """Return the fields of an OUTCOME as Python numbers; one by one they take far longer to read."""
+    return dict(zip(outcome.dtype.names or (), outcome.item(), strict=True))
+
+
+def state_of(fields: dict[str, Any]) -> State:
+    """Return the state in the fields of an OUTCOME; one that is not finite is a status, not an error."""
+    return State._make(fields[name] for name in State._fields)

@@ -1,0 +1,377 @@
+"""Descents that are followed hop by hop, one or a batch of them."""
+
+from __future__ import annotations
+
+import copy
+from typing import Self, get_args
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.compiler.entries import entry
+from sledenv.kernel.descend import SPACE, begin, close_books, trim
+from sledenv.kernel.geometry import incline_of
+from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.state import MOTION, TAKING_OFF, new
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import (
+    BatchSolver,
+    CheckedLanes,
+    Laws,
+    Slopes,
+    checked_lanes,
+    checked_law,
+    launched,
+    touching_law,
+)
+from sledenv.simulation.jam import descent_jam
+from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.outcomes import Descent, DescentBatch, Record, descent_of, fields_of, state_of
+from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_count, checked_flag, made
+from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.settings import TOLERANCE, Limits
+from sledenv.simulation.simulate import FIRST_TRAJECTORY, WORK, put_at_launch, run_batch, run_descent
+
+
+@entry
+def _embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
+    """Put a descent at its launch, and open its books."""
+    begin(launch, flights[0])
+    close_books(body, incline_of(slope), launch, flights[0])
+
+
+@entry
+def _trim(body: Body, slope: Slope, launch: State, rotor_inertia: float, flights: np.ndarray, spin: float) -> None:
+    """Trim a descent, and close its books."""
+    trim(body, rotor_inertia, flights[0], spin)
+    close_books(body, incline_of(slope), launch, flights[0])
+
+
+class Ride:
+    """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
+
+    A ride that is never trimmed ends with the very :class:`sledenv.Descent` that :func:`sledenv.simulate` returns, bit
+    for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the copies go on independently and identically.
+
+    Parameters
+    ----------
+    body, law, slope, launch, solver, max_time, max_rebounds
+        As for :func:`sledenv.simulate`, but for the Euler solver.
+    record, sample_interval, tolerance, settle_speed, end_on_chord
+        As for :func:`sledenv.simulate`.
+    rotor_inertia : float, optional
+        Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: AnyLaw,
+        slope: Slope,
+        launch: State,
+        *,
+        solver: BatchSolver = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        record: Record = "rebounds",
+        sample_interval: float = 0.01,
+        tolerance: float = TOLERANCE,
+        settle_speed: float | None = None,
+        end_on_chord: bool = False,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        checked_choice("solver", solver, get_args(BatchSolver))
+        checked_choice("record", record, get_args(Record))
+        self.body, self.law, self.slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+        self.launch = launched(self.body, self.slope, made("launch", State, launch))
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._touching = touching_law(self.body, self.law, self.slope, solver, settle_speed)
+        max_rebounds = checked_count("max_rebounds", max_rebounds)
+        self._limits = Limits(
+            max_time=max_time,
+            tolerance=tolerance,
+            sample_interval=sample_interval,
+            max_rebounds=max_rebounds,
+            end_on_chord=checked_flag("end_on_chord", end_on_chord),
+            most_work=WORK,
+        )
+        self._rebounds = new_log(max_rebounds)
+        self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+        self._flight = np.zeros(1, OUTCOME)
+        _embark(self.body, self.slope, self.launch, self._flight)
+
+    @property
+    def status(self) -> Status:
+        """Why the descent has ended; "running" until then."""
+        return STATUS_OF_CODE[int(self._flight[0]["status"])]
+
+    @property
+    def time(self) -> float:
+        """Time [s] since the launch."""
+        return float(self._flight[0]["t"])
+
+    @property
+    def state(self) -> State:
+        """Where the body is: at the launch, at a rebound or at the end."""
+        return state_of(fields_of(self._flight[0]))
+
+    @property
+    def lent(self) -> float:
+        """Spin [rad/s] that the rider's rotor lends to the body."""
+        return float(self._flight[0]["trim"])
+
+    def trim(self, spin: float) -> None:
+        """Let the rider's rotor lend ``spin`` [rad/s] to the body from here on: docs/physics.md, section 9.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended or the ride has no rotor.
+        TypeError, ValueError
+            If ``spin`` is not a finite number.
+        """
+        self._check_running()
+        if self.rotor_inertia is None:
+            raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
+        lent = checked("Ride.trim", "spin", spin, FINITE)
+        _trim(self.body, self.slope, self.launch, self.rotor_inertia, self._flight, lent)
+
+    def hop(self) -> Status:
+        """Follow one hop, to the next rebound or to the end of the descent, and return the status.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended.
+        """
+        self._check_running()
+        flight = self._followed()
+        if len(self._trajectory) < (rows := int(flight[0]["samples"])):
+            written = int(self._flight[0]["samples"])
+            longer = new_trajectory(2 * rows, self._limits.sample_interval)
+            longer[:written] = self._trajectory[:written]
+            self._trajectory = longer
+            flight = self._followed()
+        self._flight = flight  # only now, for an interrupt may have come before
+        return self.status
+
+    def run(self) -> Descent:
+        """Follow the descent to its end and return it."""
+        while self.status == Status.RUNNING:
+            self.hop()
+        return self.descent()
+
+    def descent(self) -> Descent:
+        """Return the descent so far, of status "running" until it has ended; later hops do not change it."""
+        outcome = self._flight.copy()[0]
+        trajectory = self._trajectory[: outcome["samples"]]
+        if self.status == Status.RUNNING and len(self._trajectory) > 0:
+            here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
+            for name in (*MOTION, *FLIGHT_LOSSES):
+                here[name] = outcome[name]
+            trajectory = np.append(trajectory, here)
+            outcome["samples"] += 1
+        return descent_of(self.body, self.law, self.slope, self.launch, outcome, self._rebounds, trajectory.copy())
+
+    def copy(self) -> Self:
+        """Return an independent ride that stands where this one stands."""
+        return copy.deepcopy(self)
+
+    def _followed(self) -> np.ndarray:
+        """Where the descent is after one hop."""
+        body, slope, launch, limits = self.body, self.slope, self.launch, self._limits
+        log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
+        while space["stage"][0] != TAKING_OFF:  # an interrupt takes effect between two calls
+            run_descent(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
+        return flight
+
+    def _check_running(self) -> None:
+        if self.status != Status.RUNNING:
+            raise RuntimeError(f"the descent has ended with status {str(self.status)!r}")
+
+
+class RideBatch:
+    """Many descents of one body, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
+
+    A lane can be launched anew whatever the others do. Pickles and copies go on independently and identically.
+
+    Parameters
+    ----------
+    body : Body
+        Shared by all lanes.
+    law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+        As for :func:`sledenv.simulate_batch`.
+    keep_rebounds : bool
+        Keep the logs, N * max_rebounds records of 176 bytes.
+    rotor_inertia : float, optional
+        Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        law: Laws,
+        slope: Slopes,
+        launches: ArrayLike,
+        *,
+        solver: BatchSolver = "compliant",
+        max_time: float = 60.0,
+        max_rebounds: int = 1000,
+        keep_rebounds: bool = False,
+        tolerance: float = TOLERANCE,
+        settle_speed: float | None = None,
+        end_on_chord: bool = False,
+        rotor_inertia: float | None = None,
+    ) -> None:
+        self.body = made("body", Body, body)
+        self.rotor_inertia = None
+        if rotor_inertia is not None:
+            self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
+        self._solver: BatchSolver = solver
+        self._settle_speed = settle_speed
+        max_rebounds = checked_count("max_rebounds", max_rebounds)
+        end_on_chord = checked_flag("end_on_chord", end_on_chord)
+        self._limits = Limits(
+            max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord
+        )
+        given = checked_lanes(self.body, law, slope, launches, solver, settle_speed)
+        lanes = len(given.launches)
+        self._like, self._bodies = given.like(), given.bodies
+        self._laws = np.empty((lanes, given.laws.shape[1]))
+        self._slopes = np.empty((lanes, given.slopes.shape[1]))
+        self._launches = np.empty_like(given.launches)
+        self._flights = np.zeros(lanes, OUTCOME)
+        self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
+        self._rebounds = new_logs(lanes, max_rebounds) if keep_rebounds else np.zeros((0, 0), REBOUND)
+        self._begin(np.arange(lanes), given)
+
+    def launch(
+        self,
+        lanes: np.ndarray,
+        law: Laws,
+        slope: Slopes,
+        launches: ArrayLike,
+    ) -> None:
+        """Begin new descents; their ledgers are empty until the first hop.
+
+        Parameters
+        ----------
+        lanes : ndarray of int, shape (n,)
+            In which lanes, in [0, N), no two alike.
+        law, slope, launches
+            As for :func:`sledenv.simulate_batch`, of n descents.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming the argument or the lane, counted in ``launches``; no lane has changed then.
+        """
+        given = checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed)
+        self._begin(self._checked_numbers(lanes, len(given.launches)), given)
+
+    def hop(self, trims: np.ndarray) -> None:
+        """Follow one hop in every lane that has not ended.
+
+        Parameters
+        ----------
+        trims : ndarray, shape (N,)
+            Spin [rad/s] that the rotor lends to each body during the hop: docs/physics.md, section 9.
+
+        Raises
+        ------
+        ValueError
+            For another shape, a trim that is not finite, or one without a rotor; no lane has moved then.
+        """
+        spins = _numbers(trims)
+        if spins is None or spins.shape != self._flights.shape or not np.isfinite(spins).all():
+            raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
+        if self.rotor_inertia is None and spins.any():
+            raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
+        before = self._flights["rebounds"].copy() if self._rebounds.size else None
+        run_batch(
+            self._bodies,
+            self._like,
+            self._laws,
+            self._slopes,
+            self._launches,
+            self._limits,
+            np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1),
+            self._flights,
+            self._touched[:, np.newaxis],
+            new(SPACE, numba.get_num_threads()),
+        )
+        if before is not None:
+            touching = np.flatnonzero(self._flights["rebounds"] > before)
+            self._rebounds[touching, before[touching]] = self._touched[touching]
+
+    def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
+        """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it.
+
+        Raises
+        ------
+        IndexError
+            For a lane that is not there.
+        """
+        # Records are copied whole by take, but field by field through an index.
+        return self._flights.copy() if lanes is None else self._flights.take(self._numbered(lanes))
+
+    def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
+        """Return the descents so far, those of all lanes or of some; later hops do not change them."""
+        chosen = np.arange(len(self._flights)) if lanes is None else self._numbered(lanes)
+        outcomes, rebounds = self.outcomes(lanes), self._rebounds
+        if rebounds.size:
+            rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
+        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
+
+    def _numbered(self, lanes: np.ndarray) -> np.ndarray:
+        """Numbers of lanes that an index of numpy means."""
+        try:
+            return np.asarray(np.arange(len(self._flights))[lanes])
+        except IndexError as error:
+            raise IndexError(f"lanes = {lanes!r}: must be among {len(self._flights)} lanes: {error}") from None
+
+    def _checked_numbers(self, lanes: np.ndarray, count: int) -> np.ndarray:
+        """Return the numbers of so many lanes that are launched, or raise TypeError or ValueError."""
+        numbers = np.asarray(lanes)
+        if numbers.dtype.kind not in "iu" and numbers.size:
+            raise TypeError(f"lanes = {lanes!r}: must be whole numbers")
+        if numbers.shape != (count,):
+            raise ValueError(f"lanes = {lanes!r} has shape {numbers.shape}: must be ({count},), one a launch")
+        wrong = (numbers < 0) | (numbers >= len(self._flights))
+        if wrong.any():
+            raise ValueError(f"lanes holds {numbers[wrong][0]}: must be in [0, {len(self._flights)})")
+        if len(set(numbers.tolist())) < count:
+            raise ValueError(f"lanes = {lanes!r}: no two must be alike")
+        return numbers.astype(np.intp)
+
+    def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
+        if given.kind is not type(self._like):
+            raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
+        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
+        flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        put_at_launch(flights, given.launches)
+        self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)
+
+
+def _numbers(given: ArrayLike) -> np.ndarray | None:
+    """Return an array of floats, or None if it would not be one of real numbers."""
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        return None
+    return array.astype(float) if array.dtype.kind in "biuf" else None

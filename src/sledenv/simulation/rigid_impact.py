@@ -1,0 +1,212 @@
+"""The Python face of the rigid impact: :func:`rigid_impact`, and many impacts told by their arms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from sledenv.compiler.entries import entry
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.flight import tell_body
+from sledenv.kernel.geometry import arms, feature_at, whole_turns
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.records import ARC, PHASE, Mode
+from sledenv.kernel.state import HOP, PACK, new
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
+from sledenv.simulation.scene import ContactLaw, State
+from sledenv.simulation.support import within_a_turn
+
+Hypothesis = Literal["energetic", "poisson", "newton"]
+
+_CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
+
+
+class Phase(NamedTuple):
+    """One stretch of an impact between two events."""
+
+    start: float  # [N s] normal impulse at its start
+    impulse: float  # [N s] normal impulse of the phase
+    slip: int  # sign of the slip velocity, 0 sticking
+    spin: int  # sign of the angular velocity, 0 stopped
+    restitution: bool  # True while the gap opens, False while it closes
+
+
+@dataclass(frozen=True)
+class RigidImpact:
+    """Result of one rigid impact.
+
+    Attributes
+    ----------
+    state : State
+        After the impact; position and orientation are those before.
+    normal_impulse, tangential_impulse : float
+        [N s].
+    rolling_impulse : float
+        [N m s].
+    mode : Mode
+        How the impact ended, in the words of Table 1.
+    phases : tuple of Phase
+        In order; empty if there was no impact.
+    loss_hysteresis, loss_sliding, loss_rolling : float
+        [J]. Under the Newton hypothesis the first may be negative: energy out of nothing, docs/physics.md, section 4.
+    """
+
+    state: State
+    normal_impulse: float
+    tangential_impulse: float
+    rolling_impulse: float
+    mode: Mode
+    phases: tuple[Phase, ...]
+    loss_hysteresis: float
+    loss_sliding: float
+    loss_rolling: float
+
+
+@entry
+def collide(
+    body: Body, law: ContactLaw, state: State, restitution: float, hypothesis: int, hops: np.ndarray, phases: np.ndarray
+) -> int:
+    """Follow the impact of a body in some state, as the kernel does. ``hops``, of HOP, has one record, overwritten."""
+    hop = hops[0]
+    tell_body(body, hop)
+    local = state.phi - whole_turns(state.phi)
+    feature = feature_at(body, local)
+    a, b = arms(body, feature, local)
+    hop["friction"], hop["restitution"] = law.friction, restitution
+    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    _touch(hop, a, b, state.u, state.v, state.omega)
+    return impact(hypothesis, hop, phases)
+
+
+@kernel
+def _touch(hop: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
+    """Write the arms of the contact point and the velocities of the body at touch."""
+    hop["a"], hop["b"] = a, b
+    hop["v_t_landing"] = hop["v_t"] = u + b * omega
+    hop["v_n"], hop["omega"] = v - a * omega, omega
+
+
+@entry
+def _collide_each(
+    gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: int, hops: np.ndarray, after: np.ndarray
+) -> int:
+    """Follow many impacts; return the number of the first that did not end, -1 if all did. The mass is 1."""
+    hop = hops[0]
+    hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2
+    for i in range(contacts.shape[0]):
+        a, b = contacts[i, 0], contacts[i, 1]
+        hop["size"] = gyration_radius + math.hypot(a, b)
+        hop["restitution"], hop["friction"], hop["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
+        _touch(hop, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
+        if impact(hypothesis, hop, None) > MOST_PHASES:
+            return i
+        omega = hop["omega"]
+        after[i, 0], after[i, 1], after[i, 2] = hop["v_t"] - b * omega, hop["v_n"] + a * omega, omega
+    return -1
+
+
+def velocities_after(
+    gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: Hypothesis = "energetic"
+) -> np.ndarray:
+    """Velocities after many impacts of a body of any shape, told by where its contact point lies each time.
+
+    Parameters
+    ----------
+    gyration_radius : float
+        Root of inertia over mass [m], > 0; the mass itself cancels.
+    contacts : ndarray of float, shape (N, 5)
+        Arms a, b [m] of the contact point, which lies at (-a, -b) from the mass centre; u, v [m/s] and omega [rad/s]
+        at touch. A gap that does not close is not hit.
+    laws : ndarray of float, shape (N, 3)
+        Restitution [-] in [0, 1], friction [-] and rolling arm [m], both not negative. Neither they nor the contacts
+        are checked.
+    hypothesis : {"energetic", "poisson", "newton"}
+        As for :func:`rigid_impact`.
+
+    Returns
+    -------
+    ndarray of float, shape (N, 3)
+        u, v [m/s] and omega [rad/s].
+
+    Raises
+    ------
+    ArithmeticError
+        If an impact does not end within the bound on its phases.
+    """
+    after = np.empty((len(contacts), 3))
+    contacts, laws = np.ascontiguousarray(contacts, float), np.ascontiguousarray(laws, float)
+    lost = _collide_each(float(gyration_radius), contacts, laws, _CODES[hypothesis], new(HOP), after)
+    if lost >= 0:
+        raise ArithmeticError(f"the impact of row {lost} did not end within {MOST_PHASES} phases")
+    return after
+
+
+def rigid_impact(
+    body: Body,
+    law: ContactLaw,
+    state: State,
+    *,
+    restitution: float | None = None,
+    hypothesis: Hypothesis = "energetic",
+) -> RigidImpact:
+    """Solve one impact of rigid surfaces exactly, in the normal impulse: docs/physics.md, section 4.
+
+    Parameters
+    ----------
+    body, law
+        The stiffness of the law is not used.
+    state : State
+        Velocities at touch and the orientation; ``x`` and ``y`` are not used. A feature that does not approach the
+        slope is not hit: the state is returned as it is.
+    restitution : float, optional
+        e [-] in [0, 1] in place of that of the law.
+    hypothesis : {"energetic", "poisson", "newton"}
+        What e means: energetic (Stronge) is consistent with every friction; the other two are for comparison, and
+        Newton's can create energy.
+
+    Returns
+    -------
+    RigidImpact
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    ArithmeticError
+        If the impact does not end within the bound on its phases.
+    """
+    if hypothesis not in get_args(Hypothesis):
+        allowed = ", ".join(map(repr, get_args(Hypothesis)))
+        raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
+    body, law, state = made("body", Body, body), made("law", ContactLaw, law), made("state", State, state)
+    e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
+    rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
+    touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
+    count = collide(body, law, touching, e, _CODES[hypothesis], hops, rows)
+    if count > MOST_PHASES:
+        raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
+    hop = {name: float(hops[name][0]) for name in PACK.names or ()}
+    slip, omega = hop["v_t"], hop["omega"]
+    after = state
+    if count > 0:
+        after = state._replace(u=slip - hop["b"] * omega, v=hop["v_n"] + hop["a"] * omega, omega=omega)
+    phases = tuple(
+        Phase(float(row["start"]), float(row["impulse"]), int(row["slip"]), int(row["spin"]), bool(row["restitution"]))
+        for row in rows[:count]
+    )
+    return RigidImpact(
+        after,
+        hop["normal_impulse"],
+        hop["tangential_impulse"],
+        hop["rolling_impulse"],
+        Mode(contact_mode(hop["v_t_landing"], state.omega, slip, omega)),
+        phases,
+        hop["hysteresis"],
+        hop["sliding"],
+        hop["rolling"],
+    )

@@ -1,0 +1,116 @@
+"""What a number, a word or a table that is given must be, and the errors that name what is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+_T = TypeVar("_T", bound=tuple[Any, ...])
+
+Rule = tuple[Callable[[Any], Any], str]  # what accepts a float, or each entry of an array; what it accepts, in words
+
+FINITE: Rule = (lambda v: abs(v) < math.inf, "a finite number")
+NOT_NEGATIVE: Rule = (lambda v: (v >= 0.0) & (v < math.inf), "in [0, inf)")
+STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
+RESTITUTION: Rule = (lambda v: (v > 0.0) & (v <= 1.0), "in (0, 1]")
+CLOSED_FRACTION: Rule = (lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
+POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
+
+
+def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
+    """Return ``value`` as a float, or raise an error that names field, value and allowed range.
+
+    Raises
+    ------
+    TypeError
+        If ``value`` is not a real number.
+    ValueError
+        If ``value`` is NaN or outside the range.
+    """
+    accepts, allowed = rule
+    if type(value) is float and accepts(value):
+        return value
+    try:
+        if isinstance(value, str | bytes) or getattr(value, "dtype", np.dtype(float)).kind not in "biuf":
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError):
+        comma = "," if allowed.startswith("a ") else ""
+        raise TypeError(f"{owner}.{field} = {value!r}: must be a number{comma} {allowed}") from None
+    if not accepts(number):
+        raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
+    return number
+
+
+def made(name: str, kind: type[_T], value: Any) -> _T:
+    """Return an argument as the kind of tuple that it must be, every field checked.
+
+    A sequence without names is one as well, if it has a number for each field.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the field, its value and what is allowed.
+    """
+    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+    own = isinstance(value, kind.__bases__)
+    plain = type(value) in (tuple, list) or isinstance(value, np.ndarray)
+    if own or (plain and np.shape(value) == np.shape(fields)):
+        return kind(*value)
+    raise TypeError(f"{name} = {value!r}: must be a {kind.__name__}, or as many numbers: {', '.join(fields)}")
+
+
+def checked_fields(kind: type[Any], *values: Any) -> list[float]:
+    """Return the fields of a named tuple of floats with ``rules``, each checked."""
+    columns = zip(kind._fields, values, kind.rules, strict=True)
+    return [checked(kind.__name__, field, value, rule) for field, value, rule in columns]
+
+
+def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
+    """Check many tuples of one kind at once.
+
+    Parameters
+    ----------
+    owner : str
+        What the message calls a row; ``{lane}`` in it becomes the number of the row.
+    kind : type
+        A named tuple of floats with ``rules``, one a field, such as :class:`Slope`.
+    rows : ndarray of float, shape (N, fields)
+
+    Raises
+    ------
+    ValueError
+        Naming row, field, value and allowed range.
+    """
+    for column, field, (accepts, allowed) in zip(rows.T, kind._fields, kind.rules, strict=True):
+        accepted = accepts(column)
+        if not accepted.all():
+            lane = int(np.argmin(accepted))
+            value = float(column[lane])
+            raise ValueError(f"{owner.format(lane=lane)}.{field} = {value!r}: must be {allowed}")
+
+
+def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
+    """Return one of the words that are allowed, or raise ValueError."""
+    if value not in allowed:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
+    return value
+
+
+def checked_count(name: str, value: int) -> int:
+    """Return a number of things, at least one, or raise TypeError or ValueError."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
+    if value < 1:
+        raise ValueError(f"{name} = {value!r}: must be an integer >= 1")
+    return int(value)
+
+
+def checked_flag(name: str, value: bool) -> bool:
+    """Return whether something is to be, or raise TypeError."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} = {value!r}: must be True or False")
+    return bool(value)

@@ -1,0 +1,336 @@
+"""One descent, a batch, a batch in blocks: the Python face of the descent loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, get_args
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.compiler.entries import entry, parallel_entry
+from sledenv.kernel.batch import descend_batch
+from sledenv.kernel.descend import SPACE, descend
+from sledenv.kernel.laws import Law
+from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.state import CONTACT, new
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import (
+    BatchSolver,
+    Bodies,
+    Laws,
+    Slopes,
+    Solver,
+    checked_lanes,
+    checked_law,
+    launched,
+    touching_law,
+)
+from sledenv.simulation.euler import descend_euler
+from sledenv.simulation.jam import DescentJam, descent_jam
+from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.outcomes import Descent, DescentBatch, Record, descent_of
+from sledenv.simulation.rules import checked_choice, checked_count, checked_flag, made
+from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.settings import TOLERANCE, Limits
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+FrictionSign = Literal["dissipative", "printed"]
+
+FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
+_BLOCK = 8192  # lanes of a batch that are simulated together
+# Of one call of the kernel, a fraction of a second: an interrupt takes effect between two of them.
+WORK = 1e5  # steps in contact, hops and rows
+_EULER_STEPS = 2e6
+
+run_descent, run_batch, _descend_euler = entry(descend), parallel_entry(descend_batch), entry(descend_euler)
+
+
+def simulate(
+    body: Body,
+    law: AnyLaw,
+    slope: Slope,
+    launch: State,
+    *,
+    solver: Solver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    record: Record = "rebounds",
+    sample_interval: float = 0.01,
+    tolerance: float = TOLERANCE,
+    step: float = 2.5e-7,
+    friction_sign: FrictionSign = "dissipative",
+    settle_speed: float | None = None,
+    end_on_chord: bool = False,
+) -> Descent:
+    """Simulate one descent until it finishes, jams or meets a limit.
+
+    An interrupt (Ctrl-C) takes effect within a fraction of a second, however long the descent is.
+
+    Parameters
+    ----------
+    body, law, slope
+        What descends, how it touches and where.
+    launch : State
+        Where and how it starts; the body must not lie below the surface. Whole turns are taken off ``phi``, into
+        [-pi, pi]: orientations of the result count from there, and are not wrapped.
+    solver : {"compliant", "rigid", "euler"}
+        The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
+        impulse and sustained contact (sections 4 and 6), which takes the restitution of ``law`` and ignores its
+        stiffness; or the paper's explicit Euler method.
+    max_time : float
+        Longest simulated time [s], > 0.
+    max_rebounds : int
+        Number of rebounds after which the descent ends with status "log_full".
+    record : {"rebounds", "trajectory"}
+        "trajectory" also records positions, velocities and contact forces.
+    sample_interval : float
+        Longest time [s] between two rows of the trajectory; contacts are sampled more densely.
+    tolerance : float
+        Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
+    step : float
+        Time step [s] ("euler").
+    friction_sign : {"dissipative", "printed"}
+        "printed" gives the moment of friction the sign printed in the paper's (10), which creates energy; it exists to
+        reproduce the paper and needs ``solver="euler"``.
+    settle_speed : float, optional
+        Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
+        1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
+    end_on_chord : bool
+        End the descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
+        It goes on otherwise. Needs another solver than "euler", in which nothing settles.
+
+    Returns
+    -------
+    Descent
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range; nothing is simulated then.
+    MemoryError
+        If ``max_rebounds`` records take more memory than there is, before anything is simulated; or if the rows of the
+        trajectory do, once they have been counted and before any is kept.
+    """
+    checked_choice("solver", solver, get_args(Solver))
+    checked_choice("record", record, get_args(Record))
+    checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
+    if friction_sign == "printed" and solver != "euler":
+        raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
+    if checked_flag("end_on_chord", end_on_chord) and solver == "euler":
+        raise ValueError("end_on_chord = True: solver='euler' cannot tell when a body has settled on its chord")
+    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+    launch = launched(body, slope, made("launch", State, launch))
+    euler = solver == "euler"
+    limits = Limits(
+        max_time=max_time,
+        max_steps=1e18 if euler else 1e6,
+        tolerance=tolerance,
+        sample_interval=sample_interval,
+        step=step,
+        printed_sign=1.0 if friction_sign == "printed" else 0.0,
+        max_rebounds=checked_count("max_rebounds", max_rebounds),
+        end_on_chord=end_on_chord,
+        most_work=_EULER_STEPS if euler else WORK,
+    )
+    touching = touching_law(body, law, slope, solver, settle_speed)
+    rebounds = new_log(max_rebounds)
+    outcomes = np.zeros(1, OUTCOME)
+    trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+    outcome = outcomes[0]
+
+    def run() -> None:
+        space = new(CONTACT if euler else SPACE)
+        follow: Any = _descend_euler if euler else run_descent
+        once = () if euler else (False,)
+        while True:
+            follow(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes, *once)
+            if outcome["status"] != RUNNING:
+                return
+
+    run()
+    if outcome["samples"] > len(trajectory):
+        trajectory = new_trajectory(int(outcome["samples"]), limits.sample_interval)
+        run()
+    return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
+
+
+def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
+    """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
+    flights["t_on_chord"] = flights["x_on_chord"] = np.inf
+    for name, column in zip(State._fields, launches.T, strict=True):
+        flights[name] = column
+
+
+class _Lanes(NamedTuple):
+    """A batch that has been checked: what the kernel is given."""
+
+    bodies: np.ndarray
+    like: Law
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+    limits: Limits
+
+    def parts(self, block: int) -> Iterator[slice]:
+        """Split the lanes into blocks."""
+        lanes = len(self.launches)
+        return (slice(start, min(start + block, lanes)) for start in range(0, lanes, block))
+
+    def log(self, lanes: int, keep: bool) -> np.ndarray:
+        """Return empty rebound logs, of no lane unless they are kept."""
+        return new_logs(lanes, int(self.limits.max_rebounds)) if keep else np.zeros((0, 0), REBOUND)
+
+    def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
+        """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
+        tables = self.bodies, self.laws, self.slopes
+        bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
+        launches, spaces, all_hops = self.launches[part], new(SPACE, numba.get_num_threads()), np.empty((0, 2))
+        put_at_launch(outcomes, launches)
+        while (outcomes["status"] == RUNNING).any():
+            run_batch(bodies, self.like, laws, slopes, launches, self.limits, all_hops, outcomes, rebounds, spaces)
+        return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
+
+
+def _lanes(
+    body: Bodies,
+    law: Laws,
+    slope: Slopes,
+    launches: ArrayLike,
+    solver: BatchSolver,
+    max_time: float,
+    max_rebounds: int,
+    tolerance: float,
+    settle_speed: float | None,
+    end_on_chord: bool,
+) -> _Lanes:
+    """Check a batch."""
+    given = checked_lanes(body, law, slope, launches, solver, settle_speed)
+    max_rebounds = checked_count("max_rebounds", max_rebounds)
+    end_on_chord = checked_flag("end_on_chord", end_on_chord)
+    limits = Limits(
+        max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord, most_work=WORK
+    )
+    return _Lanes(given.bodies, given.like(), given.laws, given.slopes, given.launches, limits)
+
+
+def simulate_batch(
+    body: Bodies,
+    law: Laws,
+    slope: Slopes,
+    launches: ArrayLike,
+    *,
+    solver: BatchSolver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    keep_rebounds: bool = False,
+    tolerance: float = TOLERANCE,
+    settle_speed: float | None = None,
+    end_on_chord: bool = False,
+    progress: bool = False,
+) -> DescentBatch:
+    """Simulate many descents on all cores; lane i equals ``simulate`` of launch i bit for bit.
+
+    An interrupt (Ctrl-C) takes effect once each thread has ended its hop, or some more of them.
+
+    Parameters
+    ----------
+    body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5), (N, 5) and (N, 3)
+        One for all lanes or one a lane.
+    launches : array_like, shape (N, 6)
+        Columns as in :class:`State`.
+    solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+        As for :func:`simulate`.
+    keep_rebounds : bool
+        Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
+    progress : bool
+        Show a bar on standard error; needs tqdm.
+
+    Returns
+    -------
+    DescentBatch
+        About 200 bytes a lane, without logs.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
+    MemoryError
+        If there is no room for the logs; nothing is simulated then.
+    ImportError
+        If tqdm is missing and ``progress`` is asked for.
+    """
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
+    count = len(lanes.launches)
+    rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
+    outcomes = np.zeros(count, OUTCOME)
+    jam = np.empty((len(DescentJam._fields), count))
+    with _bar(count) if checked_flag("progress", progress) else nullcontext() as bar:
+        for part in lanes.parts(_BLOCK):
+            jam[:, part] = lanes.run(part, outcomes[part], rebounds[part])
+            if bar is not None:
+                bar.update(part.stop - part.start)
+    return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+
+
+def simulate_blocks(
+    body: Bodies,
+    law: Laws,
+    slope: Slopes,
+    launches: ArrayLike,
+    *,
+    block: int = 1024,
+    solver: BatchSolver = "compliant",
+    max_time: float = 60.0,
+    max_rebounds: int = 1000,
+    keep_rebounds: bool = True,
+    tolerance: float = TOLERANCE,
+    settle_speed: float | None = None,
+    end_on_chord: bool = False,
+) -> Iterator[DescentBatch]:
+    """Simulate many descents block by block, for logs that memory cannot hold all at once.
+
+    Parameters
+    ----------
+    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+        As for :func:`simulate_batch`.
+    block : int
+        Launches simulated at a time, >= 1.
+    keep_rebounds : bool
+        Give the logs too, block * max_rebounds records of 176 bytes at a time: 180 MB by default, and as much again
+        while the caller still holds the block before.
+
+    Yields
+    ------
+    DescentBatch
+        Of the next ``block`` launches, or of those that are left. They share no memory; put together they are the
+        result of :func:`simulate_batch`, bit for bit.
+
+    Raises
+    ------
+    TypeError, ValueError, MemoryError
+        As :func:`simulate_batch`, when it is called.
+    """
+    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
+    block = checked_count("block", block)
+    keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
+    lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
+
+    def blocks() -> Iterator[DescentBatch]:
+        for part in lanes.parts(block):
+            count = part.stop - part.start
+            outcomes, rebounds = np.zeros(count, OUTCOME), lanes.log(count, keep_rebounds)
+            yield DescentBatch(outcomes, rebounds, lanes.run(part, outcomes, rebounds))
+
+    return blocks()
+
+
+def _bar(count: int) -> tqdm[NoReturn]:
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise ImportError("progress = True: the bar needs tqdm: pip install tqdm") from error
+    return tqdm(total=count, unit=" launches", unit_scale=True)

@@ -1,0 +1,496 @@
+"""Wheel collisions in closed form: Table 1 corrected and completed, against the general impact solver and by hand."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import random
+from fractions import Fraction
+
+import numba
+import numpy as np
+import pytest
+
+import sledenv
+from sledenv.closed_forms import wheel
+from sledenv.closed_forms.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck
+from sledenv.compiler.entries import entry
+from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
+from sledenv.kernel.records import PHASE, Mode
+from sledenv.kernel.state import HOP, new
+
+MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
+NO_PHASES = np.empty(0, PHASE)
+SIZES = [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
+
+
+def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray, hops: np.ndarray) -> None:
+    """Solve each row of cases (m, J, r, f, delta, e, u, v, omega) by the general solver with a = 0, b = r."""
+    hop = hops[0]
+    for i in range(len(cases)):
+        m, inertia, r, f, delta, e, u, v, omega = cases[i]
+        slip = u + r * omega
+        hop["per_mass"], hop["per_inertia"], hop["size"] = 1.0 / m, 1.0 / inertia, r
+        hop["a"], hop["b"], hop["friction"], hop["arm"], hop["restitution"] = 0.0, r, f, delta, e
+        hop["v_t"], hop["omega"], hop["v_n"] = slip, omega, v
+        count = impact(ENERGETIC, hop, phases)
+        out[i, 0] = hop["v_t"] - r * hop["omega"]
+        out[i, 1] = hop["v_n"]
+        out[i, 2] = hop["omega"]
+        out[i, 3] = hop["tangential_impulse"]
+        out[i, 4] = hop["normal_impulse"]
+        out[i, 5] = hop["rolling_impulse"]
+        modes[i] = contact_mode(slip, omega, hop["v_t"], hop["omega"]) if count <= MOST_PHASES else 0
+
+
+kernel_impacts = entry(impacts)
+
+
+def solve(cases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(u, v, omega, SF, P, moment impulse) of every case and the name of its mode, by the general solver."""
+    out, modes = np.zeros((len(cases), 6)), np.zeros(len(cases), np.int64)
+    kernel_impacts(cases, out, modes, NO_PHASES, new(HOP))
+    return out, MODE_NAMES[modes]
+
+
+def random_wheels(n: int, seed: int, boundaries: bool) -> np.ndarray:
+    """Rows (m, J, r, f, delta, e, u, v, omega) of every size and any sign, many of them with exact zeros.
+
+    With ``boundaries``, also wheels on the border of two scenarios, where rounding decides which of them is found.
+    """
+    rng = np.random.default_rng(seed)
+
+    def scaled(*shares: tuple[float, float]) -> np.ndarray:
+        factors, weights = zip(*shares, strict=True)
+        return rng.choice(factors, n, p=weights)
+
+    m, r = 10.0 ** rng.uniform(-2, 2, n), 10.0 ** rng.uniform(-2, 1, n)
+    inertia = m * r * r * 10.0 ** rng.uniform(-1.5, 0.3, n)
+    f = rng.uniform(0, 1.5, n) * scaled((0.0, 0.1), (0.1, 0.3), (1.0, 0.6))
+    delta = r * rng.uniform(0, 1, n) * scaled((0.0, 0.1), (0.1, 0.4), (1.0, 0.5))
+    e = np.select([(share := rng.random(n)) < 0.1, share < 0.2], [0.0, 1.0], rng.random(n))
+    u = rng.normal(size=n) * scaled((0.0, 0.15), (1.0, 0.45), (5.0, 0.4))
+    v = -np.abs(rng.normal(size=n)) * scaled((1.0, 0.5), (5.0, 0.5))
+    omega = rng.normal(size=n) / r * scaled((0.0, 0.15), (1.0, 0.45), (5.0, 0.4))
+    u = np.where(rng.random(n) < 0.08, -(r * omega), u)  # no slip
+    if boundaries:
+        share = rng.random(n)
+        rolling_friction = m * r * delta / (inertia + m * r * r)
+        f = np.select([share < 0.05, share < 0.1], [delta / r, rolling_friction], f)
+        v = np.where(rng.random(n) < 0.05, 0.0, v)
+    else:
+        f = np.where((f == 0.0) & (u == 0.0), 0.2, f)  # slip and spin would stop at once
+    return np.stack([m, inertia, r, f, delta, e, u, v, omega], axis=1)
+
+
+def speed_scale(cases: np.ndarray) -> np.ndarray:
+    """Largest speed of entry [m/s], 1 if there is none."""
+    _, _, r, _, _, _, u, v, omega = cases.T
+    scale = np.maximum.reduce([np.abs(u), np.abs(v), r * np.abs(omega)])
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def rules_that_hold(m, inertia, r, f, delta, impulse, u, omega):  # type: ignore[no-untyped-def]
+    """Truth of the rules of modes 1 to 7 (docs/physics.md, section 3), each a range of the normal impulse.
+
+    Works for floats and, exactly, for fractions. A path goes through its modes as the impulse grows; the border between
+    two is the sum of the impulses of the phases before it.
+    """
+    infinity = math.inf
+    slip = u + r * omega
+    about_contact = inertia + m * r * r
+    s = 1 if slip > 0 else -1 if slip < 0 else (-1 if omega > 0 else 1)
+    t = 1 if omega > 0 else -1 if omega < 0 else -s
+    grips = f * about_contact >= m * r * delta
+    holds = r * f <= delta
+    slowing = (f * about_contact + s * t * m * r * delta) / (m * inertia)  # of slip
+    despinning = (delta + s * t * r * f) / inertia
+    p1 = abs(slip) / slowing if slowing > 0 else infinity
+    p2 = abs(omega) / despinning if despinning > 0 else infinity
+    if slip == 0 and grips:
+        p1 = 0 * p1 if p1 < infinity else 0.0
+    if omega == 0 and holds:
+        p2 = 0 * p2 if p2 < infinity else 0.0
+
+    rest = infinity  # everything has stopped
+    p3 = infinity  # the second of slip and spin stops
+    if p1 < p2 and p1 < infinity:
+        spin = abs(omega) - despinning * p1
+        if grips:
+            rest = p1 + spin * about_contact / delta if delta > 0 else infinity if spin > 0 else p1
+        else:
+            p3 = p1 + spin * inertia / (delta - r * f)
+            slip_back = (p3 - p1) * (m * r * delta - f * about_contact) / (m * inertia)
+            rest = p3 + m * slip_back / f if f > 0 else infinity
+    elif p2 < p1 and p2 < infinity:
+        left = abs(slip) - slowing * p2
+        if holds:
+            rest = p2 + m * left / f if f > 0 else infinity
+        else:
+            p3 = p2 + left * m * inertia / (f * about_contact - m * r * delta)
+            rest = p3 + (p3 - p2) * (r * f - delta) / inertia * about_contact / delta if delta > 0 else infinity
+    elif p1 < infinity:
+        rest = p1
+
+    slide_roll = impulse < p1 and impulse < p2
+    stop_roll = (p1 < p2 and grips and p1 <= impulse and impulse < rest) or (
+        p2 < p1 and not holds and p3 <= impulse and impulse < rest
+    )
+    slide = (p2 < p1 and holds and p2 <= impulse and impulse < rest) or (
+        p1 < p2 and not grips and p3 <= impulse and impulse < rest
+    )
+    stuck = impulse >= rest
+    spin_reversal = p2 < p1 and not holds and p2 <= impulse and impulse < p3
+    slip_reversal = p1 < p2 and not grips and p1 <= impulse and impulse < p3
+    double_reversal = not grips and not holds
+    return slide_roll, stop_roll, slide, stuck, spin_reversal, slip_reversal, double_reversal
+
+
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def count_rules(cases: np.ndarray, count: np.ndarray, which: np.ndarray) -> None:
+    """Number of rules that hold, and the last of them, for every case."""
+    for i in range(len(cases)):
+        m, inertia, r, f, delta, e, u, v, omega = cases[i]
+        held = compiled_rules(m, inertia, r, f, delta, m * abs(v) * (1.0 + e), u, omega)
+        for k in range(7):
+            if held[k]:
+                count[i] += 1
+                which[i] = k + 1
+
+
+compiled_rules = numba.njit(error_model="numpy")(rules_that_hold)
+
+
+# --- against the general solver --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_closed_forms_agree_with_the_general_impact(n: int) -> None:
+    """Oracle: kernel.impact.impact, which knows no scenario; error in units of the largest speed of entry."""
+    cases = random_wheels(n, seed=1, boundaries=True)
+    m, _, r, *_ = cases.T
+    expected, _ = solve(cases)
+    result = collide_wheel(*cases.T)
+    speed = speed_scale(cases)
+    found = (result.u, result.v, result.omega, result.tangential_impulse, result.normal_impulse)
+    for value, column, unit in zip(found, expected.T, (1.0, 1.0, 1.0 / r, m, m), strict=False):
+        assert np.max(np.abs(value - column) / (unit * speed)) < 1e-12
+    moment = result.arm * result.normal_impulse
+    assert np.max(np.abs(moment - expected[:, 5]) / (m * r * speed)) < 1e-12
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_scenarios_are_the_modes_of_the_general_impact(n: int) -> None:
+    """Oracle: the mode code of the kernel, from the signs of slip and spin before and after."""
+    cases = random_wheels(n, seed=2, boundaries=False)
+    _, modes = solve(cases)
+    scenario = collide_wheel(*cases.T).scenario
+    assert np.array_equal(scenario, modes)
+    assert set(scenario) == set(MODE_NAMES[1:]) - {"double-reversal"}
+
+
+def test_rigid_impact_of_a_disc_is_the_wheel_collision() -> None:
+    """Oracle: the public solver on a body without eccentricity."""
+    for m, inertia, r, f, delta, e, u, v, omega in random_wheels(300, seed=3, boundaries=False).tolist():
+        body = sledenv.Body(m, r, 0.0, inertia)
+        law = sledenv.ContactLaw(1.0, 0.0, f, delta)
+        general = sledenv.rigid_impact(body, law, sledenv.State(0.0, r, 0.7, u, v, omega), restitution=e)
+        closed = collide_wheel(m, inertia, r, f, delta, e, u, v, omega)
+        speed = max(abs(u), abs(v), r * abs(omega))
+        assert closed.u == pytest.approx(general.state.u, abs=1e-12 * speed)
+        assert closed.v == pytest.approx(general.state.v, abs=1e-12 * speed)
+        assert closed.omega == pytest.approx(general.state.omega, abs=1e-12 * speed / r)
+        assert closed.scenario == general.mode.name.lower().replace("_", "-")
+
+
+# --- the rules of existence ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_exactly_one_rule_holds_and_it_names_the_scenario(n: int) -> None:
+    """Oracle: the rules as ranges of the normal impulse, evaluated separately from the velocities."""
+    cases = random_wheels(n, seed=4, boundaries=False)
+    count, which = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    count_rules(cases, count, which)
+    assert np.all(count == 1)
+    assert np.array_equal(MODE_NAMES[which], collide_wheel(*cases.T).scenario)
+
+
+def test_exactly_one_rule_holds_on_every_border() -> None:
+    """Oracle: exact fractions from a coarse grid, so that zeros and borders of scenarios are met exactly and often."""
+    rng = random.Random(5)
+
+    def draw(*values: str) -> Fraction:
+        return Fraction(rng.choice(values))
+
+    borders = 0
+    for _ in range(4000):
+        m, r = draw("1", "2"), draw("1/2", "1")
+        inertia = m * r * r * draw("1/2", "1", "2/5")
+        f, delta = draw("0", "1/8", "1/4", "1/2", "1"), r * draw("0", "1/8", "1/4", "1/2", "3/4")
+        e = draw("0", "1/2", "1")
+        u, v, omega = (draw("-2", "-1", "-1/2", "0", "1/2", "1", "2", "3") for _ in range(3))
+        impulse = m * abs(v) * (1 + e)
+        held = rules_that_hold(m, inertia, r, f, delta, impulse, u, omega)
+        assert sum(held) == 1
+        if v > 0:
+            continue
+        name = MODE_NAMES[1 + held.index(True)]
+        result = collide_wheel(*map(float, (m, inertia, r, f, delta, e, u, v, omega)))
+        if result.scenario == name:
+            continue
+        # On a border rounding may choose the neighbour, whose velocities are the same: one of them is all but zero.
+        borders += 1
+        speeds = (result.u, result.omega, result.u + float(r) * result.omega)
+        assert min(abs(value) for value in speeds if value != 0.0 or result.scenario == "stuck") < 1e-14
+    assert borders < 100
+
+
+@pytest.mark.parametrize("spinning", [False, True])
+def test_the_corrected_rows_of_table_1_partition_the_entries_without_spin(spinning: bool) -> None:
+    """Oracle: the four rows of docs/physics.md, section 3, in the form printed there; with spin they do not suffice."""
+    n = 50_000
+    cases = random_wheels(n, seed=6, boundaries=False)
+    m, inertia, r, f, delta, e, u, v, omega = cases.T
+    u = np.abs(u) + 0.01
+    if not spinning:
+        omega = np.zeros(n)
+    impulse = m * np.abs(v) * (1.0 + e)
+    about_contact = inertia + m * r * r
+    u_1, omega_1 = u - f * impulse / m, -(f * r - delta) * impulse / inertia
+    force_2 = m * (inertia * u + r * delta * impulse) / about_contact
+    rows = np.array(
+        [
+            (f * r > delta) & (u_1 + r * omega_1 >= 0.0),
+            (m * r * u > delta * impulse) & (force_2 < f * impulse),
+            (f * r <= delta) & (u_1 >= 0.0),
+            (m * u < f * impulse) & (m * r * u <= delta * impulse),
+        ]
+    )
+    assert np.all(rows.sum(axis=0) == 1)
+    names = np.array(["slide-roll", "stop-roll", "slide", "stuck"], dtype=object)[np.argmax(rows, axis=0)]
+    agrees = collide_wheel(m, inertia, r, f, delta, e, u, v, omega).scenario == names
+    assert np.all(agrees) if not spinning else 0.1 < agrees.mean() < 0.9
+
+
+def test_the_printed_rules_of_table_1_overlap() -> None:
+    """Published: "Rule of existence" of the paper's Table 1, with the corrected velocities of each row.
+
+    Rows 1 and 2 exclude each other; row 3, printed as |d| <= delta, overlaps one of them wherever f r <= delta, and row
+    4 does so wherever the wheel sticks. The share depends on the inputs drawn: 37 % for these, the distribution of
+    docs/physics.md, section 2.4.
+    """
+    rng = np.random.default_rng(7)
+    n = 200_000
+    f, e, delta, inertia = (rng.uniform(low, high, n) for low, high in ((0, 1), (0, 1), (0, 0.5), (0.3, 1)))
+    u, v = rng.uniform(0.0, 5.0, (2, n))  # m = r = 1
+    impulse = v * (1.0 + e)
+    u_1, omega_1 = u - f * impulse, -(f - delta) * impulse / inertia
+    force_2 = (inertia * u + delta * impulse) / (inertia + 1.0)
+    rules = np.array(
+        [
+            u_1 + omega_1 >= 0.0,
+            force_2 <= f * impulse,
+            f <= delta,
+            (u <= f * impulse) & (u <= delta * impulse),
+        ]
+    )
+    count = rules.sum(axis=0)
+    assert np.all(count >= 1)
+    assert np.all(rules[0] ^ rules[1])
+    assert np.mean(count > 1) == pytest.approx(0.375, abs=0.005)
+
+
+def test_a_wheel_without_spin_is_stuck_iff_its_entry_is_steep_enough() -> None:
+    """Oracle: |u|/|v| <= (1 + e) min(f, delta/r), whatever the inertia."""
+    cases = random_wheels(50_000, seed=8, boundaries=False)
+    m, inertia, r, f, delta, e, u, v, _ = cases.T
+    u *= np.where(np.arange(len(u)) % 2, 0.1, 1.0)  # more that stick
+    stuck = is_stuck(r, f, delta, e, u, v)
+    assert 0.1 < stuck.mean() < 0.9
+    assert np.array_equal(stuck, collide_wheel(m, inertia, r, f, delta, e, u, v).scenario == "stuck")
+    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.75 * 0.5, -1.0) is True  # on the border
+    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.376, -1.0) is False
+    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.0, 1.0) is False  # no impact
+
+
+# --- known values ----------------------------------------------------------------------------------------------------
+
+# m = 2, r = 1/2, J = 1/4, e = 1/2, v = -2, thus P = 6, I = 3/4; delta = 1/8 gives f_r = 1/6 and delta/r = 1/4.
+BY_HAND = [
+    # f, u, omega: u1, omega1, SF, d, scenario
+    (1 / 2, 8.0, 0.0, 6.5, -3.0, -3.0, 1 / 8, "slide-roll"),
+    (1 / 2, 2.25, 0.0, 1.0, -2.0, -2.5, 1 / 8, "stop-roll"),
+    (1 / 8, 2.0, 0.0, 1.625, 0.0, -0.75, 1 / 16, "slide"),
+    (1 / 2, 0.5, 0.0, 0.0, 0.0, -1.0, 1 / 12, "stuck"),
+    # Rolling on: the friction f_r per normal force keeps it up.
+    (1 / 2, -3.0, 6.0, -2.5, 5.0, 1.0, -1 / 8, "stop-roll"),
+    # p2 = 2/3: friction turns the spin back, as r f > delta ...
+    (1 / 2, 8.0, 1.0, 6.5, -8 / 3, -3.0, 7 / 72, "spin-reversal"),
+    # ... and slip stops after it.
+    (1 / 2, 2.0, 1.0, 7 / 9, -14 / 9, -22 / 9, 7 / 72, "stop-roll"),
+    # p1 = 48/35: rolling resistance turns the slip back, as f < f_r ...
+    (1 / 8, -0.9, 3.0, -39 / 56, 57 / 70, 57 / 140, -1 / 8, "slip-reversal"),
+    # ... and spin stops after it (p1 = 8/7).
+    (1 / 8, -0.5, 2.0, -15 / 56, 0.0, 13 / 28, -41 / 336, "slide"),
+]
+
+
+@pytest.mark.parametrize(("f", "u", "omega", "u_1", "omega_1", "force", "arm", "scenario"), BY_HAND)
+def test_rows_of_the_completed_table_1(
+    f: float, u: float, omega: float, u_1: float, omega_1: float, force: float, arm: float, scenario: str
+) -> None:
+    """Computed by hand from the rows of docs/physics.md, section 3, and their completion by spin."""
+    result = collide_wheel(2.0, 0.25, 0.5, f, 0.125, 0.5, u, -2.0, omega)
+    assert result.scenario == scenario
+    found = (result.u, result.v, result.omega, result.tangential_impulse, result.normal_impulse, result.arm)
+    assert found == pytest.approx((u_1, 1.0, omega_1, force, 6.0, arm), abs=1e-14)
+
+
+def test_a_spinning_disc_dropped_on_the_plane_rolls_away() -> None:
+    """Published: the Siconos disc example; m = 1, r = .5, J = .1, omega = 2, a fall of .5 m, e = .9, f = .1."""
+    speed = math.sqrt(2.0 * 9.81 * 0.5)
+    result = collide_wheel(1.0, 0.1, 0.5, 0.1, 0.0, 0.9, 0.0, -speed, 2.0)
+    assert result.scenario == "stop-roll"
+    assert result.v == pytest.approx(2.818883, abs=1e-6)
+    assert result.omega == pytest.approx(4.0 / 7.0, rel=1e-14)
+    assert result.u == pytest.approx(-2.0 / 7.0, rel=1e-14)
+    # The regression file of that example has 2.781135, the speed after a fall shortened by its time step of 5 ms.
+    assert 0.9 * math.sqrt(2.0 * 9.81 * 0.486699) == pytest.approx(2.781135, abs=1e-5)
+
+
+def test_an_oblique_sphere_slides_throughout_above_the_critical_angle() -> None:
+    """Published: r = 2.5 mm, J = 2/5 m r^2, 3.9 m/s, e = .98, f = .092: 45 degrees, and the onset of gross sliding."""
+    r, e, f, speed = 2.5e-3, 0.98, 0.092, 3.9
+
+    def hit(degrees: float) -> WheelImpact:
+        angle = math.radians(degrees)
+        return collide_wheel(1.0, 0.4 * r * r, r, f, 0.0, e, speed * math.sin(angle), -speed * math.cos(angle))
+
+    result = hit(45.0)
+    assert result.scenario == "slide-roll"
+    assert result.u / (speed * math.sin(math.radians(45.0))) == pytest.approx(0.81784, abs=5e-6)
+    assert abs(result.omega) == pytest.approx(502.3456, abs=5e-4)
+    critical = math.degrees(math.atan(3.5 * f * (1.0 + e)))
+    assert critical == pytest.approx(32.520, abs=5e-4)
+    assert hit(critical - 1e-3).scenario == "stop-roll"
+    assert hit(critical + 1e-3).scenario == "slide-roll"
+
+
+def test_without_friction_a_wheel_only_bounces_and_loses_spin_to_rolling_resistance() -> None:
+    result = collide_wheel(2.0, 0.25, 0.5, 0.0, 0.125, 0.5, 3.0, -2.0, 8.0)
+    assert (result.u, result.v, result.tangential_impulse) == (3.0, 1.0, 0.0)
+    assert result.omega == pytest.approx(8.0 - 0.125 * 6.0 / 0.25, rel=1e-15)
+    assert result.scenario == "slide-roll"
+
+
+def test_slip_and_spin_that_stop_together_leave_the_wheel_stuck() -> None:
+    """Without friction and translation the slip is r omega: rolling resistance stops both after J omega/delta."""
+    result = collide_wheel(1.0, 0.3, 0.7, 0.0, 0.1, 0.5, 0.0, -4.0, 1.3)
+    assert (result.u, result.omega, result.scenario) == (0.0, 0.0, "stuck")
+
+
+# --- symmetry and energy ---------------------------------------------------------------------------------------------
+
+
+def test_the_mirrored_entry_gives_the_mirrored_impact_bit_for_bit() -> None:
+    cases = random_wheels(50_000, seed=9, boundaries=True)
+    mirrored = cases * np.array([1, 1, 1, 1, 1, 1, -1, 1, -1])
+    one, other = collide_wheel(*cases.T), collide_wheel(*mirrored.T)
+    for name, sign in (("u", -1), ("omega", -1), ("tangential_impulse", -1), ("arm", -1), ("v", 1), ("branch", 1)):
+        assert np.array_equal(getattr(one, name), sign * getattr(other, name))
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_energy_is_never_created_and_the_normal_loss_is_that_of_restitution(n: int) -> None:
+    """Oracle: kinetic energies; friction takes tangential energy only, restitution (1 - e^2) m v^2/2."""
+    cases = random_wheels(n, seed=10, boundaries=True)
+    m, inertia, _, f, delta, e, u, v, omega = cases.T
+    result = collide_wheel(*cases.T)
+    before = 0.5 * m * u**2 + 0.5 * inertia * omega**2
+    after = 0.5 * m * result.u**2 + 0.5 * inertia * result.omega**2
+    assert np.all(after <= before * (1.0 + 1e-13) + 1e-26 * m * v**2)
+    kept = (f == 0.0) & (delta == 0.0)
+    assert np.allclose(after[kept], before[kept], rtol=1e-14, atol=0.0)
+    assert np.allclose(result.v, -e * v, rtol=1e-15, atol=0.0)
+    assert np.all(np.abs(result.tangential_impulse) <= f * result.normal_impulse * (1 + 1e-12) + 1e-14 * m * np.abs(u))
+    assert np.all(np.abs(result.arm) <= delta)
+
+
+def test_wheels_that_do_not_approach_are_left_alone() -> None:
+    result = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, [1.0, 1.0], [0.2, 0.0], 3.0)
+    assert result.scenario.tolist() == ["none", "slide-roll"]
+    assert result.rule[0] == "v > 0"
+    assert np.array_equal(result.u, [1.0, 1.0])
+    assert np.array_equal(result.v, [0.2, 0.0])
+    assert np.array_equal(result.omega, [3.0, 3.0])
+    assert np.array_equal(result.normal_impulse, [0.0, 0.0])
+    assert np.array_equal(result.tangential_impulse, [0.0, 0.0])
+    assert np.array_equal(result.arm, [0.0, 0.0])
+
+
+# --- interface -------------------------------------------------------------------------------------------------------
+
+
+def test_scalars_give_scalars_and_arrays_broadcast() -> None:
+    one = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, -1.0)
+    assert all(type(value) is float for value in (one.u, one.v, one.omega, one.tangential_impulse, one.arm))
+    assert type(one.scenario) is str
+    assert type(one.rule) is str
+    many = collide_wheel(1.0, 0.1, 0.5, np.array([[0.3], [0.6]]), 0.1, 0.5, np.array([1.0, 2.0, 3.0]), -1)
+    assert many.u.shape == many.scenario.shape == many.rule.shape == many.arm.shape == (2, 3)
+    assert (many.u[0, 0], many.omega[0, 0], many.scenario[0, 0]) == (one.u, one.omega, one.scenario)
+    empty = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, np.empty(0), -1.0)
+    assert empty.u.shape == empty.scenario.shape == (0,)
+
+
+def test_every_branch_occurs_and_has_a_rule_of_its_own() -> None:
+    cases = random_wheels(50_000, seed=11, boundaries=True)
+    found = collide_wheel(*cases.T)
+    assert set(np.unique(found.branch)) == set(range(1, len(BRANCHES)))
+    rules = [rule for _, rule in BRANCHES]
+    assert len(set(rules)) == len(rules)
+    assert found.rule[0] == rules[found.branch[0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("mass", 0.0, r"mass = 0\.0: must be in \(0, inf\)"),
+        ("inertia", [0.1, -1.0], r"inertia\[1\] = -1\.0: must be in \(0, inf\)"),
+        ("radius", math.inf, r"radius = inf: must be in \(0, inf\)"),
+        ("friction", -0.1, r"friction = -0\.1: must be in \[0, inf\)"),
+        ("rolling_arm", math.nan, r"rolling_arm = nan: must be in \[0, inf\)"),
+        ("restitution", [[0.5, 1.1]], r"restitution\[0, 1\] = 1\.1: must be in \[0, 1\]"),
+        ("u", math.inf, "u = inf: must be a finite number"),
+        ("v", math.nan, "v = nan: must be a finite number"),
+        ("omega", -math.inf, "omega = -inf: must be a finite number"),
+    ],
+)
+def test_bad_numbers_are_named(name: str, value: object, message: str) -> None:
+    good = {"mass": 1.0, "inertia": 0.1, "radius": 0.5, "friction": 0.3, "rolling_arm": 0.1, "restitution": 0.5}
+    entry = {"u": 1.0, "v": -1.0, "omega": 0.0}
+    with pytest.raises(ValueError, match=message):
+        collide_wheel(**(good | entry | {name: value}))
+    if name not in ("mass", "inertia", "omega"):
+        arguments = {key: (good | entry | {name: value})[key] for key in (*list(good)[2:], "u", "v")}
+        with pytest.raises(ValueError, match=message):
+            is_stuck(**arguments)
+
+
+def test_bad_types_and_shapes_are_named() -> None:
+    with pytest.raises(TypeError, match="friction = 'ice': must be a number"):
+        collide_wheel(1.0, 0.1, 0.5, "ice", 0.1, 0.5, 1.0, -1.0)
+    with pytest.raises(ValueError, match=r"do not broadcast together: friction \(2,\), u \(3,\)"):
+        collide_wheel(1.0, 0.1, 0.5, [0.1, 0.2], 0.1, 0.5, [1.0, 2.0, 3.0], -1.0)
+
+
+def test_an_impact_that_no_number_holds_is_refused() -> None:
+    """Oracle: m |v| (1 + e), the normal impulse, is larger than the largest number."""
+    with pytest.raises(OverflowError, match="too large for a number"):
+        collide_wheel(1e200, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, [-1.0, -1e200])
+
+
+def test_the_example_of_the_docstring_is_true() -> None:
+    assert doctest.testmod(wheel).failed == 0

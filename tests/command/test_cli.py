@@ -1,0 +1,388 @@
+"""The command: what it prints and writes, how it refuses, and what an interrupt leaves behind."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sledenv.command.cli import PICTURES, main
+from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.simulation.derivatives import sensitivity
+from sledenv.simulation.simulate import simulate
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Message of a command that must end with status 2 and print nothing but this line."""
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the worked example, docs/physics.md, section 2.2."""
+    assert main(["simulate", "paper_impact"]) == 0
+    out = capsys.readouterr().out
+    assert "paper_impact, seed 0, solver compliant" in out
+    assert "0.00 ->  1.49 -10.00 ->  4.93    0.00 -> -38.41  1.00" in out
+    assert "status     timeout after 0.0400 s" in out
+    assert "jam index" in out
+    ledger = dict(line.split() for line in out.splitlines() if line.startswith("  ") and len(line.split()) == 2)
+    assert ledger["kinetic"] == "18.806301"
+    assert ledger["hysteresis"] == "29.862748"
+    assert abs(float(ledger["residual"])) < 1e-12
+    assert max(map(len, out.splitlines())) <= 120
+
+
+def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the same descent, simulated here; words for its codes, no number that JSON does not have."""
+    file = tmp_path / "ride.csv"
+    assert main(["simulate", "sled_snow", "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    scenario = load_scenario("sled_snow")
+    context = scenario.sample(np.random.default_rng(3))
+    law, launch = scenario.law(context), scenario.launch(context, spin=-0.5)
+    descent = simulate(
+        scenario.body(), law, scenario.slope(context), launch, end_on_chord=True, max_time=scenario.limits.max_time_s
+    )
+    assert (found["scenario"], found["seed"], found["solver"]) == ("sled_snow", 3, "compliant")
+    assert found["launch"] == launch._asdict()
+    assert found["law"]["restitution"] == law.restitution
+    assert (found["status"], found["time"], found["state"]) == (descent.status, descent.time, descent.state._asdict())
+    assert found["jam"]["reward"] == descent.jam.reward
+    assert found["energy"]["residual"] == descent.energy.residual
+    assert [row["u_after"] for row in found["rebounds"]] == descent.rebounds["u_after"].tolist()
+    assert [row["grip"] for row in found["rebounds"]] == descent.rebound_jam.grip.tolist()
+    assert {row["feature"] for row in found["rebounds"]} <= {"arc", "nose", "tail"}
+    assert found["written"] == [str(file)]
+
+
+def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: configs/scenarios/brake_mat.yaml, and h = 2 r sin^3(alpha)/(3 D) of its segment."""
+    assert main(["simulate", "brake_mat"]) == 0
+    out = capsys.readouterr().out
+    assert "mass 100 kg, radius 0.5 m, eccentricity 0.1234 m, inertia 9.922 kg m^2, half-angle 110 deg" in out
+    assert "stiffness 10 MN/m, restitution 0.500" in out
+    assert "rolling arm 0.005 m (0 m at a corner)" in out
+    assert "length 10 m, gravity 9.81 m/s^2" in out
+
+
+def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the worked example, 1 kg at 10 m/s; the column of the normal force sums to the change of momentum."""
+    file = tmp_path / "fall.csv"
+    assert main(["simulate", "paper_impact", "--csv", str(file)]) == 0
+    out = capsys.readouterr().out
+    with file.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert f"wrote {len(rows)} rows into {file}" in out
+    assert f"columns {', '.join(rows[0])}" in out
+    assert [float(rows[0][name]) for name in ("t_s", "y_m", "v_m_s", "normal_n")] == pytest.approx([0, 0.07, -10, 0])
+    assert {row["feature"] for row in rows} == {"none", "arc"}
+    t, normal = ([float(row[name]) for row in rows] for name in ("t_s", "normal_n"))
+    assert np.trapezoid(normal, t) == pytest.approx(10.0 + float(rows[-1]["v_m_s"]), rel=0.01)
+
+
+def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: sensitivity of the same descent, which finishes where the slope is long."""
+    file = tmp_path / "growth.png"
+    arguments = ["sensitivity", "sled_snow", "--seed", "3", "--rebounds", "2", "--out", str(file)]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    assert "sled_snow, seed 3, solver compliant" in out
+    assert file.read_bytes().startswith(b"\x89PNG")
+    rows = {line.split()[0]: line.split() for line in out.splitlines() if line}
+    scenario = load_scenario("sled_snow")
+    context = scenario.sample(np.random.default_rng(3))
+    given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
+    found = sensitivity(*given, rebounds=2, end_on_chord=True)
+    assert rows["length"][4] == "1"  # x at the end
+    assert rows["friction"][6] == f"{found.of_end('reward', 'friction'):.4g}"
+    assert rows["corner_rolling_arm"][2] == ">"
+    assert rows["2"][3] == f"{found.growth[1, 0]:.4g}"
+    assert max(map(len, out.splitlines())) <= 120
+    assert main([*arguments, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert told["parameters"]["friction"]["derivatives"]["reward"] == found.of_end("reward", "friction")
+    assert told["parameters"]["corner_rolling_arm"]["side"] == 1
+    assert told["growth"] == found.growth[:, 0].tolist()
+    assert told["written"] == [str(file)]
+
+
+def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
+        capsys, "sensitivity", "sled_snow", "--solver", "euler"
+    )
+    assert "must be an integer >= 1" in refused(capsys, "sensitivity", "sled_snow", "--rebounds", "0")
+    file = tmp_path / "growth.pdf"
+    assert "must end in .png" in refused(capsys, "sensitivity", "sled_snow", "--out", str(file))
+
+
+def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios"]) == 0
+    header, *lines = capsys.readouterr().out.splitlines()
+    assert header.split() == ["name", "agent", "chooses", "solver", "what", "is", "asked"]
+    assert [line.split()[0] for line in lines] == list(scenario_names())
+    assert all(len(line) <= 120 and len(line) > header.index("what") for line in lines)
+    assert next(line for line in lines if line.startswith("track_grade_20")).split()[1:3] == ["spin", "compliant"]
+    assert main(["scenarios", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == list(scenario_names())
+    assert next(row for row in rows if row["name"] == "track_grade_20")["agent_chooses"] == ["spin"]
+
+
+def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [
+        "simulate",
+        "ice_drop",
+        "--seed",
+        "3",
+        "--orientation-deg",
+        "-20",
+        "--spin",
+        "1.5",
+        "--solver",
+        "rigid",
+    ]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    assert "ice_drop, seed 3, solver rigid" in out
+    assert "orientation -20.00 deg, spin 1.500 rad/s" in out
+    main(["simulate", "ice_drop", "--seed", "4"])
+    assert capsys.readouterr().out != out
+
+
+def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "deep" / "out"
+    for _ in range(2):  # the second time it is replaced
+        assert main(["simulate", "brake_mat", "--out", str(folder)]) == 0
+        assert sorted(path.name for path in folder.iterdir()) == sorted(PICTURES)
+        assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
+        assert "wrote strobe.png and series.png" in capsys.readouterr().out
+
+
+def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    for spin in ("1.5", "2.5"):  # the second time it is replaced
+        assert main(["replay", "ice_drop", "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
+        assert capsys.readouterr().out == f"replay: wrote {page}\n"
+        assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+        text = page.read_text(encoding="utf-8")
+        assert '"title":"ice_drop, seed 3, solver compliant"' in text
+        assert f"spin {spin}00 rad/s" in text
+    assert main(["replay", "ice_drop", "--out", str(page), "--json"]) == 0
+    written = {"scenario": "ice_drop", "seed": 0, "solver": "compliant", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
+
+
+def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    assert "did you mean 'ice_drop'?" in refused(capsys, "replay", "ice_drp", "--out", str(page))
+    assert "--seed: must be an integer >= 0" in refused(capsys, "replay", "ice_drop", "--seed", "x", "--out", str(page))
+    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "page.yaml"))
+    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path))
+    assert "there is no folder" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "a" / "b.html"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
+    assert "error: --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
+    assert "--seed: must be an integer >= 0: '1.5'" in refused(capsys, "simulate", "ice_drop", "--seed", "1.5")
+    assert "--spin: must be a finite number in [-1e+06, 1e+06] rad/s: 'inf'" in refused(
+        capsys, "simulate", "ice_drop", "--spin", "inf"
+    )
+    bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
+    for value in ("up", "1e300", "-360.1", "nan"):
+        assert f"{bad}{value!r}" in refused(capsys, "simulate", "ice_drop", f"--orientation-deg={value}")
+    assert 'Invalid value "magic" for --solver' in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
+    assert "--solver: sled_snow ends where the body lies on its chord" in refused(
+        capsys, "simulate", "sled_snow", "--solver", "euler"
+    )
+    assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
+    assert "sledenv: error: a command is needed" in refused(capsys)
+    assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
+    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", "ice_drop", "snow")
+    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", "ice_drop", "--ori", "3")
+    (tmp_path / "broken.yaml").write_text("id: [")
+    assert "broken.yaml: cannot be read" in refused(capsys, "simulate", str(tmp_path / "broken.yaml"))
+
+
+def test_places_that_are_taken_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    assert "sledenv reproduce: error: " in refused(capsys, "reproduce", "--out", str(tmp_path))
+    assert "thesis.tex is a file" in refused(capsys, "reproduce", "--out", str(tmp_path / "thesis.tex"))
+    assert "--out: " in refused(capsys, "simulate", "paper_impact", "--out", str(tmp_path / "thesis.tex" / "out"))
+    assert "holds 'thesis.tex'" in refused(capsys, "simulate", "paper_impact", "--out", str(tmp_path))
+    assert "--csv: " in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "thesis.tex"))
+    assert "must end in .csv" in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "thesis.tex"))
+    assert "there is no folder" in refused(capsys, "simulate", "paper_impact", "--csv", str(tmp_path / "a" / "b.csv"))
+    both = "--out", str(tmp_path / "out"), "--csv", str(tmp_path / "out" / "fall.csv")
+    assert "must lie outside" in refused(capsys, "simulate", "paper_impact", *both)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.skipif(os.name != "posix" or not Path("/proc").is_dir(), reason="needs a folder that nobody can write to")
+def test_a_place_that_cannot_be_written_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "/proc/out cannot be written" in refused(capsys, "reproduce", "--out", "/proc/out")
+
+
+def test_a_missing_matplotlib_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["simulate", "paper_impact", "--out", str(tmp_path / "out")]) == 2
+    assert "pip install 'sledenv[plot]'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_is_not_a_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sledenv.reproduce.reproduce", interrupted)
+    before = signal.getsignal(signal.SIGTERM)
+    assert main(["reproduce", "--out", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == "sledenv reproduce: interrupted\n"
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_killed_run_leaves_nothing(
+    tmp_path: Path, request: pytest.FixtureRequest, number: signal.Signals, status: int
+) -> None:
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
+    command = [sys.executable, "-m", "sledenv.command.cli", "reproduce", "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert "figures 2 and 4" in process.stderr.readline()
+        assert "7-10" in process.stderr.readline()
+        assert list(tmp_path.iterdir()) != []
+        process.send_signal(number)
+        assert process.wait(30) == status
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_that_stops_early_is_no_error() -> None:
+    program = f"{sys.executable} -m sledenv.command.cli simulate paper_impact"
+    subprocess.run(program.split(), capture_output=True, check=True)  # which may have to say that it compiles
+    command = f"{program} | true"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.returncode in (0, 141)
+
+
+@pytest.mark.slow
+def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "--json", "--out", str(tmp_path / "out")]) == 0
+    out, err = capsys.readouterr()
+    lines, found = err.splitlines(), json.loads(out)
+    steps = (
+        "Equation",
+        "Figures 7-10",
+        "Figures 11-14",
+        "Table 1",
+        "Modes",
+        "Convergence",
+        "Jamming",
+        "Table of",
+    )
+    assert len(lines) == len(steps)
+    assert all(line.startswith(f"reproduce: {step}") for line, step in zip(lines, steps, strict=True))
+    assert found["written"] == [str(tmp_path / "out" / "index.md")]
+    table = list(csv.DictReader((tmp_path / "out" / "table.csv").read_text(encoding="utf-8").splitlines()))
+    assert found["numbers"] == table
+    assert len(table) > 20
+
+
+# --- map and benchmark ------------------------------------------------------------------------------------------------
+
+
+def test_map_draws_a_context_and_tells_its_best_launch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that is told earns its reward when it is simulated."""
+    picture = tmp_path / "map.png"
+    assert main(["map", "track_grade_20", "--seed", "4", "--out", str(picture)]) == 0
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    words = capsys.readouterr().out.splitlines()[0].split()
+    assert words[:2] == ["best", "launch"]
+    spin, reward = float(words[2]), float(words[5])
+    assert main(["simulate", "track_grade_20", "--seed", "4", f"--spin={spin}"]) == 0
+    told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
+    assert float(told) == pytest.approx(reward, abs=0.02)  # the spin is told to a thousandth
+
+
+def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: the launch that is told earns its reward when it is simulated."""
+    content = load_scenario("talus").model_dump(mode="json", by_alias=True)
+    content["control"] |= {"speed_m_s": [2, 8], "chosen": "all"}
+    pack, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
+    pack.write_text(json.dumps(content))  # JSON is YAML
+    assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    (context,) = found["contexts"]
+    assert (context["seed"], context["agents"], found["written"]) == (0, [], [str(picture)])
+    values = context["best"]["launch"]
+    assert list(values) == ["orientation [deg]", "spin [rad/s]", "speed [m/s]"]
+    options = "--orientation-deg", "--spin", "--speed"
+    launch = [f"{option}={value}" for option, value in zip(options, values.values(), strict=True)]
+    assert main(["simulate", str(pack), *launch]) == 0
+    told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
+    assert float(told) == pytest.approx(context["best"]["reward"], abs=1e-4)
+
+
+def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no finished run" in refused(capsys, "map", "ice_drop", "--run", str(tmp_path), "--out", "map.png")
+    assert "must end in .png" in refused(capsys, "map", "ice_drop", "--out", str(tmp_path / "map.pdf"))
+
+
+def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the page names the agents; a second call finds everything done."""
+    agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
+    suite = tmp_path / "two.yaml"
+    suite.write_text(
+        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [ice_fast], maps: 0, agents: {agents}}}"
+    )
+    (tmp_path / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
+    call = ["benchmark", "--suite", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(call) == 0
+    page = tmp_path / "out" / "report" / "index.html"
+    assert "best fixed" in page.read_text()
+    *shown, last = capsys.readouterr().out.splitlines()
+    assert last == f"benchmark: wrote {page}"
+    assert sorted(row.split("  ")[1].strip() for row in shown[1:]) == ["best fixed", "random launch", "zero"]
+    first = page.read_bytes()
+    assert main([*call, "--json"]) == 0
+    assert page.read_bytes() == first
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert (found["suite"], found["written"]) == ("two", [str(page)])
+    assert {row["agent"] for row in found["scores"]} == {"zero", "random_launch", "best_fixed"}
+    assert all(0.0 <= row["reward"] <= 1.0 for row in found["scores"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--suite", "smoek"], "unknown suite 'smoek' (did you mean 'smoke'?)"),
+        (["--workers", "0"], "must be an integer >= 1: '0'"),
+    ],
+)
+def test_a_benchmark_that_cannot_be_run_is_explained(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert message in refused(capsys, "benchmark", *arguments)

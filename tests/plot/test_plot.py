@@ -1,0 +1,501 @@
+"""Figures and the geometry behind them: outlines, interpolation, what is drawn where and labelled how."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+import sledenv
+from sledenv import plot
+from sledenv.kernel.records import Feature
+from sledenv.plot import shapes
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import arms, support_height
+from tests.bodies import rod, run
+
+DISC = Body(100.0, 0.5, 0.25, 18.75)
+SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
+SLED = circular_segment(100.0, 0.5, math.radians(110.0))
+ROD = rod(2.0, 0.5, 0.17)
+POINT = Body(1.0, 0.0, 0.0, 1.0)
+ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
+MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
+HILL = Slope(0.15, 10.0)
+
+
+@pytest.fixture(scope="module")
+def slides() -> Descent:
+    return run(SEGMENT, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+
+
+@pytest.fixture(scope="module")
+def jams() -> Descent:
+    descent = run(DISC, MAT, Slope(0.1, 10.0), (0.0, 0.4, 0.4, 1.0, 0.0, 0.5))
+    assert descent.status == "jammed"
+    return descent
+
+
+@pytest.fixture(scope="module")
+def impact() -> Descent:
+    law = ContactLaw(9810.0, 0.5, 0.1, 0.001)
+    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    return run(
+        body, law, Slope(0.0, 1.0, 0.0), (0.0, 0.005, math.pi / 4, 0.0, -10.0, 0.0), max_time=0.04, sample_interval=1e-4
+    )
+
+
+def shoelace(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Area and centroid of a closed polygon."""
+    (x, y), (x1, y1) = points[:-1].T, points[1:].T
+    cross = x * y1 - x1 * y
+    area = 0.5 * cross.sum()
+    return area, np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / (6.0 * area)
+
+
+@pytest.mark.parametrize("half_angle", [0.3, 1.0, math.pi / 2, 2.5, math.pi])
+@pytest.mark.parametrize("phi", [0.0, 0.7, -2.0, 11.0])
+def test_an_outline_is_the_segment_between_an_arc_and_its_chord(half_angle: float, phi: float) -> None:
+    """Oracle: area r^2 (alpha - sin alpha cos alpha) and centroid of a circular segment, which is its mass centre."""
+    body = circular_segment(1.0, 0.4, half_angle)
+    points = shapes.body_outline(body, 3.0, 2.0, phi, 2001)
+    area, centroid = shoelace(points)
+    assert area == pytest.approx(0.16 * (half_angle - math.sin(half_angle) * math.cos(half_angle)), rel=1e-4)
+    assert centroid == pytest.approx([3.0, 2.0], abs=1e-6)
+    centre = shapes.arc_centre(body, 3.0, 2.0, phi)
+    assert np.hypot(*(points - centre).T) == pytest.approx(0.4)
+    chord = math.dist(points[-2], points[-1])
+    assert chord == pytest.approx(0.8 * math.sin(half_angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED])
+def test_the_lowest_point_of_an_outline_touches_where_the_kernel_says(body: Body) -> None:
+    """Oracle: the support height and the arms of sledenv.kernel.geometry."""
+    for phi in np.linspace(-7.0, 7.0, 57).tolist():
+        points = shapes.body_outline(body, 0.0, 1.0, phi, 4001)
+        assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
+
+
+def test_a_point_is_drawn_where_it_is() -> None:
+    assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD])
+def test_reach_is_the_distance_of_the_farthest_point(body: Body) -> None:
+    distances = np.hypot(*shapes.body_outline(body, 0.0, 0.0, 1.2, 4001).T)
+    assert shapes.reach(body) == pytest.approx(distances.max(), rel=1e-5)
+
+
+@pytest.mark.parametrize("half_angle", [0.3, 0.61, 1.2, math.pi / 2, 1.9, math.pi])
+def test_a_spoke_lies_within_its_body(half_angle: float) -> None:
+    """Oracle: a segment is convex: its spoke begins inside the outline, or on it, and ends at the mass centre."""
+    body = circular_segment(1.0, 0.4, half_angle)
+    begin, end = shapes.spoke(body, 3.0, 2.0, 0.7)
+    assert end.tolist() == [3.0, 2.0]
+    points = shapes.body_outline(body, 3.0, 2.0, 0.7, 2001)
+    edges, out = np.diff(points, axis=0), begin - points[:-1]
+    assert (edges[:, 0] * out[:, 1] - edges[:, 1] * out[:, 0]).min() > -1e-9
+
+
+def test_the_heavy_side_holds_the_mass_centre() -> None:
+    _, centroid = shoelace(shapes.heavy_side(DISC, 2.0, 1.0, 0.8))
+    centre = np.array(shapes.arc_centre(DISC, 2.0, 1.0, 0.8))
+    assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
+
+
+def test_the_slope_descends_to_the_right_in_the_world() -> None:
+    """Oracle: a point L down a slope of angle beta lies L cos(beta) to the right and L sin(beta) lower."""
+    assert shapes.to_world([(2.0, 0.0)], 0.3)[0] == pytest.approx([2.0 * math.cos(0.3), -2.0 * math.sin(0.3)])
+    normal = shapes.to_world([(0.0, 1.0)], 0.3)[0]
+    assert normal == pytest.approx([math.sin(0.3), math.cos(0.3)])
+
+
+def test_states_between_sparse_rows_follow_the_parabola() -> None:
+    """Oracle: a body in free flight."""
+    descent = run(DISC, ICE, Slope(0.2, math.inf), (1.0, 50.0, 0.3, 2.0, 5.0, -4.0), max_time=2.0, sample_interval=10.0)
+    rows = shapes.drawable_rows(descent)
+    assert len(rows) == 2
+    t = np.linspace(0.0, 2.0, 9)
+    x, y, phi, u, v, omega = shapes.states_at(rows, t).T
+    assert x == pytest.approx(1.0 + 2.0 * t + 0.5 * 9.81 * math.sin(0.2) * t**2)
+    assert y == pytest.approx(descent.launch.y + 5.0 * t - 0.5 * 9.81 * math.cos(0.2) * t**2)
+    assert phi == pytest.approx(0.3 - 4.0 * t)
+    assert u == pytest.approx(2.0 + 9.81 * math.sin(0.2) * t)
+    assert v == pytest.approx(5.0 - 9.81 * math.cos(0.2) * t)
+    assert omega == pytest.approx(-4.0)
+
+
+def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
+    rows = slides.trajectory
+    states = shapes.states_at(rows, rows["t"])
+    assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
+    outside = shapes.states_at(rows, [-1.0, 1e9])
+    assert outside == pytest.approx(states[[0, -1]])
+
+
+def test_contacts_begin_under_the_touching_feature(slides: Descent) -> None:
+    """Oracle: the contact point lies at -a from the mass centre in the first row of the trajectory in contact."""
+    rows = slides.trajectory
+    spans = shapes.contact_spans(slides)
+    assert len(spans) == len(slides.rebounds) > 2
+    for rebound, (begin, _) in zip(slides.rebounds, spans, strict=True):
+        row = rows[np.argmin(np.abs(rows["t"] - (rebound["t"] - rebound["duration"])))]
+        assert row["feature"] == rebound["feature"]
+        assert begin == pytest.approx(row["x"] - arms(SEGMENT, rebound["feature"], row["phi"])[0], abs=1e-6)
+
+
+def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
+    second = slides.rebounds[1]
+    middle = float(second["t"] - 0.5 * second["duration"])
+    spans, whole = shapes.contact_spans(slides, middle), shapes.contact_spans(slides)
+    assert len(spans) == 2
+    assert spans[0] == pytest.approx(whole[0])
+    assert whole[1, 0] <= spans[1, 1] <= whole[1, 1]
+    assert shapes.contact_spans(slides, 0.0).shape == (0, 2)
+
+
+def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:
+    moving = shapes.strobe_states(SEGMENT, slides.trajectory, 0.2)
+    times = np.append(np.arange(0.0, slides.time, 0.2), slides.time)
+    expected = shapes.states_at(slides.trajectory, times)
+    assert moving[-1] == pytest.approx(expected[-1])
+    assert all(np.abs(expected - state).max(axis=1).min() < 1e-9 for state in moving)
+    assert len(moving) > 5
+    still = shapes.strobe_states(DISC, jams.trajectory, jams.time / 1000.0)
+    assert len(still) < 60
+
+
+def test_a_descent_without_trajectory_is_refused() -> None:
+    descent = simulate(DISC, ICE, HILL, State(0.0, 1.0, 0.0))
+    with pytest.raises(ValueError, match='record="trajectory"'):
+        plot.plot_strobe(descent)
+
+
+def test_rows_that_overflowed_are_not_drawn(slides: Descent) -> None:
+    trajectory = slides.trajectory.copy()
+    trajectory["x"][5], trajectory["u"][7], trajectory["y"][9] = math.nan, math.inf, 1e300
+    assert len(shapes.drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
+    lost = shapes.drawable_rows(replace(slides, trajectory=trajectory[5:6]))
+    assert np.isfinite(shapes.states_at(lost, [0.0])).all()
+
+
+def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Descent, jams: Descent) -> None:
+    figure = plot.plot_strobe([jams, slides], labels=["mat", "ice"])
+    panels = figure.axes[:2]
+    for ax, name, descent in zip(panels, ("mat", "ice"), (jams, slides), strict=True):
+        title = ax.get_title(loc="left")
+        assert title.startswith(f"{name}: {descent.status} after {descent.time:.2f} s")
+        assert f"reward {float(descent.jam.reward):.2f}" in title
+        assert ax.get_aspect() == 1.0
+    assert panels[0].get_xlim() == panels[1].get_xlim()
+    low, high = panels[0].get_xlim()
+    assert low < 0.0
+    assert high > 10.0 * math.cos(0.1)  # the finish
+    assert figure.axes[2].get_ylabel() == "speed [m/s]"
+
+
+def test_a_strobe_figure_without_the_slope_shows_where_the_sled_went(impact: Descent) -> None:
+    assert plot.plot_strobe(impact).axes[0].get_xlim()[1] > 1.0
+    assert plot.plot_strobe(impact, whole=False).axes[0].get_xlim()[1] < 0.5
+
+
+def test_wrong_arguments_of_a_strobe_figure_are_named(slides: Descent) -> None:
+    with pytest.raises(ValueError, match="empty"):
+        plot.plot_strobe([])
+    with pytest.raises(ValueError, match="2 labels for 1"):
+        plot.plot_strobe(slides, labels=["a", "b"])
+    with pytest.raises(ValueError, match="frames"):
+        plot.plot_strobe(slides, frames=1)
+
+
+def curve(figure: Figure, panel: int) -> tuple[np.ndarray, np.ndarray]:
+    line = figure.axes[panel].lines[-1]
+    return np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+
+
+def test_the_moment_of_an_impact_turns_the_body(impact: Descent) -> None:
+    """Oracle: Euler's law, J domega = moment dt, and T = 50 J at launch; times are in milliseconds."""
+    figure = plot.plot_impact(impact)
+    t, moment = curve(figure, 2)
+    turned = np.trapezoid(moment, 1e-3 * t)
+    assert turned == pytest.approx(impact.body.inertia * impact.state.omega, rel=0.02)
+    _, force = curve(figure, 0)
+    assert np.trapezoid(force, 1e-3 * t) == pytest.approx(impact.state.v + 10.0, rel=0.02)
+    _, kinetic = curve(figure, 3)
+    assert kinetic[0] == pytest.approx(50.0)
+    assert kinetic[-1] == pytest.approx(impact.energy.kinetic)
+    assert figure.axes[2].get_xlabel() == "time [ms]"
+
+
+def test_an_impact_figure_keeps_to_its_interval(slides: Descent) -> None:
+    first = slides.rebounds[0]
+    figure = plot.plot_impact(slides, float(first["t"] - first["duration"]), float(first["t"]))
+    t, force = curve(figure, 0)
+    assert np.ptp(t) == pytest.approx(1e3 * first["duration"], rel=1e-6)
+    assert np.trapezoid(force, 1e-3 * t) == pytest.approx(first["normal_impulse"], rel=0.1)
+    with pytest.raises(ValueError, match="start = 5"):
+        plot.plot_impact(slides, 5.0, 4.0)
+
+
+@pytest.mark.parametrize("name", ["slides", "jams", "impact"])
+def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: pytest.FixtureRequest) -> None:
+    """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns."""
+    descent: Descent = request.getfixturevalue(name)
+    figure = plot.plot_descent(descent)
+    top = figure.axes[3].collections[-1].get_paths()[0].vertices
+    t = descent.trajectory["t"]
+    sums = np.array([top[top[:, 0] == when, 1].max() for when in t])
+    assert sums == pytest.approx(sums[0], rel=0.02)
+    assert [ax.get_ylabel().split()[0] for ax in figure.axes] == ["u", "v", "ω", "energy"]
+
+
+def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
+    """Oracle: conservation; the chord hits the slope at the end of a long contact, and what it loses is lost then."""
+    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.295, rolling_arm=0.005)
+    launch = (0.0, 0.232, -0.1316, 3.911, 0.0, -1.361)
+    descent = run(SLED, law, Slope(0.1456, 10.0), launch, solver="rigid")  # type: ignore[arg-type]
+    assert (descent.rebounds["duration"] > 0.1).any()
+    assert (descent.rebounds["feature"] == Feature.CHORD).any()
+    layers = plot.energy_layers(descent, shapes.drawable_rows(descent))
+    sums = np.sum(list(layers.values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=0.03)
+
+
+def test_the_flight_into_a_rigid_impact_is_ballistic_to_its_end() -> None:
+    """Oracle: a parabola, and the velocities that the rebound recorded before the impact."""
+    descent = run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
+    rows, rebound = shapes.drawable_rows(descent), descent.rebounds[0]
+    times = np.linspace(0.0, float(rebound["t"]), 50)[:-1]
+    states = shapes.states_at(rows, times)
+    launch, g = descent.launch, descent.slope.gravity
+    along, normal = g * math.sin(0.15), -g * math.cos(0.15)
+    assert states[:, 0] == pytest.approx(launch.x + launch.u * times + 0.5 * along * times**2, abs=1e-12)
+    assert states[:, 1] == pytest.approx(launch.y + launch.v * times + 0.5 * normal * times**2, abs=1e-12)
+    before, after = shapes.states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
+    assert before[3:] == pytest.approx([rebound["u_before"], rebound["v_before"], rebound["omega_before"]])
+    assert after[3:] == pytest.approx([rebound["u_after"], rebound["v_after"], rebound["omega_after"]])
+
+
+def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
+    layers = plot.energy_layers(slides, slides.trajectory)
+    for kind in ("hysteresis", "sliding", "rolling"):
+        assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(slides.energy, kind))
+        assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()
+    assert layers["translation"][-1] + layers["rotation"][-1] == pytest.approx(slides.energy.kinetic)
+
+
+def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> None:
+    """Titles, axis labels, tick labels and legends keep apart at the width of a README."""
+    figures = [plot.plot_strobe([jams, slides, jams]), plot.plot_impact(impact), plot.plot_descent(jams)]
+    figures += [plot.plot_slip(jams), plot.plot_penetration(slides), plot.plot_impulses(jams)]
+    figures += [plot.plot_phase_portraits(slides), plot.plot_impulse_plane(DISC, ICE, State(0, 0, 0.4, 1, -2, 3))]
+    for figure in figures:
+        FigureCanvasAgg(figure).draw()
+        boxes = [legend.get_window_extent() for legend in figure.legends]
+        for ax in figure.axes:
+            low, high = ax.get_ylim()
+            ticks = [tick.label1 for tick in ax.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+            shown = [*ticks, ax.yaxis.label, ax.xaxis.label, ax._left_title]  # type: ignore[attr-defined]
+            boxes += [text.get_window_extent() for text in shown if text.get_text() and text.get_visible()]
+        assert figure.dpi * figure.get_figwidth() == pytest.approx(900.0)
+        for one, other in itertools.combinations(boxes, 2):
+            assert not one.padded(-0.5).overlaps(other), (one, other)
+
+
+def in_the_plane(figure: Figure) -> np.ndarray:
+    """Corners of the path in the impulse plane: normal and tangential impulse, shape (n, 2)."""
+    pieces = [line.get_xydata() for line in figure.axes[0].lines if line.get_linewidth() == 2.4]
+    return np.concatenate([[piece[0] for piece in pieces], pieces[-1][-1:]])
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, ROD])
+def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_cone(body: Body) -> None:
+    """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(60):
+        law = ContactLaw(1e6, 0.5, rng.uniform(0.0, 1.5), *rng.uniform(0.0, 0.05, 2))
+        state = State(0.0, 0.0, rng.uniform(-3.0, 3.0), rng.uniform(-2.0, 2.0), -5.0, rng.uniform(-4.0, 4.0))
+        impact = sledenv.rigid_impact(body, law, state)
+        if not impact.phases:
+            continue
+        path = in_the_plane(plot.plot_impulse_plane(body, law, state))
+        assert path[0].tolist() == [0.0, 0.0]
+        assert path[-1] == pytest.approx([impact.normal_impulse, impact.tangential_impulse], abs=1e-9 * body.mass)
+        assert (np.abs(path[:, 1]) <= law.friction * path[:, 0] * (1.0 + 1e-12)).all()
+        seen |= {phase.slip for phase in impact.phases}
+    assert seen == {-1, 0, 1}
+
+
+def test_an_impulse_plane_names_what_happens() -> None:
+    """Oracle: the impact of docs/physics.md, section 4.4, in which the slip of a rod stops and it sticks."""
+    body, law = rod(1.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
+    state = State(0.0, 0.0, math.pi / 4, 0.5, -1.0, 0.0)
+    figure = plot.plot_impulse_plane(body, law, state)
+    assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, -0.8 / 7.0])
+    events = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert events == ["sliding stops", "compression ends", "separation"]
+    with pytest.raises(ValueError, match="does not approach"):
+        plot.plot_impulse_plane(body, law, state._replace(v=1.0))
+
+
+def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
+    """Oracle: the trajectory: the sign of slip is 0 where the body sticks, and F = -f N sgn(v_t) elsewhere."""
+    figure = plot.plot_slip(jams)
+    rows = jams.trajectory
+    spans = list(figure.axes[0].patches)
+    sticks = [patch for patch in spans if patch.get_facecolor()[:3] == pytest.approx((0.0, 0.62, 0.45), abs=0.01)]
+    shaded = sum(patch.get_width() for patch in sticks)
+    stuck = (rows["feature"][1:] > 0) & (rows["slip"][1:] == 0) & (rows["slip"][:-1] == 0) & (rows["feature"][:-1] > 0)
+    assert shaded == pytest.approx(np.diff(rows["t"])[stuck].sum())
+    assert 0.0 < shaded < sum(patch.get_width() for patch in spans)
+    used = figure.axes[1].lines[1].get_ydata()
+    slipping = (rows["slip"] != 0) & (rows["normal"] > 0.0)
+    assert used[slipping] == pytest.approx(-rows["slip"][slipping])
+    assert np.nanmax(np.abs(used)) <= 1.0 + 1e-9
+    with pytest.raises(ValueError, match="flies all the time"):
+        plot.plot_slip(jams, 0.0, 0.9 * float(jams.rebounds["t"][0] - jams.rebounds["duration"][0]))
+
+
+def test_the_loop_of_a_contact_has_the_area_of_its_loss(slides: Descent) -> None:
+    """Oracles: the loss that the rebound recorded; N = k x with the two stiffnesses of the law."""
+    figure = plot.plot_penetration(slides, 1)
+    left, right = figure.axes
+    depth, force = right.lines[0].get_xydata().T
+    assert right.get_ylabel() == "normal force N [kN]"
+    area = np.trapezoid(1e3 * force, 1e-3 * depth)
+    assert area == pytest.approx(slides.rebounds["loss_hysteresis"][1], rel=1e-6)
+    closing, opening = (line.get_xydata()[1:-1] for line in right.lines[1:])
+    stiffness, asymmetry = slides.law.stiffness, slides.law.asymmetry
+    assert 1e6 * closing[:, 1] == pytest.approx(stiffness * (1.0 + asymmetry) * closing[:, 0], rel=1e-6)
+    assert 1e6 * opening[:, 1] == pytest.approx(stiffness * (1.0 - asymmetry) * opening[:, 0], rel=1e-6)
+    assert left.lines[0].get_xdata()[-1] == pytest.approx(1e3 * slides.rebounds["duration"][1])
+    with pytest.raises(ValueError, match=r"number = 99: must be in \[0, "):
+        plot.plot_penetration(slides, 99)
+
+
+def test_rigid_impulses_are_stems_at_their_times() -> None:
+    """Oracle: the log of the descent."""
+    descent = run(SLED, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
+    figure = plot.plot_impulses(descent)
+    log = descent.rebounds
+    for ax, values in zip(figure.axes, (log["normal_impulse"], descent.rebound_jam.grip), strict=True):
+        (stems,) = ax.collections
+        tops = np.array([segment[1] for segment in stems.get_segments()])
+        assert tops[:, 0].tolist() == log["t"].tolist()
+        assert np.abs(tops[:, 1]) == pytest.approx(values)
+    lasting = figure.axes[0].lines[-1]
+    assert len(lasting.get_xdata()) == np.count_nonzero(log["duration"] > 0.0) > 0
+
+
+def test_flights_of_a_phase_portrait_end_where_the_body_touches(slides: Descent) -> None:
+    """Oracle: the trajectory at each touchdown, and the launch."""
+    figure = plot.plot_phase_portraits(slides)
+    angles, speeds = figure.axes[:2]
+    flights = [line for line in angles.lines if line.get_linewidth() == 0.5]
+    assert len(flights) == len(slides.rebounds)
+    touch = slides.rebounds["t"] - slides.rebounds["duration"]
+    states = shapes.states_at(slides.trajectory, touch)
+    ends = [line.get_xydata()[-1] for line in flights]
+    assert np.array(ends) == pytest.approx(np.stack([np.degrees(states[:, 2]), states[:, 5]], axis=-1), abs=1e-6)
+    first = next(line for line in speeds.lines if line.get_linewidth() == 0.5)
+    assert first.get_xydata()[0].tolist() == [slides.launch.u, slides.launch.v]
+
+
+def test_figures_of_contacts_need_contacts() -> None:
+    flight = run(DISC, ICE, HILL, (0.0, 5.0, 0.2, 3.0, 0.0, 0.5), max_time=0.1)
+    for draw in (plot.plot_impulses, plot.plot_phase_portraits):
+        with pytest.raises(ValueError, match="no rebounds"):
+            draw(flight)
+    with pytest.raises(ValueError, match="number = 0"):
+        plot.plot_penetration(flight)
+
+
+def test_velocities_are_numbered_as_the_paper_only_when_asked(slides: Descent) -> None:
+    titles = [[ax.get_title("left") for ax in plot.plot_velocities(slides, paper=p).axes] for p in (False, True)]
+    assert titles[0][0] == "vertical velocity, upwards"
+    assert titles[1] == [f"Fig. {12 + i}: {title}" for i, title in enumerate(titles[0])]
+
+
+UGLY = {
+    "no time passed": (DISC, ICE, HILL, (0.0, 1.0, 0.0, 1.0, 0.0, 1.0), {"max_time": 1e-9}),
+    "jammed at launch": (DISC, MAT, Slope(0.0, 10.0), (0.0, 0.0, 0.0), {}),
+    "no end": (DISC, ICE, Slope(0.2), (0.0, 1.0, 0.0, 5.0, 0.0, 0.0), {"max_time": 5.0, "sample_interval": 1.0}),
+    "far away": (DISC, ICE, Slope(0.0), (0.0, 1e3, 0.0, 1e9, 1e9, 0.0), {"max_time": 100.0}),
+    "uphill": (SLED, ICE, Slope(0.3, 5.0), (0.0, 1.0, 0.0, -8.0, 0.0, 0.0), {"max_time": 3.0}),
+    "overflow": (
+        DISC,
+        ICE,
+        Slope(0.0, 10.0),
+        (0.0, 1.0, 0.0, -1e300, 1e300, 0.0),
+        {"max_time": 1e12, "sample_interval": 1e11},
+    ),
+    "rod": (ROD, ICE, HILL, (0.0, 0.5, 0.4, 1.0, 0.0, 0.0), {"max_time": 2.0}),
+    "point": (POINT, ICE, Slope(0.1, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0, 0.0, 0.0), {}),
+}
+
+
+@pytest.mark.parametrize("name", UGLY)
+def test_ugly_descents_are_drawn(name: str) -> None:
+    body, law, slope, launch, options = UGLY[name]
+    descent = run(body, law, slope, launch, **options)
+    figures = [plot.plot_strobe(descent), plot.plot_descent(descent)]
+    if len(descent.rebounds) > 0:
+        figures += [plot.plot_impulses(descent), plot.plot_phase_portraits(descent), plot.plot_slip(descent)]
+    for figure in figures:
+        figure.savefig(io.BytesIO(), dpi=40)
+
+
+def test_growth_is_drawn_over_the_rebounds() -> None:
+    """Oracle: the singular values and distances of the result, the latter in its natural units."""
+    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    found = sledenv.sensitivity(body, ICE, HILL, State(0.0, 0.6, 0.7, 1.0, 0.0, 2.0), max_rebounds=4)
+    figure = plot.plot_growth(found)
+    above, below = figure.axes
+    assert above.get_yscale() == below.get_yscale() == "log"
+    assert above.lines[0].get_xdata().tolist() == [1, 2, 3, 4]
+    assert above.lines[0].get_ydata() == pytest.approx(found.growth[:, 0])
+    drawn = {line.get_label(): line.get_ydata() for line in below.lines}
+    distances = found.distances[:-1, found.parameters.index("u")].min(axis=-1)
+    distances[np.isinf(distances)] = np.nan
+    assert drawn["u"] == pytest.approx(distances / found.units[3], nan_ok=True)
+    figure.savefig(io.BytesIO(), dpi=40)
+
+
+def test_growth_of_ugly_descents_is_drawn_or_refused() -> None:
+    law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
+    still = sledenv.sensitivity(
+        Body(1.0, 0.5, 0.0, 0.1), law, Slope(0.0), State(0.0, 1.0, 0.0), solver="rigid", max_rebounds=2
+    )
+    assert np.isnan(still.growth).all()
+    plot.plot_growth(still).savefig(io.BytesIO(), dpi=40)
+    flight = sledenv.sensitivity(DISC, law, Slope(0.0, 1.0), State(0.0, 2.0, 0.0, 5.0))
+    with pytest.raises(ValueError, match="no rebound"):
+        plot.plot_growth(flight)
+
+
+def test_a_missing_matplotlib_is_named(slides: Descent, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for draw in (plot.plot_strobe, plot.plot_impact, plot.plot_descent):
+        with pytest.raises(ImportError, match=r"sledenv\[plot\]"):
+            draw(slides)
+
+
+def test_importing_the_package_needs_neither_matplotlib_nor_pygame() -> None:
+    program = "import sys; sys.modules.update(matplotlib=None, pygame=None); import sledenv.plot, sledenv.envs.render"
+    paths = [str(Path(sledenv.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)

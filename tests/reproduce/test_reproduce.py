@@ -1,0 +1,324 @@
+"""The paper's numbers and figures: values against the known ones, files, and a folder that is whole or not there."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sledenv import plot, reproduce
+from sledenv.closed_forms.wheel import collide_wheel
+from sledenv.kernel.records import Mode
+from sledenv.machine.files import publish
+from sledenv.reproduce import FILES, cases, numbers
+from sledenv.reproduce.cases import printed_rules
+from sledenv.reproduce.numbers import Row
+from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
+
+# id: value, tolerance; docs/physics.md, sections 2 and 4
+EXPECTED = {
+    "sn_1": (1.0, 1e-5),
+    "sn_2": (math.sqrt(1.0 / 3.0), 1e-5),
+    "v_1": (math.sqrt(1.0 / 3.0), 1e-12),
+    "tau_1": (500.0 * math.pi / math.sqrt(1.5 * 9810.0), 1e-9),
+    "tau_2": (500.0 * math.pi / math.sqrt(0.5 * 9810.0), 1e-9),
+    "sf_first": (-0.060515, 1e-6),
+    "sf_second": (-0.127182, 1e-6),
+    "t0_printed_speed": (0.5, 1e-12),
+    "speed": (-10.0, 1e-12),
+    "t0": (50.0, 1e-12),
+    "t_end_euler": (18.8075, 5e-5),
+    "t_end_limit": (18.806301, 1e-6),
+    "t_end_euler_printed": (24.8979, 5e-5),
+    "t_end_limit_printed": (24.8965, 5e-5),
+    "t_separation_euler_printed": (25.0, 5e-4),
+    "t_separation_printed": (24.9985, 1e-4),
+    "separation_printed": (0.0418, 1e-6),
+    "separation": (0.037703, 1e-6),
+    "elastic_printed": (55.21, 5e-3),
+    "elastic": (48.17, 5e-3),
+    "slip_directions": (1.0, 0.0),
+    "spin_directions": (1.0, 0.0),
+    "compression_ends": (0.0129, 5e-5),
+    "moment_reverses": (0.0269, 5e-5),
+    "depth": (0.078, 5e-4),
+    "inertia": (7.5e-3, 1e-15),
+    "t_rigid": (18.814409, 1e-6),
+    "ledger": (0.0, 1e-12),
+    "printed_overlap": (37.5, 0.5),
+    "printed_overlap_unit": (62.3, 0.5),
+    "corrected_unique": (100.0, 0.0),
+    "closed_form_agrees": (100.0, 0.0),
+    "scenario_2_printed": (6.0, 1e-12),
+    "sled_rebounds": (5.0, 0.0),
+}
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, Row]:
+    found = [
+        *numbers.wheel_rows(
+            cases.disc_impact(0.0), {name: cases.disc_impact(u) for name, u in cases.DISC_SPEEDS.items()}
+        ),
+        *numbers.example_rows(cases.worked_example()),
+        *numbers.table_1_rows(),
+        *numbers.sled_rows(cases.sled_descent()),
+        *numbers.jam_rows({name: cases.jam_map(f) for name, f in cases.JAM_FRICTIONS.items()}),
+    ]
+    assert len({row.id for row in found}) == len(found)
+    return {row.id: row for row in found}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("paper") / "out"
+    assert reproduce.reproduce(place, progress=lambda line: None) == place
+    return place
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_a_number_comes_out(rows: dict[str, Row], name: str) -> None:
+    """Oracle: docs/physics.md, sections 2 and 4, computed by independent codes."""
+    value, tolerance = EXPECTED[name]
+    assert rows[name].ours == pytest.approx(value, abs=tolerance, rel=0.0)
+
+
+def test_what_does_not_come_out_is_said(rows: dict[str, Row]) -> None:
+    finals = [row for row in rows.values() if row.paper == "26.43"]
+    assert len(finals) == 4
+    assert all("26.43 J not reproducible" in row.why for row in finals)
+    assert "complete sliding confirmed" in rows["slip_directions"].why
+    assert "not in the first phase" in rows["moment_reverses"].why
+    assert rows["sled_status"].ours == "finish"
+    assert "Assumed" in rows["sled_status"].why
+
+
+def test_exactly_one_corrected_rule_holds_and_names_the_scenario() -> None:
+    """Oracle: the closed form of the wheel."""
+    rng = np.random.default_rng(4)
+    ratio, f, e, arm, inertia = rng.uniform(0.0, [[3.0], [1.0], [1.0], [0.5], [1.0]], (5, 2000)) + 1e-6
+    _, corrected = printed_rules(ratio, f, np.minimum(e, 1.0), arm, inertia)
+    assert np.array_equal(corrected.sum(axis=0), np.ones(2000))
+    wheel = collide_wheel(1.0, inertia, 1.0, f, arm, np.minimum(e, 1.0), ratio, -1.0)
+    names = np.array(["slide-roll", "stop-roll", "slide", "stuck"])[np.argmax(corrected, axis=0)]
+    assert names.tolist() == wheel.scenario.tolist()
+
+
+def test_the_moment_has_the_sign_by_which_it_was_computed() -> None:
+    """Oracle: J times the difference quotient of the spin, row by row."""
+    example = cases.worked_example()
+    for descent, sign in ((example.euler, "dissipative"), (example.printed, "printed")):
+        series, rows = cases.force_series(descent, sign), descent.trajectory  # type: ignore[arg-type]
+        rate = descent.body.inertia * np.diff(rows["omega"]) / np.diff(rows["t"])
+        middle = 0.5 * (series["moment"][1:] + series["moment"][:-1])
+        smooth = np.abs(np.diff(series["normal"])) < 50.0
+        assert middle[smooth] == pytest.approx(rate[smooth], abs=0.05)
+
+
+@pytest.mark.slow
+def test_the_folder_is_complete(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+    index = (folder / "index.md").read_text(encoding="utf-8")
+    assert all(f"]({name})" in index for name in FILES if name != "index.md")
+    assert "{" not in index
+    for name in FILES:
+        content = (folder / name).read_bytes()
+        assert len(content) > 500
+        assert content.startswith(b"\x89PNG") == name.endswith(".png")
+
+
+@pytest.mark.slow
+def test_the_table_holds_the_numbers(folder: Path, rows: dict[str, Row]) -> None:
+    table = {line["id"]: line for line in read(folder / "table.csv")}
+    assert list(table) == list(rows)
+    for name, (value, tolerance) in EXPECTED.items():
+        assert float(table[name]["ours"]) == pytest.approx(value, abs=tolerance, rel=0.0)
+    markdown = (folder / "table.md").read_text(encoding="utf-8")
+    assert all(row.quantity in markdown for row in rows.values())
+    assert {line.count("|") for line in markdown.splitlines() if line.startswith("|")} == {6}
+
+
+@pytest.mark.slow
+def test_the_data_are_those_of_the_figures(folder: Path) -> None:
+    """Oracles: the kinetic energies of the table; the closed form; the mirror image of each impact."""
+    energies = {line["run"]: float(line["kinetic_j"]) for line in read(folder / "fig_7_10.csv")}
+    assert energies["event-driven"] == pytest.approx(18.806301, abs=1e-6)
+    assert energies["euler-printed-sign"] == pytest.approx(24.8979, abs=5e-5)
+    sled = read(folder / "fig_12_14.csv")
+    tilt = math.radians(10.0)
+    assert float(sled[0]["vertical_m_s"]) == pytest.approx(-3.0 * math.sin(tilt))
+    assert float(sled[0]["horizontal_m_s"]) == pytest.approx(3.0 * math.cos(tilt))
+    for name, batch in (("0.03", cases.jam_map(0.03)),):
+        cells = [line for line in read(folder / "jam_map.csv") if line["friction"] == name]
+        assert [float(line["jam_index"]) for line in cells] == batch.jam.jam_index.tolist()
+        cell = cells[12345]
+        launch = cases.sled_descent().launch._replace(
+            y=cases.SLED_DROP + support_height(cases.SLED, math.radians(float(cell["phi_deg"]))),
+            phi=math.radians(float(cell["phi_deg"])),
+            omega=float(cell["spin_rad_s"]),
+        )
+        one = simulate(cases.SLED, cases.SLED_LAW, cases.SLED_SLOPE, launch)
+        assert (float(cell["jam_index"]), cell["status"]) == (float(one.jam.jam_index), one.status)
+    wheel = read(folder / "table_1.csv")
+    assert {line["scenario"] for line in wheel} == {"slide-roll", "stop-roll", "slide", "stuck"}
+    number = {"slide-roll": "1", "stop-roll": "2", "slide": "3", "stuck": "4"}
+    assert all(number[line["scenario"]] in line["printed_rules"] for line in wheel)
+    modes = {
+        (line["friction"], float(line["phi_deg"]), float(line["speed_ratio"])): line["mode"]
+        for line in read(folder / "mode_map.csv")
+    }
+    assert all(modes[f, -phi, -speed] == mode for (f, phi, speed), mode in modes.items())
+
+
+@pytest.mark.slow
+def test_an_earlier_reproduction_is_replaced(folder: Path) -> None:
+    before = {name: (folder / name).read_bytes() for name in FILES}
+    reproduce.reproduce(folder, progress=lambda line: None)
+    assert {name: (folder / name).read_bytes() for name in FILES} == before
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit, OSError])
+def test_an_interrupted_run_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
+    lines: list[str] = []
+
+    def progress(line: str) -> None:
+        lines.append(line)
+        if len(lines) == 2:
+            (scratch,) = tmp_path.iterdir()
+            assert (scratch / "new" / "fig_4.png").exists()
+            raise error
+
+    with pytest.raises(error):
+        reproduce.reproduce(tmp_path / "deep" / "out", progress=progress)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_run_keeps_what_was_there(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "index.md").write_text("old")
+
+    def give_up() -> None:
+        with publish(tmp_path / "out", FILES) as new:
+            (new / "index.md").write_text("new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        give_up()
+    assert (tmp_path / "out" / "index.md").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_finished_folder_takes_its_place(tmp_path: Path) -> None:
+    for text in ("first", "second"):
+        with publish(tmp_path / "deep" / "out", ["a.txt"]) as new:
+            (new / "a.txt").write_text(text)
+        assert (tmp_path / "deep" / "out" / "a.txt").read_text() == text
+    assert [path.name for path in tmp_path.rglob("*")] == ["deep", "out", "a.txt"]
+
+
+def test_a_folder_of_other_files_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(FileExistsError, match=r"holds 'thesis\.tex', which is not of this command"):
+        reproduce.reproduce(tmp_path)
+    with pytest.raises(NotADirectoryError, match="is a file"):
+        reproduce.reproduce(tmp_path / "thesis.tex")
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.chdir(empty)
+    with pytest.raises(FileExistsError, match="is the current folder"):
+        reproduce.reproduce(".")
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_maps_are_labelled() -> None:
+    x, y = np.linspace(0.0, 1.0, 40), np.linspace(0.0, 0.5, 30)
+    scenario = np.where(x > 0.5, "slide", "stuck") * np.ones((30, 1), dtype=object)
+    printed = np.where(x > 0.5, "3", "2 + 4") * np.ones((30, 1), dtype=object)
+    figure = plot.plot_table_1(x, y, scenario.astype(str), printed.astype(str), note="assumed")
+    texts = [[text.get_text() for text in ax.texts] for ax in figure.axes]
+    assert texts == [["3", "4"], ["2 + 4", "3"]]
+    assert legend(figure) == ["3  slides without rotation", "4  stuck", "several printed rules hold"]
+    modes = np.full((30, 40), int(Mode.SLIDE))
+    modes[:10] = Mode.SLIP_REVERSAL
+    figure = plot.plot_mode_map(x, y, {"one": modes, "other": modes})
+    assert [ax.get_title("left") for ax in figure.axes] == ["one", "other"]
+    assert legend(figure) == ["slides without rotation", "slip reversed"]
+
+
+def test_a_jam_map_is_hatched_where_the_end_is_not_reached() -> None:
+    x, y = np.linspace(-3.0, 3.0, 40), np.linspace(-8.0, 8.0, 30)
+    finished = np.broadcast_to(x > 0.0, (30, 40))
+    jam = np.where(finished, 0.1, 0.9)
+    figure = plot.plot_jam_map(x, y, {"ice": (jam, finished), "all": (jam, finished | True)}, mark=(1.0, 2.0, "ours"))
+    ice, everything, scale = figure.axes
+    assert [ax.get_title("left") for ax in (ice, everything)] == ["ice", "all"]
+    assert scale.get_ylabel() == "jam index [-]"
+    hatched = [set(ax.collections[1:]) for ax in (ice, everything)]
+    assert len(hatched[0]) == 1
+    assert hatched[1] == set()
+    assert legend(figure) == ["end of the slope not reached", "ours"]
+    with pytest.raises(ValueError, match=r"'ice' has shape \(40, 30\): must be \(30, 40\)"):
+        plot.plot_jam_map(x, y, {"ice": (jam.T, finished)})
+    with pytest.raises(ValueError, match="panels is empty"):
+        plot.plot_jam_map(x, y, {})
+
+
+def test_the_phases_of_an_impact_are_its_areas() -> None:
+    """Oracle: m V0 and R m V0."""
+    figure = plot.plot_impact_phases(cases.disc_impact(0.0))
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["phase I: $S_{NI}$ = 1 N s", "phase II: $S_{NII}$ = 0.5774 N s"]
+    rigid = simulate(
+        cases.DISC, cases.EXAMPLE_LAW, Slope(0.0), State(0.0, 0.5, 0.0), solver="rigid", record="trajectory"
+    )
+    with pytest.raises(ValueError, match="takes no time"):
+        plot.plot_impact_phases(rigid)
+
+
+def test_sliding_is_shown_to_stop_where_it_does() -> None:
+    """Oracle: after the impulse p1 of docs/physics.md (3.2); the impulse of a quarter of an oscillation is a cosine."""
+    run = cases.disc_impact(0.15)
+    figure = plot.plot_sliding_end({"early": run})
+    m, r, f, arm = 1.0, 0.1, 0.1, 1e-3
+    p1 = 0.15 / (f * (1.0 / m + r**2 / cases.DISC.inertia) - r * arm / cases.DISC.inertia)
+    pulsation = math.sqrt(1.5 * 9810.0 / m)
+    assert figure.axes[0].get_xlabel() == f"sliding stops at {1e3 * math.acos(1.0 - p1 / m) / pulsation:.2f} ms"
+    with pytest.raises(ValueError, match="panels is empty"):
+        plot.plot_sliding_end({})
+
+
+def test_a_sliver_is_not_labelled() -> None:
+    x = np.linspace(0.0, 1.0, 40)
+    printed = np.full((40, 40), "1", dtype="U9")
+    printed[20] = "1 + 2"
+    figure = plot.plot_table_1(x, x, np.full((40, 40), "slide-roll"), printed)
+    assert [text.get_text() for text in figure.axes[1].texts] == ["1"]
+
+
+def legend(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_wrong_shapes_are_named() -> None:
+    x, y = np.linspace(0.0, 1.0, 4), np.linspace(0.0, 1.0, 3)
+    names = np.full((3, 4), "slide")
+    with pytest.raises(ValueError, match=r"printed has shape \(4, 3\): must be \(3, 4\)"):
+        plot.plot_table_1(x, y, names, names.T)
+    with pytest.raises(ValueError, match=r"'f = 1' has shape \(4, 3\): must be \(3, 4\)"):
+        plot.plot_mode_map(x, y, {"f = 1": np.ones((4, 3), dtype=int)})
+    with pytest.raises(ValueError, match="panels is empty"):
+        plot.plot_mode_map(x, y, {})
+    with pytest.raises(ValueError, match="series is empty"):
+        plot.plot_worked_example({})

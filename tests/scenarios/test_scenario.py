@@ -1,0 +1,531 @@
+"""Scenarios: what is read, what is refused and in which words, how contexts are drawn, what the simulator gets."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sledenv.scenarios.configuration import read_yaml
+from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
+from sledenv.simulation.bodies import Body, circular_segment, sled
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.support import lowest_support, support_height
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(path.stem for path in (ROOT / "src" / "sledenv" / "configs" / "scenarios").glob("*.yaml"))
+GOOD: dict[str, Any] = {
+    "id": "example",
+    "title": "An example",
+    "slope": {"angle_deg": [6, 12], "length_m": 10},
+    "body": {"kind": "disc", "mass_kg": 100, "radius_m": 0.5, "eccentricity_m": 0.25, "inertia_kg_m2": 18.75},
+    "contact": {"stiffness_n_m": 1e7, "restitution": [0.4, 0.6], "friction": [0.1, 0.3], "rolling_arm_m": 0.005},
+    "launch": {
+        "speed_m_s": [1, 3],
+        "drop_m": [0.2, 1.0],
+        "fall_m_s": [0, 2],
+        "orientation_deg": [-90, 90],
+        "spin_rad_s": [-2, 2],
+    },
+    "control": {"orientation_deg": [-180, 180], "spin_rad_s": [-8, 8]},
+    "limits": {"max_time_s": 60, "max_rebounds": 200},
+}
+DELETE = object()
+
+
+def changed(**changes: Any) -> dict[str, Any]:
+    """Copy of the good scenario; ``slope__length_m=5`` sets a key of a section, ``DELETE`` removes it."""
+    content = copy.deepcopy(GOOD)
+    for path, value in changes.items():
+        *parents, key = path.split("__")
+        target = content
+        for parent in parents:
+            target = target[parent]
+        if value is DELETE:
+            del target[key]
+        else:
+            target[key] = value
+    return content
+
+
+def problems(content: Any) -> list[str]:
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.model_validate(content)
+    return str(caught.value).splitlines()
+
+
+SLED = {
+    "kind": "sled",
+    "mass_kg": 120,
+    "length_m": 1.2,
+    "rocker_radius_m": 1,
+    "mass_centre_height_m": 0.14,
+    "gyration_radius_m": 0.38,
+}
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return Scenario.model_validate(GOOD)
+
+
+@pytest.mark.parametrize("name", [None, 3, ["sled_snow"]], ids=str)
+def test_what_is_no_name_of_a_scenario_is_named(name: Any) -> None:
+    with pytest.raises(TypeError, match=r"scenario = .*: must be the name of one or the path of a file"):
+        load_scenario(name)
+
+
+@pytest.mark.parametrize("context", [None, 3, "snow", (0.1, 0.2)], ids=str)
+def test_what_is_no_context_is_named(context: Any) -> None:
+    scenario = load_scenario("sled_snow")
+    for use in (scenario.law, scenario.slope, scenario.launch):
+        with pytest.raises(TypeError, match=r"context = .*: must be a Context, or as many numbers: angle, friction"):
+            use(context)
+
+
+RANGE = "must be a number, or a pair [low, high] to sample, in"
+BOUNDS = "must be a pair [low, high] of numbers in"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("slope__angle_deg", 95, f"slope.angle_deg = 95: {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", [5, 90], f"slope.angle_deg = [5, 90]: {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", [5], f"slope.angle_deg = [5]: {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", [1, 2, 3], f"slope.angle_deg = [1, 2, 3]: {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", [12, 6], f"slope.angle_deg = [12, 6]: low must not exceed high; {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", "10 deg", f"slope.angle_deg = '10 deg': {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", None, f"slope.angle_deg = None: {RANGE} (-90, 90) deg"),
+        ("slope__angle_deg", {"low": 1}, f"slope.angle_deg: {RANGE} (-90, 90) deg"),
+        ("slope__length_m", 0, "slope.length_m = 0: must be a number in (0, inf) m"),
+        ("slope__length_m", math.inf, "slope.length_m = inf: must be a number in (0, inf) m"),
+        ("slope__length_m", [5, 10], "slope.length_m = [5, 10]: must be a number in (0, inf) m"),
+        ("slope__gravity_m_s2", -9.81, "slope.gravity_m_s2 = -9.81: must be a number in [0, inf) m/s^2"),
+        ("contact__restitution", 0, f"contact.restitution = 0: {RANGE} (0, 1]"),
+        ("contact__restitution", [0.5, 1.1], f"contact.restitution = [0.5, 1.1]: {RANGE} (0, 1]"),
+        ("contact__friction", -0.1, f"contact.friction = -0.1: {RANGE} [0, inf)"),
+        ("contact__friction", math.nan, f"contact.friction = nan: {RANGE} [0, inf)"),
+        ("contact__stiffness_n_m", 0, "contact.stiffness_n_m = 0: must be a number in (0, inf) N/m"),
+        ("contact__stiffness_n_m", True, "contact.stiffness_n_m = True: must be a number in (0, inf) N/m"),
+        ("contact__stiffness_n_m", [1, 2], "contact.stiffness_n_m = [1, 2]: must be a number in (0, inf) N/m"),
+        ("contact__rolling_arm_m", -1, "contact.rolling_arm_m = -1: must be a number in [0, inf) m"),
+        ("contact__corner_rolling_arm_m", -1, "contact.corner_rolling_arm_m = -1: must be a number in [0, inf) m"),
+        ("launch__speed_m_s", -1, f"launch.speed_m_s = -1: {RANGE} [0, inf) m/s"),
+        ("launch__drop_m", [-0.1, 1], f"launch.drop_m = [-0.1, 1]: {RANGE} [0, inf) m"),
+        ("launch__fall_m_s", -1, f"launch.fall_m_s = -1: {RANGE} [0, inf) m/s"),
+        ("launch__orientation_deg", 361, f"launch.orientation_deg = 361: {RANGE} [-360, 360] deg"),
+        ("launch__spin_rad_s", math.inf, f"launch.spin_rad_s = inf: {RANGE} (-inf, inf) rad/s"),
+        ("body__mass_kg", 0, "body.mass_kg = 0: must be a number in (0, inf) kg"),
+        ("body__mass_kg", [90, 110], "body.mass_kg = [90, 110]: must be a number in (0, inf) kg"),
+        ("body__eccentricity_m", 0.5, "body.eccentricity_m = 0.5: must be a number in [0, radius_m) = [0, 0.5) m"),
+        (
+            "body__inertia_kg_m2",
+            18.76,
+            "body.inertia_kg_m2 = 18.76: must be a number in (0, m (r^2 - h^2)] = (0, 18.75] kg m^2",
+        ),
+        ("body__radius_m", 1e200, "body.inertia_kg_m2 = 18.75: m r^2 must be a finite number of kg m^2"),
+        ("body__kind", "disk", "body.kind = 'disk': must be one of disc, segment, sled, custom (did you mean 'disc'?)"),
+        ("body__kind", DELETE, "body.kind: missing; must be one of disc, segment, sled, custom"),
+        (
+            "control__spin_rad_s",
+            8,
+            "control.spin_rad_s = 8: must be a pair [low, high] of numbers in (-inf, inf) rad/s",
+        ),
+        (
+            "control__orientation_deg",
+            [90, 90],
+            "control.orientation_deg = [90, 90]: low must be below high; "
+            "must be a pair [low, high] of numbers in [-360, 360] deg",
+        ),
+        ("control__speed_m_s", 5, f"control.speed_m_s = 5: {BOUNDS} [0, inf) m/s"),
+        ("control__speed_m_s", [-1, 5], f"control.speed_m_s = [-1, 5]: {BOUNDS} [0, inf) m/s"),
+        ("control__speed_m_s", [5, 5], f"control.speed_m_s = [5, 5]: low must be below high; {BOUNDS} [0, inf) m/s"),
+        ("control__spin_rad_s", None, f"control.spin_rad_s = None: {BOUNDS} (-inf, inf) rad/s"),
+        ("control__spin_rad_s", DELETE, f"control.spin_rad_s: missing; {BOUNDS} (-inf, inf) rad/s"),
+        (
+            "control__chosen",
+            "speed",
+            "control.chosen = 'speed': must be one of 'both', 'orientation', 'spin', 'orientation+spin', 'all'",
+        ),
+        ("control__chosen", ["spin"], "control.chosen = ['spin']: must be text"),
+        ("limits__max_time_s", 0, "limits.max_time_s = 0: must be a number in (0, inf) s"),
+        ("limits__max_time_s", 10**400, "must be a number in (0, inf) s"),
+        ("limits__max_rebounds", 0, "limits.max_rebounds = 0: must be a whole number in [1, 1000000]"),
+        ("limits__max_rebounds", 2.5, "limits.max_rebounds = 2.5: must be a whole number in [1, 1000000]"),
+        ("id", "Ice Drop", "id = 'Ice Drop': must be lower-case letters, digits and underscores"),
+        ("title", 3, "title = 3: must be text"),
+        ("tags", "jam", "tags = 'jam': must be a list of words"),
+        ("launch", 3, "launch = 3: must be a mapping of keys to values"),
+        ("slope__length_m", DELETE, "slope.length_m: missing; must be a number in (0, inf) m"),
+        ("launch", DELETE, "launch: missing"),
+        ("control", DELETE, "control: missing"),
+    ],
+)
+def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: str, value: Any, message: str) -> None:
+    """Oracle: the message, word for word."""
+    (line,) = problems(changed(**{path: value}))
+    identity = value if path == "id" else "example"
+    assert line.startswith(f"scenario {identity}: ")
+    assert line.endswith(message)
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        (
+            "slope__angle_rad",
+            "slope.angle_rad = 1: unknown key (did you mean 'angle_deg'?); known: angle_deg, length_m,",
+        ),
+        ("slope__lenght_m", "slope.lenght_m = 1: unknown key (did you mean 'length_m'?)"),
+        ("body__mass_g", "body.mass_g = 1: unknown key (did you mean 'mass_kg'?); known: kind, mass_kg, radius_m,"),
+        ("contact__restituton", "contact.restituton = 1: unknown key (did you mean 'restitution'?)"),
+        ("launch__speed_km_h", "launch.speed_km_h = 1: unknown key (did you mean 'speed_m_s'?)"),
+        ("control__spin_deg_s", "control.spin_deg_s = 1: unknown key (did you mean 'spin_rad_s'?)"),
+        ("limits__max_rebound", "limits.max_rebound = 1: unknown key (did you mean 'max_rebounds'?)"),
+        ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, question,"),
+        ("slope__zzz", "slope.zzz = 1: unknown key; known: angle_deg, length_m, gravity_m_s2"),
+    ],
+)
+def test_an_unknown_key_or_a_wrong_unit_is_answered_with_the_nearest_key(path: str, expected: str) -> None:
+    """Oracle: the message."""
+    (line,) = problems(changed(**{path: 1}))
+    assert line.startswith(f"scenario example: {expected}")
+
+
+def test_every_problem_is_reported_at_once() -> None:
+    """Oracle: three mistakes in three sections make three lines."""
+    lines = problems(changed(slope__angle_deg=95, body__mass_g=1, limits__max_rebounds=0))
+    keys = ["slope.angle_deg", "body.mass_g", "limits.max_rebounds"]
+    assert [line.split(": ")[1].split(" =")[0] for line in lines] == keys
+
+
+@pytest.mark.parametrize(
+    ("changes", "have"),
+    [({"contact__asymmetry": 0.5}, "both are given"), ({"contact__restitution": DELETE}, "both are missing")],
+)
+def test_restitution_and_asymmetry_exclude_each_other(changes: dict[str, Any], have: str) -> None:
+    """Oracle: the message."""
+    assert problems(changed(**changes)) == [
+        f"scenario example: contact: must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}"
+    ]
+
+
+def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_given(scenario: Scenario) -> None:
+    """Oracle: the scenario without them; a choice that they allow, and one of which the bounds are wrong."""
+    assert Scenario.model_validate(changed(control__speed_m_s=None)) == scenario
+    assert list(scenario.control_bounds) == ["orientation", "spin"]
+    faster = Scenario.model_validate(changed(control__speed_m_s=[2, 5], control__chosen="orientation+speed"))
+    assert faster.control_bounds["speed"] == (2.0, 5.0)
+    assert faster.hash != scenario.hash
+    assert Scenario.model_validate(faster.model_dump()) == faster
+    (line,) = problems(changed(control__speed_m_s=[5, 2], control__chosen="speed"))
+    assert line.startswith("scenario example: control.speed_m_s = [5, 2]: low must be below high")
+
+
+@pytest.mark.parametrize("content", [None, [], 3, "ice_drop"])
+def test_what_is_no_mapping_is_no_scenario(content: Any) -> None:
+    """Oracle: the message."""
+    assert problems(content) == ["scenario without id: must be a mapping of keys to values"]
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
+    """Oracle: the message."""
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("ice_dorp")
+    known = ", ".join(SHIPPED)
+    assert str(caught.value) == (
+        f"unknown scenario 'ice_dorp' (did you mean 'ice_drop'?); known: {known}; a file ends in .yaml"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("slope: [", "cannot be read: while parsing"),
+        ("id: a\nid: b", "cannot be read: repeated key 'id'"),
+        ("slope: {length_m: 5, length_m: 6}", "cannot be read: repeated key 'length_m'"),
+        (500 * "[" + 500 * "]", "cannot be read: nested too deeply"),
+        (2000 * "{a: ", "cannot be read: nested too deeply"),
+        ("a: &a {b: 1}\nc: {<<: *a}", "cannot be read: *a refers to another place"),
+        ("a: &a [*a]", "cannot be read: *a refers to another place"),
+        ("", "must be a mapping of keys to values"),
+        ("- a", "must be a mapping of keys to values"),
+        ("1: a", "1 = 1: Keys should be strings"),
+    ],
+)
+def test_a_broken_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    """Oracle: path and message."""
+    path = tmp_path / "broken.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert f"{path}: {message}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(
+            ("0", 0),
+            ("-7", -7),
+            ("+12", 12),
+            ("1e7", 1e7),
+            ("-.5", -0.5),
+            ("3.", 3.0),
+            ("0.25E-3", 0.25e-3),
+            (".inf", math.inf),
+        ),
+        *(
+            (text, text)
+            for text in ("010", "1:30", "0x10", "0b11", "1_000", "1:30.5", ".", "+", "1e", "00.5", "e5", "..5")
+        ),
+    ],
+)
+def test_a_number_is_decimal_and_all_else_is_text(tmp_path: Path, text: str, value: object) -> None:
+    """Oracle: YAML 1.1 would read 8, 90, 16, 3, 1000 and 90.5 for the first of what is text here."""
+    (tmp_path / "file.yaml").write_text(f"key: {text}")
+    (read,) = read_yaml(tmp_path / "file.yaml").values()
+    assert read == value
+    assert type(read) is type(value)
+
+
+def test_a_missing_or_undecodable_file_is_named(tmp_path: Path) -> None:
+    """Oracle: path and message."""
+    with pytest.raises(ScenarioError, match=r"absent\.yaml: cannot be read: .*No such file"):
+        load_scenario(tmp_path / "absent.yaml")
+    (tmp_path / "latin.yaml").write_bytes(b"title: \xe9t\xe9")
+    with pytest.raises(ScenarioError, match=r"latin\.yaml: cannot be read: .*utf-8"):
+        load_scenario(str(tmp_path / "latin.yaml"))
+
+
+def test_a_file_reads_as_its_mapping_does(tmp_path: Path, scenario: Scenario) -> None:
+    """Oracle: ``model_validate`` of the same content; ``1e7`` without a point is a number, as in YAML 1.2."""
+    path = tmp_path / "example.yaml"
+    path.write_text(yaml.safe_dump(GOOD).replace("10000000.0", "1e7"), encoding="utf-8")
+    assert "stiffness_n_m: 1e7" in path.read_text(encoding="utf-8")
+    assert load_scenario(path) == load_scenario(str(path)) == scenario
+
+
+def test_a_scenario_survives_pickling_and_dumping_and_stays_fixed(scenario: Scenario) -> None:
+    """Oracle: equality with the original."""
+    twin = pickle.loads(pickle.dumps(scenario))
+    assert twin == scenario
+    assert hash(twin) == hash(scenario)
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+    assert Scenario.model_validate(scenario) is scenario
+    with pytest.raises(ValueError, match="frozen"):
+        scenario.title = "other"
+
+
+def test_the_hash_depends_on_what_is_simulated_alone(scenario: Scenario) -> None:
+    """Oracle: a recorded hash; prose, key order and the spelling of a number leave it, every other key changes it."""
+    assert scenario.hash == "dd6b7553ed30a6ac"
+    reordered = {key: GOOD[key] for key in reversed(GOOD)}
+    for same in (reordered, changed(title="x", sources="y", tags=["z"]), changed(slope__gravity_m_s2=9.81)):
+        assert Scenario.model_validate(same).hash == scenario.hash
+    single, pair = changed(launch__drop_m=1), changed(launch__drop_m=[1.0, 1.0])
+    assert Scenario.model_validate(single).hash == Scenario.model_validate(pair).hash != scenario.hash
+    for other in (changed(limits__max_rebounds=201), changed(id="other"), changed(launch__spin_rad_s=[-2, 2.1])):
+        assert Scenario.model_validate(other).hash != scenario.hash
+
+
+def test_ranges_are_aligned_with_the_context_and_in_si_units(scenario: Scenario) -> None:
+    """Oracle: the numbers of ``GOOD`` by hand."""
+    low, high = scenario.ranges
+    expected_low = Context(math.radians(6), 0.1, 0.4, 1, 0.2, 0, math.radians(-90), -2)
+    expected_high = Context(math.radians(12), 0.3, 0.6, 3, 1.0, 2, math.radians(90), 2)
+    np.testing.assert_array_equal(low, expected_low)
+    np.testing.assert_array_equal(high, expected_high)
+    low[:] = 0.0
+    np.testing.assert_array_equal(scenario.ranges[0], expected_low)
+
+
+def test_a_context_is_uniform_in_the_ranges(scenario: Scenario) -> None:
+    """Oracle: mean and variance of a uniform distribution, to six standard errors, and no correlation."""
+    rng = np.random.default_rng(7)
+    contexts = np.array([scenario.sample(rng) for _ in range(4000)])
+    low, high = scenario.ranges
+    assert (contexts >= low).all()
+    assert (contexts <= high).all()
+    unit = (contexts - low) / (high - low)
+    np.testing.assert_allclose(unit.mean(axis=0), 0.5, atol=6 * math.sqrt(1 / 12 / 4000))
+    np.testing.assert_allclose(unit.var(axis=0), 1 / 12, rtol=0.1)
+    np.testing.assert_allclose(np.corrcoef(unit.T), np.eye(8), atol=6 / math.sqrt(4000))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_sampling_is_reproducible_and_always_takes_eight_draws(name: str) -> None:
+    """Oracle: a second generator that skips eight doubles."""
+    rng, twin, skipped = (np.random.default_rng(3) for _ in range(3))
+    first = load_scenario(name).sample(rng)
+    assert first == load_scenario(name).sample(twin)
+    assert all(type(value) is float for value in first)
+    skipped.random(8)
+    assert rng.random() == twin.random() == skipped.random()
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_no_draw_leaves_its_range(one: float, other: float) -> None:
+    """Oracle: the bounds, for the extreme draws 0 and 1 - 2^-53; a degenerate range gives its number exactly."""
+
+    class Extreme:
+        def __init__(self, draw: float) -> None:
+            self.draw = draw
+
+        def random(self, size: int) -> np.ndarray:
+            return np.full(size, self.draw)
+
+    low, high = sorted((one, other))
+    scenario = Scenario.model_validate(changed(launch__drop_m=[low, high], contact__friction=low))
+    for draw in (0.0, 1.0 - 2.0**-53):
+        context = scenario.sample(Extreme(draw))
+        assert low <= context.drop <= high
+        assert context.friction == low
+
+
+def test_asymmetry_and_restitution_describe_the_same_law() -> None:
+    """Oracle: docs/physics.md (5.3), e = sqrt((1 - Delta)/(1 + Delta))."""
+    content = changed(contact__asymmetry=0.5, contact__restitution=DELETE)
+    scenario = Scenario.model_validate(content)
+    context = scenario.sample(np.random.default_rng(0))
+    assert context.restitution == pytest.approx(math.sqrt(1 / 3), rel=1e-15)
+    law = scenario.law(context)
+    assert law == pytest.approx(ContactLaw(1e7, 0.5, context.friction, 0.005, 0.0), rel=1e-15)
+
+
+def test_each_kind_of_body_is_built() -> None:
+    """Oracle: the constructors of the simulator."""
+
+    def body(**section: Any) -> Body:
+        return Scenario.model_validate(changed(body=section)).body()
+
+    disc = {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2}
+    assert body(kind="disc", **disc) == Body(2, 0.5, 0.1, 0.2)
+    assert body(kind="custom", **disc) == Body(2, 0.5, 0.1, 0.2, math.pi)
+    assert body(kind="custom", **disc, half_angle_deg=90) == Body(2, 0.5, 0.1, 0.2, math.pi / 2)
+    assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == Body(2, 0, 0, 0.2)
+    assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
+    assert body(**SLED) == sled(120, 1.2, 1, 0.14, 0.38)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in (0, "),
+        (
+            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 0},
+            "body.half_angle_deg = 0: must be a number in (0, 180] deg",
+        ),
+        (
+            {"kind": "custom", "mass_kg": 2, "radius_m": -1, "eccentricity_m": 0, "inertia_kg_m2": 1},
+            "body.radius_m = -1: must be a number in [0, inf) m",
+        ),
+        (
+            {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.6, "inertia_kg_m2": 1},
+            "body: eccentricity_m = 0.6: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
+            "[0, 0.5] m",
+        ),
+        (
+            {
+                "kind": "custom",
+                "mass_kg": 2,
+                "radius_m": 0.5,
+                "eccentricity_m": 0.1,
+                "inertia_kg_m2": 1,
+                "half_angle_deg": 60,
+            },
+            "body: eccentricity_m = 0.1: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
+            "[0.25, 0.5] m",
+        ),
+        (
+            SLED | {"rocker_radius_m": 0.5},
+            "body.rocker_radius_m = 0.5: must be a number in [length_m / 2, inf) = [0.6, inf) m",
+        ),
+        (
+            SLED | {"mass_centre_height_m": 0.21},
+            "body.mass_centre_height_m = 0.21: must be a number in [0, 0.2] m: the chord between the runners' ends",
+        ),
+        (
+            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},
+            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, radius_m, half_angle_deg",
+        ),
+    ],
+)
+def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], message: str) -> None:
+    """Oracle: the message."""
+    (line,) = problems(changed(body=section))
+    assert line.startswith(f"scenario example: {message}")
+
+
+@pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
+@pytest.mark.parametrize("orientation", [0.0, 0.7, -2.0, 3.1, 8.0, -40.0])
+def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: float, orientation: float) -> None:
+    """Oracle: the smallest height of 40 000 points of the outline, drawn around the launched mass centre."""
+    body = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": half_angle_deg}
+    scenario = Scenario.model_validate(changed(body=body))
+    context = scenario.sample(np.random.default_rng(1))
+    state = scenario.launch(context, orientation, 3.0)
+    assert state == State(0.0, state.y, orientation, context.speed, -context.fall, 3.0)
+    shape = scenario.body()
+    around = state.phi + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
+    outline = state.y + shape.eccentricity * math.cos(state.phi) - shape.radius * np.cos(around)
+    assert outline.min() == pytest.approx(context.drop, abs=1e-8)
+
+
+def test_a_launch_takes_the_disturbance_unless_the_agent_chooses(scenario: Scenario) -> None:
+    """Oracle: the fields of the context."""
+    context = scenario.sample(np.random.default_rng(2))
+    disturbed, chosen = scenario.launch(context), scenario.launch(context, orientation=0.0, spin=0.0)
+    assert (disturbed.phi, disturbed.omega) == (context.orientation, context.spin)
+    assert (chosen.phi, chosen.omega) == (0.0, 0.0)
+    assert scenario.launch(context, speed=4.5) == disturbed._replace(u=4.5)
+    with pytest.raises(ValueError, match=r"State\.phi = nan"):
+        scenario.launch(context, orientation=math.nan)
+    with pytest.raises(ValueError, match=r"State\.u = inf"):
+        scenario.launch(context, speed=math.inf)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_scenario_is_valid_and_launches(name: str) -> None:
+    """Oracle: the validation of the simulator's own parameters; the file's name is its id."""
+    scenario = load_scenario(name)
+    assert scenario.id == name
+    assert scenario.tags
+    assert scenario.sources
+    low, high = (Context(*bound.tolist()) for bound in scenario.ranges)
+    for context in (low, high, scenario.sample(np.random.default_rng(0))):
+        body, law, slope, state = (
+            scenario.body(),
+            scenario.law(context),
+            scenario.slope(context),
+            scenario.launch(context),
+        )
+        assert isinstance(body, Body)
+        assert law.restitution == pytest.approx(context.restitution, rel=1e-15)
+        assert slope == Slope(context.angle, scenario.slope_section.length_m, scenario.slope_section.gravity_m_s2)
+        assert state.y == context.drop + support_height(body, state.phi) >= lowest_support(body)
+
+
+def test_the_papers_impact_starts_where_the_paper_says() -> None:
+    """Oracle: the paper's worked example, T(0) = 50 J."""
+    scenario = load_scenario("paper_impact")
+    context = scenario.sample(np.random.default_rng(0))
+    assert scenario.body() == Body(1, 0.1, 0.05, 7.5e-3)
+    assert scenario.law(context) == pytest.approx(ContactLaw(9.81e3, 0.5, 0.1, 0.001), rel=1e-15)
+    assert scenario.slope(context) == Slope(0, 1, 0)
+    assert scenario.launch(context) == State(0, 0.07, math.pi / 4, 0, -10, 0)
+
+
+def test_the_shipped_names_are_those_of_the_folder() -> None:
+    """Oracle: the files of configs/scenarios."""
+    assert scenario_names() == tuple(SHIPPED)
+    assert {"brake_mat", "ice_drop", "ice_fast", "paper_impact"} <= set(SHIPPED)

@@ -1,0 +1,453 @@
+"""Derivatives of a descent, and how far away its events change."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.derivatives import (
+    END_QUANTITIES,
+    LAUNCH,
+    PARAMETERS,
+    REBOUND_QUANTITIES,
+    STATE_AFTER,
+    Sensitivity,
+    sensitivity,
+)
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.support import support_height
+from tests.oracles import (
+    DATA_FILE,
+    OracleBody,
+    OracleRebound,
+    OracleState,
+    compliant_descent,
+    derivatives,
+    reference_doubles,
+    rigid_descent,
+)
+
+REFERENCE = json.loads(DATA_FILE.read_text())
+WHEEL = Body(1.0, 0.5, 0.0, 0.1)
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+SEGMENT = circular_segment(2.0, 0.5, math.radians(60.0))
+LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
+G = 9.81
+RECORDED = {"time": "t", "x": "x", "phi": "phi", "u": "u_after", "v": "v_after", "omega": "omega_after"}
+
+
+def law_of(restitution: float, friction: float = 0.0, arm: float = 0.0) -> ContactLaw:
+    return ContactLaw.from_restitution(restitution, stiffness=1e6, friction=friction, rolling_arm=arm)
+
+
+def reference(solver: Any, **options: Any) -> Sensitivity:
+    body, state = reference_doubles()
+    return sensitivity(
+        Body(*body[:4]), ContactLaw(*body[4:8]), Slope(body.slope, math.inf, body.gravity), State(*state),
+        solver=solver, max_rebounds=5, **options,
+    )  # fmt: skip
+
+
+def assert_near_digits(found: Sensitivity, digits: dict[str, list[Any]], worst: float) -> None:
+    """Compare derivatives at the fifth rebound with (time, x, y, phi, u, v, omega) of many digits, by parameter."""
+    for name, values in digits.items():
+        parameter = {"slope": "angle"}.get(name, name).removesuffix("-")
+        exact = dict(zip(OracleRebound._fields, values, strict=False))
+        for theirs, ours in RECORDED.items():
+            value = found.of_rebounds(ours, parameter)[4]
+            assert abs(value - float(exact[theirs])) <= worst * abs(float(exact[theirs])) + 1e-15, (parameter, ours)
+
+
+# --- against many digits ----------------------------------------------------------------------------------------------
+
+
+def test_the_fifth_rebound_of_the_reference_has_the_derivatives_of_fifty_digits() -> None:
+    """Oracle: tests.oracles, differences of descents in 50 digits, by every parameter that plays a part."""
+    found = reference("compliant")
+    recorded = REFERENCE["derivatives"]
+    assert recorded["rebound"] == len(found.rebounds) == 5
+    by = recorded["by"]
+    assert {*(name.removesuffix("-") for name in by), "x", "angle"} == {*found.parameters, "slope"}
+    assert_near_digits(found, by, 1e-8)
+
+
+def test_the_estimated_errors_are_those_against_fifty_digits() -> None:
+    found = reference("compliant")
+    for name, values in REFERENCE["derivatives"]["by"].items():
+        column = found.parameters.index({"slope": "angle"}.get(name, name).removesuffix("-"))
+        for theirs, value in zip(REFERENCE["derivatives"]["of"], values, strict=True):
+            if theirs != "y":
+                row = list(REBOUND_QUANTITIES).index(RECORDED[theirs])
+                error = abs(found.rebounds[4, row, column] - float(value))
+                assert error <= 5.0 * found.rebound_errors[4, row, column]
+
+
+def rigid_digits(body: OracleBody, state: OracleState) -> list[OracleRebound]:
+    with mp.workdps(50):
+        restitution = mp.sqrt((1 - mpf(body.asymmetry)) / (1 + mpf(body.asymmetry)))
+    return rigid_descent(body, state, restitution, 5)
+
+
+def test_the_fifth_rebound_of_rigid_surfaces_has_the_derivatives_of_fifty_digits() -> None:
+    """Oracle: flights and exact impacts in 50 digits."""
+    names = ["y", "phi", "u", "v", "omega-", "restitution", *OracleBody._fields]
+    names = [name for name in names if name not in ("stiffness", "asymmetry")]
+    assert_near_digits(reference("rigid"), derivatives(rigid_digits, *reference_doubles(), names), 1e-8)
+
+
+@pytest.mark.slow
+def test_recorded_derivatives_are_those_that_the_oracle_computes() -> None:
+    """With other digits, steps and order than those recorded."""
+    recorded = REFERENCE["derivatives"]["by"]
+
+    def descend(*given: Any) -> list[OracleRebound]:
+        return compliant_descent(*given, rebounds=5, dps=44, order=40, step_fraction="0.7")
+
+    found = derivatives(descend, *reference_doubles(), recorded, dps=44)
+    with mp.workdps(50):
+        for name, values in found.items():
+            for value, exact in zip(values, map(mpf, recorded[name]), strict=True):
+                assert abs(value - exact) <= mpf("1e-19") * abs(exact) + mpf("1e-20")
+
+
+# --- closed forms -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.9, 1.0])
+def test_a_bouncing_wheel_has_the_derivatives_of_its_closed_form(restitution: float) -> None:
+    """Oracle: v_n = e^n v_0, v_0 = sqrt(2 g d), t_n = v_0/g (1 + 2 (e + ... + e^(n-1))), flat ground, no friction."""
+    drop, u = 0.5, 2.0
+    found = sensitivity(
+        WHEEL, law_of(restitution), Slope(0.0), State(0.0, 0.5 + drop, 0.3, u, 0.0, 1.0),
+        solver="rigid", max_rebounds=5,
+    )  # fmt: skip
+    n, e, v = np.arange(1, 6), restitution, math.sqrt(2.0 * G * drop)
+    powers = np.array([sum(e**k for k in range(1, m)) for m in n])
+    slopes = np.array([sum(k * e ** (k - 1) for k in range(1, m)) for m in n])
+    near = {"rtol": 1e-9, "atol": 1e-11}
+    np.testing.assert_allclose(found.of_rebounds("v_after", "restitution"), n * e ** (n - 1) * v, **near)
+    np.testing.assert_allclose(found.of_rebounds("v_after", "y"), e**n * G / v, **near)
+    np.testing.assert_allclose(found.of_rebounds("v_after", "radius"), -(e**n) * G / v, **near)
+    np.testing.assert_allclose(found.of_rebounds("t", "restitution"), 2.0 * v / G * slopes, **near)
+    np.testing.assert_allclose(found.of_rebounds("t", "y"), (1.0 + 2.0 * powers) / v, **near)
+    np.testing.assert_allclose(found.of_rebounds("t", "v"), 1.0 / G, **near)
+    np.testing.assert_allclose(found.of_rebounds("t", "gravity"), -(1.0 + 2.0 * powers) * v / (2.0 * G * G), **near)
+    np.testing.assert_allclose(found.of_rebounds("x", "u"), (1.0 + 2.0 * powers) * v / G, **near)
+    np.testing.assert_allclose(found.of_rebounds("x", "x"), 1.0, **near)
+    np.testing.assert_allclose(found.of_rebounds("omega_after", "omega"), 1.0, **near)
+    for idle in ("mass", "inertia"):
+        assert np.abs(found.rebounds[:, :, found.parameters.index(idle)]).max() < 1e-13
+    assert (found.of_rebounds("omega_after", "rolling_arm") < 0.0).all()
+    assert (found.sides[:, found.parameters.index("restitution")] == (-1 if e == 1.0 else 0)).all()
+    assert (found.sides[:, found.parameters.index("rolling_arm")] == 1).all()
+
+
+def test_a_flight_to_the_finish_has_the_derivatives_of_a_projectile() -> None:
+    """Oracle: x = u t, y = y0 + v t - g t^2/2 up to x = L: t = L/u; no rebound."""
+    u, v, length = 3.0, 2.0, 1.5
+    found = sensitivity(DISC, LAW, Slope(0.0, length), State(0.0, 2.0, 0.3, u, v, 4.0))
+    assert found.descent.status == "finish"
+    assert found.rebounds.shape == (0, len(REBOUND_QUANTITIES), len(found.parameters))
+    t = length / u
+    exact = {
+        ("t", "u"): -length / u**2,
+        ("t", "length"): 1.0 / u,
+        ("t", "x"): -1.0 / u,
+        ("x", "length"): 1.0,
+        ("x", "u"): 0.0,
+        ("y", "v"): t,
+        ("y", "u"): (v - G * t) * -t / u,
+        ("y", "gravity"): -0.5 * t**2,
+        ("phi", "omega"): t,
+        ("phi", "u"): -4.0 * t / u,
+        ("v", "gravity"): -t,
+        ("u", "angle"): G * t,
+        ("progress", "u"): 0.0,
+    }
+    for (quantity, parameter), value in exact.items():
+        assert found.of_end(quantity, parameter) == pytest.approx(value, rel=1e-9, abs=1e-12), (quantity, parameter)
+
+
+def test_the_reward_has_the_derivative_of_the_energy_that_it_is_made_of() -> None:
+    """Oracle: retention = u^2/(u^2 + v^2 + J omega^2/m + 2 g d) of a flight over the end of a level slope."""
+    u, omega, y = 3.0, 4.0, 2.0
+    found = sensitivity(DISC, LAW, Slope(0.0, 1.5), State(0.0, y, 0.3, u, 0.0, omega))
+    supplied = u**2 + 7.5e-3 * omega**2 + 2.0 * G * (y - 0.05)  # the mass centre may lie as low as r - h
+    reward = 0.5 + 0.5 * u / math.sqrt(supplied)
+    assert float(found.descent.jam.reward) == pytest.approx(reward, rel=1e-14)
+    by_u = 0.5 / math.sqrt(supplied) - 0.5 * u * u / supplied**1.5
+    assert found.of_end("reward", "u") == pytest.approx(by_u, rel=1e-9)
+    assert found.of_end("reward", "y") == pytest.approx(-0.5 * u * G / supplied**1.5, rel=1e-9)
+    assert found.of_end("reward", "omega") == pytest.approx(-0.5 * u * 7.5e-3 * omega / supplied**1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_gravity_and_stiffness_together_set_the_pace_of_what_is_dropped_at_rest(solver: Any) -> None:
+    """Oracle: dimensions. With both c times as large, times are c^-1/2 as long, speeds c^1/2, places the same."""
+    found = sensitivity(
+        DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.7), parameters=["gravity", "stiffness"], solver=solver, max_rebounds=3
+    )
+    rows = found.descent.rebounds
+    for name, power in (("t", -0.5), ("v_after", 0.5), ("omega_after", 0.5), ("x", 0.0), ("phi", 0.0)):
+        scaled = G * found.of_rebounds(name, "gravity") + 1e6 * found.of_rebounds(name, "stiffness")
+        assert scaled == pytest.approx(power * rows[name], rel=1e-9, abs=1e-9)
+
+
+# --- symmetry and other invariants ------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, derandomize=True, max_examples=8)
+@given(
+    st.floats(-3.0, 3.0), st.floats(0.2, 2.0), st.floats(-5.0, 5.0).filter(lambda omega: abs(omega) > 0.1),
+    st.sampled_from([DISC, SEGMENT]), st.sampled_from(["compliant", "rigid"]),
+)  # fmt: skip
+def test_the_mirror_image_has_the_mirrored_derivatives(
+    phi: float, u: float, omega: float, body: Body, solver: Any
+) -> None:
+    """Oracle: on the level, x, phi, u, omega change their signs, and so do derivatives of one by the others."""
+    y = 0.3 + support_height(body, phi)
+    one, other = (
+        sensitivity(body, LAW, Slope(0.0), State(0.0, y, s * phi, s * u, 0.0, s * omega), solver=solver, max_rebounds=4)
+        for s in (1.0, -1.0)
+    )
+    odd = {"x", "phi", "u", "omega", "x_contact", "u_before", "omega_before", "u_after", "omega_after", "angle"}
+    rows = np.array([-1.0 if name in odd else 1.0 for name in REBOUND_QUANTITIES])
+    columns = np.array([-1.0 if name in odd else 1.0 for name in one.parameters])
+    slack = 10.0 * (one.rebound_errors + other.rebound_errors) + 1e-9
+    known = np.isfinite(one.rebounds)
+    assert (known == np.isfinite(other.rebounds)).all()
+    assert known.any()
+    apart = np.abs(one.rebounds - other.rebounds * rows[:, np.newaxis] * columns)
+    assert (apart[known] <= slack[known]).all()
+    flipped = np.where((columns < 0.0)[:, np.newaxis], other.distances[..., ::-1], other.distances)
+    np.testing.assert_allclose(one.distances, flipped, rtol=1e-6)
+    assert (one.sides == other.sides * columns).all()
+
+
+def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
+    """Oracle: phi and phi - 2 pi are one launch; steps across the half turn must not jump."""
+    one, other = (
+        sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, phi, 1.0, 0.0, 2.0), max_rebounds=3)
+        for phi in (math.pi, -math.pi)
+    )
+    np.testing.assert_allclose(one.rebounds, other.rebounds, rtol=1e-7, atol=1e-9)
+    assert one.of_rebounds("phi", "phi")[0] == pytest.approx(1.0, abs=0.9)
+
+
+def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
+    """Oracle: the descent of a launch that differs in everything by little, to first order."""
+    launch = State(0.0, 0.6, 0.7, 1.0, -0.2, 2.0)
+    found = sensitivity(SEGMENT, LAW, Slope(0.2), launch, max_rebounds=3)
+    change = 1e-7 * np.array([1.0, -2.0, 0.5, 1.0, 3.0, -1.0])
+    moved = simulate(SEGMENT, LAW, Slope(0.2), State(*(np.array(launch) + change)), max_rebounds=3).rebounds
+    columns = [found.parameters.index(name) for name in LAUNCH]
+    for i, name in enumerate(REBOUND_QUANTITIES):
+        predicted = found.rebounds[:, i][:, columns] @ change
+        assert moved[name] - found.descent.rebounds[name] == pytest.approx(predicted, abs=2e-11)
+
+
+# --- where the sequence changes ---------------------------------------------------------------------------------------
+
+
+def fingerprints(body: Body, law: ContactLaw, slope: Slope, launches: np.ndarray, rebounds: int) -> list[bytes]:
+    """What a batch tells of the events of each descent."""
+    batch = simulate_batch(body, law, slope, launches, max_rebounds=rebounds, keep_rebounds=True)
+    table = np.stack([batch.rebounds[name] for name in ("feature", "mode", "sequence")], axis=-1)
+    return [row.tobytes() for row in table]
+
+
+@pytest.mark.parametrize("name", ["phi", "u", "omega", "y"])
+def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
+    """Oracle: 20,001 launches side by side."""
+    launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
+    slope = Slope(0.2)
+    found = sensitivity(SEGMENT, LAW, slope, launch, parameters=[name], max_rebounds=3)
+    below, above = found.distances[-1, 0]
+    assert math.isfinite(below) or math.isfinite(above)
+    for sign, distance in ((-1.0, below), (1.0, above)):
+        reach = min(1.5 * distance, found.scales[0])
+        changes = np.linspace(0.0, reach, 20001)
+        launches = np.tile(np.array(launch), (len(changes), 1))
+        launches[:, LAUNCH.index(name)] += sign * changes
+        high_enough = [y >= support_height(SEGMENT, phi) for _, y, phi, *_ in launches]
+        launches = launches[: len(high_enough) if all(high_enough) else high_enough.index(False)]
+        prints = fingerprints(SEGMENT, LAW, slope, launches, 3)
+        first = next((k for k, one in enumerate(prints) if one != prints[0]), None)
+        if math.isinf(distance):
+            assert first is None
+        else:
+            assert first is not None
+            assert changes[first - 1] <= distance * (1.0 + 1e-6)
+            assert changes[first] >= distance * (1.0 - 1e-6)
+
+
+def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_tells() -> None:
+    """Oracle: the change that was found; a launch that lies 1e-6 before it."""
+    launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
+    far = sensitivity(SEGMENT, LAW, Slope(0.2), launch, parameters=["phi"], max_rebounds=2)
+    distance = far.distances[-1, 0, 1]
+    near_launch = launch._replace(phi=launch.phi + distance - 1e-6)
+    near = sensitivity(SEGMENT, LAW, Slope(0.2), near_launch, parameters=["phi"], max_rebounds=2)
+    assert near.distances[-1, 0, 1] == pytest.approx(1e-6, abs=1e-7 * distance)
+    assert near.sides[-1, 0] == 0
+    before, after = (
+        simulate(SEGMENT, LAW, Slope(0.2), near_launch._replace(phi=near_launch.phi + h), max_rebounds=2).rebounds
+        for h in (-5e-7, 5e-7)
+    )
+    slopes = (after["omega_after"] - before["omega_after"]) / 1e-6
+    assert near.of_rebounds("omega_after", "phi") == pytest.approx(slopes, rel=1e-4)
+    beyond = sensitivity(
+        SEGMENT, LAW, Slope(0.2), launch._replace(phi=launch.phi + distance + 1e-6), parameters=["phi"], max_rebounds=2
+    )
+    assert beyond.distances[-1, 0, 0] == pytest.approx(1e-6, abs=1e-7 * distance)
+
+
+def test_on_a_change_of_sequence_the_derivative_is_one_sided_and_says_so() -> None:
+    """Oracle: a wheel without spin on rough ground: rolling resistance opposes either spin, so the spin has a kink."""
+    law = law_of(0.5, friction=0.3, arm=0.01)
+    launch = State(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    found = sensitivity(WHEEL, law, Slope(0.0), launch, parameters=["u", "omega"], solver="rigid", max_rebounds=1)
+    assert found.distances.max() == 0.0  # it stops nothing where it stands
+    assert (found.sides == 0).all()
+    assert np.isnan(found.rebounds).all()
+    sliding = launch._replace(u=2.0)
+    found = sensitivity(WHEEL, law, Slope(0.0), sliding, parameters=["omega"], solver="rigid", max_rebounds=1)
+    (side,) = found.sides[0]
+    step = 1e-4 * side
+    moved = simulate(WHEEL, law, Slope(0.0), sliding._replace(omega=step), solver="rigid", max_rebounds=1)
+    slope = (moved.rebounds["omega_after"][0] - found.descent.rebounds["omega_after"][0]) / step
+    assert abs(side) == 1
+    assert found.distances[0, 0, (1 - side) // 2] == 0.0
+    assert found.of_rebounds("omega_after", "omega")[0] == pytest.approx(slope, rel=1e-6)
+
+
+def test_how_a_descent_ends_counts_as_an_event() -> None:
+    """Oracle: it times out in flight at 0.2 s; falling from higher up it still does, from 5 cm less it has touched."""
+    found = sensitivity(WHEEL, law_of(0.5), Slope(0.0), State(0.0, 0.75, 0.0, 1.0), max_time=0.2)
+    drop = 0.25 - 0.5 * G * 0.2**2
+    assert found.descent.status == "timeout"
+    assert found.distances[-1, found.parameters.index("y"), 0] == pytest.approx(drop, rel=1e-7)
+    assert found.distances[-1, found.parameters.index("y"), 1] == math.inf
+    assert found.of_end("y", "gravity") == pytest.approx(-0.02, rel=1e-9)
+
+
+# --- ugly inputs ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize(
+    ("law", "launch"),
+    [
+        (LAW, State(0.0, 0.6, 0.0)),
+        (law_of(1.0), State(0.0, 0.6, 0.3, 1.0)),
+        (law_of(1e-9, 0.3, 0.01), State(0.0, 0.6, 0.3, 1.0)),
+        (law_of(0.5), State(0.0, 0.6, math.radians(60.0), 1.0)),
+        (law_of(0.5, 0.4), State(0.0, 0.6, math.pi, 0.3)),
+        (law_of(0.3, 0.9), State(0.0, support_height(SEGMENT, math.pi), math.pi)),
+        (law_of(0.3, 0.9), State(0.0, support_height(SEGMENT, 1.5), 1.5, 1.0, -1.0)),
+        (LAW, State(0.0, 0.6, 0.3, 1e200, 0.0, 1e200)),
+    ],
+    ids=["no velocity", "e = 1, f = 0", "e = 0", "edge of the arc", "chord", "chord at rest", "touching", "overflow"],
+)
+def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, launch: State) -> None:
+    """NaN just where no side holds; errors where there are values; distances not negative."""
+    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, rebounds=4, solver=solver, max_time=3.0)
+    count, width = min(4, len(found.descent.rebounds)), len(found.parameters)
+    assert found.rebounds.shape == found.rebound_errors.shape == (count, len(REBOUND_QUANTITIES), width)
+    assert found.end.shape == found.end_errors.shape == (len(END_QUANTITIES), width)
+    assert found.sides.shape == (count + 1, width)
+    assert found.distances.shape == (count + 1, width, 2)
+    assert (found.distances >= 0.0).all()
+    assert (found.distances[1:] <= found.distances[:-1] * (1.0 + 1e-8)).all()  # more rebounds to agree with
+    assert (np.isnan(found.rebounds) == np.isnan(found.rebound_errors)).all()
+    if launch.u < 1e100:
+        closed = (found.distances == 0.0).all(axis=-1)
+        assert np.isnan(found.rebounds).all(axis=1)[closed[:-1]].all()
+        assert found.growth.shape == (count, len(STATE_AFTER))
+
+
+def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None:
+    """Oracle: tan(0.1) < 0.9: it rests at once; nothing but its place depends on anything."""
+    launch = State(0.0, support_height(SEGMENT, math.pi), math.pi)
+    found = sensitivity(SEGMENT, law_of(0.3, 0.9), Slope(0.1, 3.0), launch, solver="rigid")
+    assert found.descent.status == "jammed"
+    assert found.of_end("x", "friction") == 0.0
+    assert found.of_end("x", "x") == 1.0
+    assert found.distances[-1, found.parameters.index("friction"), 0] == pytest.approx(0.9 - math.tan(0.1), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("bad", "error", "message"),
+    [
+        ({"parameters": ["colour"]}, ValueError, "parameters = 'colour': must be one of 'x', 'y'"),
+        ({"parameters": "x"}, ValueError, "parameters = 'x': must be a sequence"),
+        ({"parameters": []}, ValueError, "at least one"),
+        ({"parameters": ["x", "x"]}, ValueError, "each parameter once"),
+        ({"parameters": ["length"]}, ValueError, "the slope is endless"),
+        ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),
+        ({"rebounds": 2.5}, TypeError, "rebounds = 2.5"),
+        ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),
+        ({"launch": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, ValueError, "lies below the surface"),
+        ({"law": (1e6, 0.5, -0.1, 0.0, 0.0)}, ValueError, "ContactLaw.friction = -0.1"),
+        ({"max_time": 0.0}, ValueError, "Limits.max_time = 0.0"),
+    ],
+)
+def test_bad_input_is_named(bad: dict[str, Any], error: type[Exception], message: str) -> None:
+    given: dict[str, Any] = {"body": DISC, "law": LAW, "slope": Slope(0.1), "launch": State(0.0, 0.6, 0.3)}
+    with pytest.raises(error, match=None) as refused:
+        sensitivity(**given | bad)
+    assert message in str(refused.value)
+
+
+def test_names_that_are_not_there_are_refused() -> None:
+    found = sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), parameters=["x", "mass"], max_rebounds=1)
+    with pytest.raises(ValueError, match="quantity = 'colour'"):
+        found.of_rebounds("colour", "x")
+    with pytest.raises(ValueError, match="parameter = 'phi': must be one of 'x', 'mass'"):
+        found.of_end("t", "phi")
+    with pytest.raises(ValueError, match="parameter = 'y'"):
+        _ = found.growth
+
+
+# --- growth -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_growth_of_a_wheel_without_friction_is_that_of_its_matrix() -> None:
+    """Oracle: singular values of the closed-form derivatives of a first rebound, in natural units."""
+    drop, e, u, omega = 0.5, 0.6, 2.0, 1.0
+    found = sensitivity(
+        WHEEL, law_of(e), Slope(0.0), State(0.0, 0.5 + drop, 0.3, u, 0.0, omega), solver="rigid", max_rebounds=1
+    )
+    v = math.sqrt(2.0 * G * drop)
+    t, by_y, by_v = v / G, 1.0 / v, 1.0 / G  # of the fall, and how it changes
+    matrix = np.array(
+        [
+            [1.0, u * by_y, 0.0, t, u * by_v, 0.0],
+            [0.0, omega * by_y, 1.0, 0.0, omega * by_v, t],
+            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+            [0.0, e * G / v, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    size, speed = 0.5, math.sqrt(G * 0.5)
+    units = np.array([size, size, 1.0, speed, speed, speed / size])
+    np.testing.assert_allclose(found.units, units)
+    scaled = matrix * units / units[[0, 2, 3, 4, 5], np.newaxis]
+    np.testing.assert_allclose(found.growth[0], np.linalg.svd(scaled, compute_uv=False), rtol=1e-8)
+
+
+def test_parameters_and_quantities_have_units_and_are_fields() -> None:
+    descent = simulate(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), max_rebounds=1)
+    assert set(REBOUND_QUANTITIES) <= set(descent.rebounds.dtype.names or ())
+    assert set(STATE_AFTER) <= set(REBOUND_QUANTITIES)
+    assert list(PARAMETERS)[:6] == list(LAUNCH)

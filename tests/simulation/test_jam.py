@@ -1,0 +1,259 @@
+"""How jamming is measured: direct formulas, the bounds of the reward, and what does not earn any."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from sledenv.kernel.records import FINISH as FINISHED
+from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.jam import descent_jam, rebound_jam
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.support import support_height
+
+property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
+SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
+WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
+LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
+energies = st.one_of(st.just(0.0), st.floats(1e-9, 1e6))
+UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code not in (FINISHED, NON_FINITE)]
+
+
+def rebounds(**fields: Any) -> np.ndarray:
+    """Records with the given columns."""
+    rows = np.zeros(len(next(iter(fields.values()))), REBOUND)
+    for name, values in fields.items():
+        rows[name] = values
+    return rows
+
+
+def outcomes(**fields: Any) -> np.ndarray:
+    """Outcomes with the given columns, finished and at x = 10 m unless told otherwise."""
+    rows = np.zeros(max(np.size(values) for values in fields.values()), OUTCOME)
+    rows["status"], rows["x"] = FINISHED, 10.0
+    for name, values in fields.items():
+        rows[name] = values
+    return rows
+
+
+# --- a rebound --------------------------------------------------------------------------------------------------------
+
+
+def test_grip_is_the_share_of_the_available_friction() -> None:
+    """Oracle: |SF|/(f SN) by hand; nothing is gripped without normal impulse."""
+    rows = rebounds(normal_impulse=[2.0, 2.0, 4.0, 0.0], tangential_impulse=[-0.6, 0.3, 0.0, 0.0])
+    assert rebound_jam(rows, 0.3).grip == pytest.approx([1.0, 0.5, 0.0, 0.0])
+    assert rebound_jam(rows, 0.0).grip.tolist() == [0.0] * 4
+
+
+def test_tangential_loss_is_what_a_rebound_takes_of_the_speed() -> None:
+    """Oracle: clip(1 - u_after/u_before, 0, 1) by hand; a body without speed loses none."""
+    rows = rebounds(u_before=[4.0, 4.0, 4.0, -4.0, 4.0, 0.0], u_after=[3.0, -1.0, 5.0, -1.0, 4.0, 2.0])
+    assert rebound_jam(rows, 0.3).tangential_loss.tolist() == [0.25, 1.0, 0.0, 0.75, 0.0, 0.0]
+
+
+def test_stuck_is_nearly_stuck_too() -> None:
+    """Oracle: the codes 0, 1 and 2 of the record."""
+    jam = rebound_jam(rebounds(stuck=[0, 1, 2]), 0.3)
+    assert jam.stuck.tolist() == [False, False, True]
+    assert jam.nearly_stuck.tolist() == [False, True, True]
+
+
+def test_no_rebounds_have_no_metrics() -> None:
+    """Oracle: empty in, empty out."""
+    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), 0.3)] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(("u", "grip"), [(20.0, 1.0), (0.3, None)])
+def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float | None) -> None:
+    """Oracle: a fast wheel slides, F = f N; a slow one begins to roll, where m J u0/I is enough to stop the slip."""
+    law = ContactLaw(1e6, 0.5, 0.2, 0.0)
+    floor = Slope(0.0, math.inf, 0.0)
+    descent = simulate(WHEEL, law, floor, State(0.0, 0.2, 0.0, u, -2.0), max_rebounds=1)
+    if grip is None:
+        normal = 1.0 * 2.0 * (1.0 + law.restitution)
+        grip = 5e-3 * u / (5e-3 + 0.1**2) / (0.2 * normal)
+    assert descent.rebound_jam.grip[0] == pytest.approx(grip, rel=1e-9)
+    row = descent.rebounds[0]
+    assert descent.rebound_jam.tangential_loss[0] == pytest.approx(1.0 - row["u_after"] / u, rel=1e-12)
+
+
+@property_of_all
+@example(5e-324, 0.0, 0.0, 0.0)
+@given(st.floats(0.0, 1.0), st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
+def test_metrics_of_a_rebound_lie_in_their_ranges(friction: float, phi: float, u: float, omega: float) -> None:
+    """Oracle: Coulomb's bound, and the clips."""
+    law = ContactLaw(1e6, 0.5, friction, 0.001)
+    launch = State(0.0, 0.3 + support_height(SEGMENT, phi), phi, u, -1.0, omega)
+    jam = simulate(SEGMENT, law, Slope(0.1), launch, max_time=2.0, max_rebounds=20).rebound_jam
+    assert ((jam.grip >= 0.0) & (jam.grip <= 1.0)).all()
+    assert ((jam.tangential_loss >= 0.0) & (jam.tangential_loss <= 1.0)).all()
+    assert (jam.nearly_stuck >= jam.stuck).all()
+
+
+# --- a descent --------------------------------------------------------------------------------------------------------
+
+
+def test_a_finished_descent_is_judged_by_the_speed_that_is_left() -> None:
+    """Oracle: R = progress/2 + sqrt(rho)/2 with rho = m u^2/(2 E_in), by hand; uphill speed counts for nothing."""
+    jam = descent_jam(outcomes(u=[6.0, 3.0, -6.0], supplied=36.0), 2.0, 10.0)
+    assert jam.progress.tolist() == [1.0, 1.0, 1.0]
+    assert jam.retention == pytest.approx([1.0, 0.25, 0.0])
+    assert jam.reward == pytest.approx([1.0, 0.75, 0.5])
+    assert jam.jam_index == pytest.approx([0.0, 0.25, 0.5])
+
+
+@pytest.mark.parametrize("status", UNFINISHED)
+def test_a_descent_that_does_not_finish_earns_its_progress_alone(status: int) -> None:
+    """Oracle: rho = 0 unless finished, however fast the body is; a timeout has not finished."""
+    jam = descent_jam(outcomes(status=[status] * 4, x=[9.0, 0.0, -3.0, 12.0], u=50.0, supplied=1.0), 2.0, 10.0)
+    assert jam.retention.tolist() == [0.0] * 4
+    assert jam.reward == pytest.approx([0.45, 0.0, 0.0, 0.5])
+
+
+def test_a_descent_that_overflows_earns_nothing() -> None:
+    """Oracle: the place of a state that is not a number is no progress."""
+    jam = descent_jam(outcomes(status=[NON_FINITE] * 3, x=[np.nan, np.inf, 5.0], u=np.nan, supplied=np.inf), 2.0, 10.0)
+    assert jam.reward.tolist() == [0.0] * 3
+
+
+def test_progress_on_a_slope_without_end_is_none() -> None:
+    """Oracle: x/inf."""
+    jam = descent_jam(outcomes(status=[4], x=1e6, u=5.0, supplied=1.0), 2.0, math.inf)
+    assert jam.reward.tolist() == [0.0]
+
+
+def test_each_lane_may_have_its_own_length() -> None:
+    """Oracle: one at a time; a single record gives numbers."""
+    rows = outcomes(status=[4, 4], x=[3.0, 3.0], supplied=1.0)
+    lengths = np.array([6.0, 12.0])
+    together = descent_jam(rows, 2.0, lengths)
+    assert together.progress.tolist() == [0.5, 0.25]
+    for i in range(2):
+        single = descent_jam(rows[i], 2.0, float(lengths[i]))
+        assert np.ndim(single.reward) == 0
+        assert float(single.reward) == together.reward[i]
+
+
+@pytest.mark.parametrize("supplied", [0.0, 1e-300])
+def test_a_descent_without_supplied_energy_is_not_divided_by_it(supplied: float) -> None:
+    """Oracle: the range [0, 1]."""
+    jam = descent_jam(outcomes(u=[0.0, 1.0], supplied=supplied), 2.0, 10.0)
+    assert ((jam.reward >= 0.5) & (jam.reward <= 1.0)).all()
+
+
+@property_of_all
+@given(st.integers(0, 7), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), energies, st.floats(1e-3, 1e3))
+def test_the_reward_lies_between_0_and_1(status: int, x: float, u: float, supplied: float, length: float) -> None:
+    """Oracle: the range that the documentation promises, for any outcome."""
+    jam = descent_jam(outcomes(status=[status], x=x, u=u, supplied=supplied), 2.0, length)
+    assert 0.0 <= jam.reward[0] <= 1.0
+    assert 0.0 <= jam.progress[0] <= 1.0
+    assert 0.0 <= jam.retention[0] <= 1.0
+    assert jam.jam_index[0] == 1.0 - jam.reward[0]
+
+
+def test_a_frictionless_slide_keeps_almost_everything() -> None:
+    """Oracle: a wheel set down at 3 m/s on a frictionless level keeps its energy: reward 1."""
+    end = simulate(WHEEL, ContactLaw(1e6, 0.6, 0.0, 0.0), Slope(0.0, 5.0), State(0.0, 0.1, 0.0, 3.0))
+    assert end.status == Status.FINISH
+    assert end.jam.reward == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_descent_that_jams_at_once_earns_nothing() -> None:
+    """Oracle: at rest where it was put: R = 0, jam index 1."""
+    rough = ContactLaw(1e6, 0.8, 1.0, 0.05)
+    end = simulate(WHEEL, rough, Slope(0.1, 5.0), State(0.0, 0.1, 0.0))
+    assert end.status == Status.JAMMED
+    assert end.jam.reward == pytest.approx(0.0, abs=1e-6)
+    assert end.jam.jam_index == pytest.approx(1.0, abs=1e-6)
+
+
+# --- what must not pay ------------------------------------------------------------------------------------------------
+
+
+def test_spinning_in_place_does_not_pay() -> None:
+    """Oracle: a wheel that is only spun up and burns its energy where it stands has no progress and no retention."""
+    slick = ContactLaw(1e6, 0.6, 0.001, 0.0)
+    end = simulate(WHEEL, slick, Slope(0.0, 10.0), State(0.0, 0.1, 0.0, 0.0, 0.0, 500.0), max_time=2.0)
+    assert end.status == Status.TIMEOUT
+    assert abs(end.state.omega) > 100.0
+    assert end.jam.reward < 0.01
+
+
+def test_supplied_spin_and_height_count_as_cost() -> None:
+    """Oracle: by hand: the same end with more spin or more height at launch is worth less."""
+    slope = Slope(0.0, 1.0, 9.81)
+    slick = ContactLaw(1e6, 0.6, 0.0, 0.0)
+    plain = simulate(WHEEL, slick, slope, State(0.0, 5.0, 0.0, 3.0))
+    spun = simulate(WHEEL, slick, slope, State(0.0, 5.0, 0.0, 3.0, 0.0, 100.0))
+    high = simulate(WHEEL, slick, slope, State(0.0, 9.0, 0.0, 3.0))
+    assert plain.status == spun.status == high.status == Status.FINISH
+    assert plain.state.u == spun.state.u == high.state.u
+    kinetic = 0.5 * 3.0**2
+    for end, extra in ((plain, 9.81 * 4.9), (spun, 9.81 * 4.9 + 0.5 * 5e-3 * 1e4), (high, 9.81 * 8.9)):
+        assert end.jam.retention == pytest.approx(kinetic / (kinetic + extra), rel=1e-12)
+    assert max(spun.jam.reward, high.jam.reward) < plain.jam.reward
+
+
+def test_waiting_in_the_air_until_the_time_is_over_does_not_pay() -> None:
+    """Oracle: a hop so high that it lasts beyond the limit has not finished: half a point at most, for progress."""
+    end = simulate(WHEEL, LAW, Slope(0.0, 10.0), State(0.0, 0.1, 0.0, 9.99, 1e3), max_time=1.0)
+    assert end.status == Status.TIMEOUT
+    assert end.jam.retention == 0.0
+    assert end.jam.reward == pytest.approx(0.4995)
+
+
+def test_one_giant_hop_over_the_whole_slope_does_not_pay() -> None:
+    """Oracle: by hand: a ballistic hop to the end is free of every impact, but its height and speed were supplied.
+
+    The same wheel rolling down keeps more of what it was given, though it loses some in each metre.
+    """
+    angle, length = 0.15, 8.0
+    slope, slick = Slope(angle, length), ContactLaw(1e6, 0.6, 0.05, 0.0005)
+    hop = simulate(WHEEL, slick, slope, State(0.0, 0.1, 0.0, 4.0, 12.0))
+    roll = simulate(WHEEL, slick, slope, State(0.0, 0.1, 0.0, 4.0))
+    assert hop.status == roll.status == Status.FINISH
+    assert len(hop.rebounds) == 0
+    assert len(roll.rebounds) > 0
+    supplied = 0.5 * (4.0**2 + 12.0**2) + 9.81 * length * math.sin(angle)
+    left = 0.5 * 4.0**2 + 9.81 * length * math.sin(angle)
+    assert hop.jam.retention == pytest.approx(left / supplied, rel=1e-12)
+    assert hop.jam.reward < roll.jam.reward - 0.1
+
+
+@pytest.mark.parametrize("angle", [-0.2, 0.0])
+def test_backing_off_does_not_pay(angle: float) -> None:
+    """Oracle: progress counts where the body ends, not how far it has been, and nothing behind the start."""
+    slope, slick = Slope(angle, 5.0), ContactLaw(1e6, 0.6, 0.02, 0.0)
+    ahead = State(0.0, 0.1, 0.0, 3.0 if angle else -3.0, 0.0)
+    end = simulate(WHEEL, slick, slope, ahead, max_time=6.0, record="trajectory")
+    assert end.status == Status.TIMEOUT
+    assert end.state.x < 0.0
+    assert (end.trajectory["x"].max() > 1.0) == (angle < 0.0)  # up the slope and back, or never ahead
+    assert end.jam.reward == 0.0
+
+
+def test_the_pose_at_launch_is_not_a_source_of_energy() -> None:
+    """Oracle: the supplied height is counted from the lowest pose, so that tipping over cannot retain more than all."""
+    rng = np.random.default_rng(7)
+    slick = ContactLaw(1e6, 0.2, 0.02, 0.0)
+    phi = rng.uniform(-math.pi, math.pi, 300)
+    states = [
+        State(0.0, support_height(SEGMENT, p) + 0.01, p, 1.0, 0.0, w)
+        for p, w in zip(phi, rng.uniform(-5, 5, 300), strict=True)
+    ]
+    batch = simulate_batch(SEGMENT, slick, Slope(0.15, 3.0), states, max_time=20.0)
+    finished = batch.status == "finish"
+    assert finished.sum() > 50
+    kept = 0.5 * SEGMENT.mass * batch.outcomes["u"] ** 2
+    assert (kept <= batch.outcomes["supplied"] * (1.0 + 1e-12)).all()
+    assert ((batch.jam.reward > 0.0) & (batch.jam.reward < 1.0)).all()
+    assert (batch.jam.reward[finished] > 0.5).all()

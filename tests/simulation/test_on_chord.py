@@ -1,0 +1,204 @@
+"""Descents that may end where the body lies on its chord: alone, in batches and blocks, hop by hop, of scenarios."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv import (
+    STATUS_OF_CODE,
+    Ride,
+    RideBatch,
+    ScenarioError,
+    load_scenario,
+    simulate,
+    simulate_batch,
+    simulate_blocks,
+)
+from sledenv.envs.descent import SledDescent
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.vector import SledLaunchVector
+from sledenv.kernel.records import RUNNING, Feature, Status
+from sledenv.pages.words import summary
+from sledenv.scenarios.scenario import Context, Scenario, scenario_names
+from sledenv.scenarios.sections import EndsSection
+from sledenv.simulation.bodies import circular_segment
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.support import support_height
+
+BODY = circular_segment(100.0, 0.5, math.radians(110.0))
+SLOPE = Slope(0.15, 10.0)
+SOLVERS = ("compliant", "rigid")
+
+
+def problem(seed: int) -> tuple[ContactLaw, State]:
+    """Launches on the back: some slide on there, some come to rest there at once, some get onto the keel."""
+    rng = np.random.default_rng(seed)
+    friction = rng.uniform(0.02, 0.1) if seed % 3 else rng.uniform(0.2, 0.5)
+    phi, drop, u, omega = math.pi + rng.uniform(-2.0, 2.0), rng.uniform(0.0, 0.3), rng.uniform(-1.0, 3.0), rng.normal()
+    if seed % 6 == 0:  # laid down
+        friction, phi, drop, u, omega = 0.6, math.pi, 0.0, 0.0, 0.0
+    law = ContactLaw.from_restitution(rng.uniform(0.1, 0.5), stiffness=1e7, friction=friction, rolling_arm=0.005)
+    return law, State(0.0, support_height(BODY, phi) + drop, phi, u, 0.0, omega)
+
+
+PROBLEMS = [problem(seed) for seed in range(60)]
+LAWS, LAUNCHES = map(list, zip(*PROBLEMS, strict=True))
+
+
+def descents(solver: str, end_on_chord: bool) -> list[Descent]:
+    return [simulate(BODY, law, SLOPE, launch, solver=solver, end_on_chord=end_on_chord) for law, launch in PROBLEMS]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_descent_that_may_ends_where_it_first_lies_on_its_chord_and_else_goes_on(solver: str) -> None:
+    """Oracle: the descent that goes on, and says when and where it lay there; up to then both are the same, in bits."""
+    seen = {"slid on": 0, "rested": 0, "never": 0}
+    for whole, cut in zip(descents(solver, False), descents(solver, True), strict=True):
+        assert whole.status != Status.TUMBLED
+        if whole.on_chord is None or whole.on_chord[0] == whole.time:
+            assert cut.outcome == whole.outcome
+            assert np.array_equal(cut.rebounds, whole.rebounds)
+            seen["never" if whole.on_chord is None else "rested"] += 1
+            assert whole.on_chord is None or whole.status == Status.JAMMED
+            continue
+        seen["slid on"] += 1
+        assert cut.status == Status.TUMBLED
+        assert cut.on_chord == whole.on_chord == (cut.time, cut.state.x)
+        assert cut.time < whole.time
+        assert cut.rebounds[-1]["feature"] == Feature.CHORD
+        assert np.array_equal(cut.rebounds[:-1], whole.rebounds[: len(cut.rebounds) - 1])
+        assert cut.jam.retention == 0.0
+        assert abs(cut.energy.residual) <= 1e-12 * cut.energy.supplied
+    assert min(seen.values()) >= 3, seen
+
+
+@pytest.mark.parametrize("end_on_chord", [False, True])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_batches_blocks_and_rides_end_on_the_chord_as_single_descents_do(solver: str, end_on_chord: bool) -> None:
+    """Oracle: simulate(), bit for bit."""
+    singles = descents(solver, end_on_chord)
+    expected = np.array([single.outcome for single in singles])
+    options: dict[str, Any] = {"solver": solver, "end_on_chord": end_on_chord}
+    batch = simulate_batch(BODY, LAWS, SLOPE, LAUNCHES, **options)
+    assert np.array_equal(batch.outcomes, expected)
+    parts = list(simulate_blocks(BODY, LAWS, SLOPE, LAUNCHES, block=7, **options))
+    assert np.array_equal(np.concatenate([part.outcomes for part in parts]), expected)
+    ridden = [Ride(BODY, law, SLOPE, launch, **options).run() for law, launch in PROBLEMS]
+    assert np.array_equal([ride.outcome for ride in ridden], expected)
+    rides = RideBatch(BODY, LAWS, SLOPE, LAUNCHES, **options)
+    while (rides.outcomes()["status"] == RUNNING).any():
+        rides.hop(np.zeros(len(PROBLEMS)))
+    assert np.array_equal(rides.outcomes(), expected)
+    assert ("tumbled" in batch.status) == end_on_chord
+    assert batch.on_chord.shape == (len(PROBLEMS), 2)
+    for single, lane in zip(singles, batch.on_chord.tolist(), strict=True):
+        assert lane == [math.inf, math.inf] if single.on_chord is None else tuple(lane) == single.on_chord
+
+
+def test_the_words_say_since_when_a_body_lies_on_its_chord() -> None:
+    """Oracle: the numbers of the descent; nothing is said of one that never lay there."""
+    on_chord = {one.on_chord is None: one for one in descents("compliant", False)}
+    time, x = on_chord[False].on_chord or (0.0, 0.0)
+    assert f"first lay on it, settled, after {time:.4f} s at x = {x:.4f} m" in summary(on_chord[False])
+    assert "settled" not in summary(on_chord[True])
+
+
+CALLS: dict[str, Callable[..., Any]] = {
+    "simulate": lambda **given: simulate(BODY, LAWS[0], SLOPE, LAUNCHES[0], **given),
+    "simulate_batch": lambda **given: simulate_batch(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
+    "simulate_blocks": lambda **given: simulate_blocks(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
+    "Ride": lambda **given: Ride(BODY, LAWS[0], SLOPE, LAUNCHES[0], **given),
+    "RideBatch": lambda **given: RideBatch(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("wrong", [1, 0.0, None, "yes"])
+def test_whether_to_end_on_the_chord_is_a_bool(name: str, wrong: object) -> None:
+    with pytest.raises(TypeError, match=rf"end_on_chord = {wrong!r}: must be True or False"):
+        CALLS[name](end_on_chord=wrong)
+
+
+def test_euler_cannot_end_on_the_chord() -> None:
+    with pytest.raises(ValueError, match="end_on_chord = True: solver='euler' cannot tell when a body has settled"):
+        CALLS["simulate"](solver="euler", end_on_chord=True)
+
+
+# --- scenarios --------------------------------------------------------------------------------------------------------
+
+
+def going_on(scenario: Scenario) -> Scenario:
+    """The same without any rule that ends a descent."""
+    return scenario.model_copy(update={"ends": EndsSection()})
+
+
+def test_the_shipped_sleds_have_a_rider_who_falls_and_nothing_else_does() -> None:
+    """Oracle: the bodies with a chord, all of which carry a rider; what stands in for one in a boulder cannot fall."""
+    for name in scenario_names():
+        scenario = load_scenario(name)
+        assert scenario.ends.on_chord == (scenario.rider is not None and scenario.body().half_angle < math.pi), name
+
+
+def test_a_rule_counts_in_the_hash_where_it_is_on() -> None:
+    scenario = load_scenario("brake_mat")
+    content = scenario.model_dump(mode="json")
+    off = [content | {"ends": {"on_chord": False}}, content | {"ends": {}}]
+    off.append({key: value for key, value in content.items() if key != "ends"})
+    assert {Scenario.model_validate(one).hash for one in off} == {going_on(scenario).hash}
+    assert going_on(scenario).hash != scenario.hash
+
+
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        ({"on_chord": 1}, r"ends.on_chord = 1: must be true or false"),
+        ({"on_chord": "true"}, r"ends.on_chord = 'true': must be true or false"),
+        ({"on_cord": True}, r"ends.on_cord = True: unknown key \(did you mean 'on_chord'\?\); known: on_chord"),
+        (True, r"ends = True: must be a mapping of keys to values"),
+    ],
+)
+def test_a_wrong_rule_is_named(ends: object, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        Scenario.model_validate(load_scenario("brake_mat").model_dump(mode="json") | {"ends": ends})
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_environments_end_an_episode_on_the_chord_where_the_scenario_says_so(solver: Any) -> None:
+    """Oracle: simulate() with and without the rule, for a launch, hop by hop and in a native batch."""
+    ruled = load_scenario("ice_drop")
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 2)).astype(np.float32)
+    statuses = []
+    for scenario in (ruled, going_on(ruled)):
+        launch, hops = (kind(scenario, "both", solver=solver) for kind in (SledLaunch, SledDescent))
+        lanes = SledLaunchVector(len(actions), scenario, "both", solver=solver)
+        lanes.reset(seed=[7] * len(actions))
+        abreast = np.array(STATUS_OF_CODE)[lanes.step(actions)[4]["descent"]["status"]]
+        statuses.append(abreast)
+        for i, action in enumerate(actions):
+            _, info = launch.reset(seed=7)
+            context = Context(**info["context"])
+            _, reward, terminated, _, after = launch.step(action)
+            state = State(*launch.task.launches(np.array([context]), np.array([action], float))[0].tolist())
+            limits: dict[str, Any] = {"max_time": 60.0, "max_rebounds": 200, "end_on_chord": scenario is ruled}
+            problem = scenario.body(), scenario.law(context), scenario.slope(context), state
+            descent = simulate(*problem, solver=solver, **limits)
+            assert reward == descent.jam.reward
+            assert STATUS_OF_CODE[after["descent"]["status"]] == abreast[i] == descent.status
+            if i % 5 == 0:
+                hops.reset(seed=7)
+                ended = False
+                while not ended:
+                    *_, terminated, truncated, last = hops.step(np.append(action, np.float32(0.0)))
+                    ended = terminated or truncated
+                assert last == after
+                assert terminated == (descent.status in ("finish", "jammed", "tumbled"))
+    cut, whole = statuses
+    assert "tumbled" not in whole
+    assert (cut == "tumbled").sum() >= 3
+    assert np.array_equal(cut[cut != "tumbled"], whole[cut != "tumbled"])

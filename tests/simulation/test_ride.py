@@ -1,0 +1,330 @@
+"""A ride is the descent, hop by hop: bit for bit without trims, and with a ledger that closes with them."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sledenv import Ride, RideBatch, ScenarioError, State, Status, load_scenario, simulate, simulate_batch
+from sledenv.kernel.records import RUNNING
+from sledenv.simulation.scene import ContactLaw
+
+SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
+SOLVERS = ("compliant", "rigid")
+ROTOR = 3.0  # kg m^2
+
+
+def problem(name: str, seed: int) -> tuple:
+    """Body, law, slope and launch of a random context with a random launch."""
+    rng = np.random.default_rng(seed)
+    scenario = load_scenario(name)
+    context = scenario.sample(rng)
+    launch = scenario.launch(context, rng.uniform(-math.pi, math.pi), rng.uniform(-8.0, 8.0))
+    return scenario.body(), scenario.law(context), scenario.slope(context), launch
+
+
+def assert_same(one, other) -> None:
+    assert one.outcome == other.outcome
+    assert one.status == other.status
+    assert one.energy == other.energy
+    assert np.array_equal(one.rebounds, other.rebounds)
+    assert np.array_equal(one.trajectory, other.trajectory)
+
+
+@pytest.mark.parametrize("record", ["rebounds", "trajectory"])
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", SLED_SCENARIOS)
+def test_a_ride_without_trims_is_the_descent_bit_for_bit_whatever_it_is_interrupted_by(name, solver, record):
+    """Oracle: simulate(); copies and pickles are made at random rebounds, and trimming a copy changes nothing."""
+    rng = np.random.default_rng(0)
+    for seed in range(40):
+        options = {"solver": solver, "record": record, "sample_interval": 0.001, "max_rebounds": 60}
+        whole = simulate(*problem(name, seed), **options)
+        ride = Ride(*problem(name, seed), rotor_inertia=ROTOR, **options)
+        while ride.status == Status.RUNNING:
+            if rng.random() < 0.5:
+                other = ride.copy()
+                other.trim(rng.uniform(-2.0, 2.0))
+                other.hop()
+            ride = pickle.loads(pickle.dumps(ride)) if rng.random() < 0.5 else ride.copy()
+            ride.hop()
+        assert_same(ride.run(), whole)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", SLED_SCENARIOS)
+def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
+    """Oracle: conservation of energy with the rotor's in it, and that of the angular momentum that a trim exchanges."""
+    rng = np.random.default_rng(1)
+    trimmed = 0
+    for seed in range(60):
+        ride = Ride(*problem(name, seed), solver=solver, max_rebounds=200, rotor_inertia=ROTOR)
+        body = ride.body
+        ride.hop()
+        while ride.status == Status.RUNNING:
+            before, held = ride.state, ride.lent
+            energy = ride.descent().energy
+            spin = rng.uniform(-2.0, 2.0)
+            ride.trim(spin)
+            after, ledger = ride.state, ride.descent().energy
+            trimmed += 1
+            assert (after.x, after.y, after.phi, after.u, after.v) == (
+                before.x,
+                before.y,
+                before.phi,
+                before.u,
+                before.v,
+            )
+            assert after.omega - before.omega == pytest.approx(spin - held, abs=1e-12)
+            rotor = -body.inertia * spin / ROTOR  # its angular velocity, by conservation of angular momentum
+            assert ledger.rotor == pytest.approx(0.5 * ROTOR * rotor**2, rel=1e-12)
+            gained = 0.5 * body.inertia * (after.omega**2 - before.omega**2) + ledger.rotor - energy.rotor
+            done = ledger.work - energy.work - (ledger.absorbed - energy.absorbed)
+            assert done == pytest.approx(gained, rel=1e-9, abs=1e-9)
+            assert min(ledger.work - energy.work, ledger.absorbed - energy.absorbed) == 0.0
+            assert ledger.supplied - ledger.work == pytest.approx(energy.supplied - energy.work, rel=1e-14)
+            ride.hop()
+            ledger = ride.descent().energy
+            assert abs(ledger.residual) <= 1e-12 * (ledger.supplied + abs(ledger.initial))
+        kept = 0.5 * body.mass * ride.state.u**2
+        assert kept <= ride.descent().energy.supplied * (1.0 + 1e-12)
+    assert trimmed > 100
+
+
+def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
+    """Oracle: by hand. Lending s costs J s (omega + s/2) + (J s)^2 / (2 Jr); giving it back absorbs the same."""
+    body, law, slope, _ = problem("brake_mat", 0)
+    ride = Ride(body, law, slope, State(0.0, 3.0, 0.0, 1.0, 0.0, 0.5), rotor_inertia=ROTOR)
+    ride.trim(2.0)
+    assert ride.state.omega == 2.5
+    assert ride.lent == 2.0
+    work = body.inertia * 2.0 * 1.5 + (body.inertia * 2.0) ** 2 / (2.0 * ROTOR)
+    assert ride.descent().energy.work == pytest.approx(work, rel=1e-14)
+    ride.trim(0.0)
+    ledger = ride.descent().energy
+    assert ride.state.omega == 0.5
+    assert ledger.rotor == 0.0
+    assert ledger.absorbed == pytest.approx(work, rel=1e-14)
+    assert ledger.work == pytest.approx(work, rel=1e-14)
+
+
+@pytest.mark.parametrize("omega", [0.0, -0.0, 1.5])
+def test_no_trim_changes_no_bit(omega):
+    body, law, slope, launch = problem("brake_mat", 3)
+    ride = Ride(body, law, slope, launch._replace(omega=omega), rotor_inertia=ROTOR)
+    before = ride.descent().outcome.tobytes()
+    ride.trim(0.0)
+    ride.trim(-0.0)
+    assert ride.descent().outcome.tobytes() == before
+
+
+def test_a_descent_under_way_is_a_snapshot_that_later_hops_do_not_change():
+    ride = Ride(*problem("ice_drop", 1), record="trajectory", rotor_inertia=ROTOR)
+    ride.hop()
+    descent = ride.descent()
+    kept = descent.outcome.copy(), descent.rebounds.copy(), descent.trajectory.copy()
+    assert descent.status == Status.RUNNING
+    assert len(descent.rebounds) == 1
+    assert descent.trajectory["t"][-1] == descent.time == ride.time
+    assert descent.state == ride.state
+    assert (np.diff(descent.trajectory["t"]) >= 0.0).all()
+    ride.trim(1.0)
+    ride.run()
+    assert (descent.outcome, *descent.rebounds) == (kept[0], *kept[1])
+    assert np.array_equal(descent.trajectory, kept[2])
+
+
+def test_hops_find_an_end_in_flight_and_limits_where_they_are():
+    """Oracle: simulate() of the same limits."""
+    for seed in range(20):
+        for limits in ({"max_time": 0.05}, {"max_time": 0.9}, {"max_rebounds": 1}, {"max_rebounds": 3}):
+            ride = Ride(*problem("brake_mat", seed), **limits)
+            assert_same(ride.run(), simulate(*problem("brake_mat", seed), **limits))
+
+
+def columns(problems: list[tuple]) -> list[list]:
+    """Laws, slopes and launches of problems that share a body."""
+    return [list(column) for column in zip(*problems, strict=True)][1:]
+
+
+def batch(problems: list[tuple], **options) -> RideBatch:
+    return RideBatch(problems[0][0], *columns(problems), **options)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", ["brake_mat", "talus"])  # the contacts of a disc are followed abreast
+def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
+    """Oracle: simulate_batch without trims, Ride with them."""
+    problems = [problem(name, seed) for seed in range(200)]
+    options = {"solver": solver, "max_rebounds": 50}
+    trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
+    for trimmed in (False, True):
+        rides = batch(problems, keep_rebounds=True, rotor_inertia=ROTOR, **options)
+        hops = 0
+        while (running := rides.outcomes()["status"] == RUNNING).any():
+            ended = np.flatnonzero(~running)
+            kept = rides.outcomes(ended)
+            rides.hop(trims[hops] if trimmed and hops > 0 else np.zeros(200))
+            assert np.array_equal(rides.outcomes(ended), kept)
+            hops += 1
+        found = rides.descents()
+        if trimmed:
+            singles = [Ride(*p, rotor_inertia=ROTOR, **options) for p in problems]
+            for i, ride in enumerate(singles):
+                ride.hop()
+                for j in range(1, hops):
+                    if ride.status == Status.RUNNING:
+                        ride.trim(trims[j, i])
+                        ride.hop()
+            whole = [ride.descent() for ride in singles]
+            assert np.array_equal(found.outcomes, [descent.outcome for descent in whole])
+            assert found.jam.reward.tolist() == [float(descent.jam.reward) for descent in whole]
+            logs = [descent.rebounds for descent in whole]
+        else:
+            expected = simulate_batch(problems[0][0], *columns(problems), keep_rebounds=True, **options)
+            assert np.array_equal(found.outcomes, expected.outcomes)
+            counts = expected.outcomes["rebounds"].tolist()
+            logs = [log[:count] for log, count in zip(expected.rebounds, counts, strict=True)]
+        for log, lane in zip(logs, found.rebounds, strict=True):
+            assert np.array_equal(log, lane[: len(log)])
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
+    """Oracle: batches of their own; a pickle made on the way."""
+    first, second = ([problem("ice_drop", seed) for seed in seeds] for seeds in (range(20), range(100, 120)))
+    options = {"solver": solver, "keep_rebounds": True}
+    rides, one, other = batch(first, **options), batch(first, **options), batch(second, **options)
+    still = np.zeros(20)
+    for _ in range(3):
+        rides.hop(still)
+        one.hop(still)
+    new = np.array([17, 0, 4, 11])
+    rides.launch(new, *columns([second[i] for i in new]))
+    rides = pickle.loads(pickle.dumps(rides))
+    old = np.setdiff1d(np.arange(20), new)
+    for _ in range(6):
+        for each in (rides, one, other):
+            each.hop(still)
+        for lanes, twin in ((old, one), (new, other)):
+            found, expected = rides.descents(lanes), twin.descents(lanes)
+            assert np.array_equal(found.outcomes, expected.outcomes)
+            assert np.array_equal(found.rebounds, expected.rebounds)
+
+
+def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
+    """Oracle: a batch that was not misused."""
+    problems = [problem("ice_drop", seed) for seed in range(3)]
+    rides, twin = batch(problems, rotor_inertia=ROTOR), batch(problems, rotor_inertia=ROTOR)
+    laws, slopes, launches = columns(problems)
+    buried = [launches[0], launches[1]._replace(y=0.0)]
+    for call, message in (
+        (lambda: rides.hop(np.zeros(2)), r"trims = .*: must be finite numbers of shape \(3,\)"),
+        (lambda: rides.hop(np.array([0.0, np.nan, 0.0])), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop(["a", "b", "c"]), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop(np.zeros(3, complex)), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop([[1.0], [1.0, 2.0]]), "trims = .*: must be finite numbers"),
+        (
+            lambda: rides.launch(np.array([-1]), laws[0], slopes[0], launches[:1]),
+            r"lanes holds -1: must be in \[0, 3\)",
+        ),
+        (lambda: rides.launch(np.array([3]), laws[0], slopes[0], launches[:1]), r"lanes holds 3: must be in \[0, 3\)"),
+        (lambda: rides.launch(np.array([1, 1]), laws[0], slopes[0], launches[:2]), "no two must be alike"),
+        (lambda: rides.launch(np.arange(3), laws[0], slopes[0], launches[:2]), r"has shape \(3,\): must be \(2,\)"),
+        (lambda: batch(problems).hop(np.ones(3)), "no rotor"),
+        (
+            lambda: rides.launch(np.arange(2), laws[:2], slopes[:2], buried),
+            r"launches\[1\].y = 0.0: .* below the surface",
+        ),
+        (lambda: rides.launch(np.arange(2), laws, slopes[:2], launches[:2]), "law: 3 given for 2 launches"),
+        (lambda: batch(problems, solver="euler"), "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        (lambda: batch(problems, rotor_inertia=-1.0), r"RideBatch.rotor_inertia = -1.0: must be in \(0, inf\)"),
+        (lambda: batch(problems, max_rebounds=0), "max_rebounds = 0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+    for each in (rides, twin):
+        each.hop(np.zeros(3))
+    assert np.array_equal(rides.outcomes(), twin.outcomes())
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    name=st.sampled_from(SLED_SCENARIOS),
+    solver=st.sampled_from(SOLVERS),
+    trims=st.lists(st.floats(-50.0, 50.0), max_size=6),
+)
+@settings(max_examples=60, deadline=None)
+def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, solver, trims):
+    ride = Ride(*problem(name, seed), solver=solver, max_rebounds=100, rotor_inertia=ROTOR)
+    for spin in trims:
+        if ride.status == Status.RUNNING:
+            ride.trim(spin)
+            ride.hop()
+    descent = ride.run()
+    assert descent.status not in (Status.STEP_BUDGET, Status.NON_FINITE)
+    ledger = descent.energy
+    assert abs(ledger.residual) <= 1e-10 * (ledger.supplied + abs(ledger.initial))
+    assert min(ledger.hysteresis, ledger.sliding, ledger.rolling, ledger.rotor, ledger.work, ledger.absorbed) >= 0.0
+    assert 0.0 <= descent.jam.reward <= 1.0
+
+
+def test_a_lane_that_is_not_there_is_named():
+    """Oracle: the message."""
+    problems = [problem("ice_drop", seed) for seed in range(3)]
+    rides, (laws, slopes, launches) = batch(problems), columns(problems)
+    for call in (rides.outcomes, rides.descents):
+        with pytest.raises(IndexError, match=r"lanes = \[5\]: must be among 3 lanes"):
+            call([5])
+    for lanes in (np.array([True]), ["a"], [0.0]):
+        with pytest.raises(TypeError, match=r"lanes = .*: must be whole numbers"):
+            rides.launch(lanes, laws[0], slopes[0], launches[:1])
+
+
+def test_misuse_is_named_and_leaves_the_ride_as_it_is():
+    """Oracle: a copy that was not misused."""
+    ride = Ride(*problem("ice_drop", 2), rotor_inertia=ROTOR)
+    ride.hop()
+    twin = ride.copy()
+    for spin, error in ((math.nan, ValueError), (math.inf, ValueError), ("fast", TypeError)):
+        with pytest.raises(error, match=r"Ride.trim.spin = .*: must be a finite number|must be a number, a finite"):
+            ride.trim(spin)
+    assert_same(ride.run(), twin.run())
+    for call in (ride.hop, lambda: ride.trim(1.0)):
+        with pytest.raises(RuntimeError, match="the descent has ended with status 'finish'"):
+            call()
+    with pytest.raises(RuntimeError, match="no rotor"):
+        Ride(*problem("ice_drop", 2)).trim(1.0)
+    body, law, slope, launch = problem("ice_drop", 2)
+    for bad, error, message in (
+        ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ({"rotor_inertia": 0.0}, ValueError, r"Ride.rotor_inertia = 0.0: must be in \(0, inf\)"),
+        ({"max_rebounds": 0}, ValueError, "max_rebounds = 0"),
+        ({"record": "all"}, ValueError, "record = 'all'"),
+    ):
+        with pytest.raises(error, match=message):
+            Ride(body, law, slope, launch, **bad)
+    with pytest.raises(ValueError, match="below the surface"):
+        Ride(body, law, slope, launch._replace(y=0.0))
+    with pytest.raises(ValueError, match=r"ContactLaw.friction = -1.0"):
+        Ride(body, tuple.__new__(ContactLaw, (*law[:2], -1.0, *law[3:])), slope, launch)
+
+
+def test_a_rider_in_a_scenario_is_checked_and_counts_in_its_hash():
+    scenario = load_scenario("brake_mat")
+    content = scenario.model_dump(mode="json")
+    without = content | {"rider": None}
+    hashes = {type(scenario).model_validate(c).hash for c in (content, without)}
+    assert len(hashes) == 2
+    for rider, message in (
+        ({"trim_rad_s": 0, "rotor_inertia_kg_m2": 1}, r"rider.trim_rad_s = 0: must be a number in \(0, inf\) rad/s"),
+        ({"trim_rad_s": 1}, r"rider.rotor_inertia_kg_m2: missing; must be a number in \(0, inf\) kg m\^2"),
+        ({"trim_rad_s": 1, "rotor_inertia_kg_m2": 1, "tirm": 1}, r"rider.tirm = 1: unknown key"),
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            type(scenario).model_validate(content | {"rider": rider})

@@ -1,0 +1,346 @@
+"""Whole descents in the stiff limit: Zeno sequences, sustained contact, lift-off, chord landings, and their ledger."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
+from sledenv.simulation.support import support_height
+from tests.bodies import rod
+
+GRAVITY = 9.81
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+PILOT = Body(1.0, 0.5, 0.25, 0.1875)  # J = m (r^2 - h^2): the mass centre is a node of rolling
+
+
+def laid(body, phi, u=0.0, omega=0.0):
+    """Launch on the surface, without gap rate."""
+    a = (support_height(body, phi + 1e-7) - support_height(body, phi - 1e-7)) / 2e-7 if omega else 0.0
+    return State(0.0, support_height(body, phi), phi, u, a * omega, omega)
+
+
+def rigid(body, law, slope, state, **kwargs):
+    return simulate(body, law, slope, state, solver="rigid", **kwargs)
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
+def test_a_bouncing_wheel_settles_after_the_zeno_time(restitution):
+    """Oracle: 2 v0 e / (G (1 - e)) from the first impact on, and each flight shorter by exactly e."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    law = ContactLaw.from_restitution(restitution, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    descent = rigid(wheel, law, Slope(0.0), State(0, 0.6, 0, 1.0), settle_speed=1e-9, max_time=20)
+    fall = math.sqrt(2 * 0.5 / GRAVITY)
+    bounces = descent.rebounds[:-1]
+    flights = np.diff(bounces["t"])
+    flights = flights[flights > 1e-4]  # shorter ones are differences of rounded times
+    assert np.allclose(flights[1:] / flights[:-1], restitution, rtol=1e-6)
+    last = descent.rebounds[-1]
+    settled = last["t"] - last["duration"] - fall
+    assert settled == pytest.approx(2 * GRAVITY * fall * restitution / (GRAVITY * (1 - restitution)), abs=1e-7)
+    assert descent.state.u == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_wheel_that_slides_through_all_its_bounces_keeps_the_closed_form_speed():
+    """Oracle: u_inf = u0 + v0 (2 e tan(beta) - f (1 + e)) / (1 - e), docs/physics.md, section 6."""
+    beta, e, f, drop = math.radians(8.0), 0.5, 0.02, 0.3
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    law = ContactLaw.from_restitution(e, stiffness=1e6, friction=f, rolling_arm=0.0)
+    slope = Slope(beta, gravity=GRAVITY)
+    inward, downhill = GRAVITY * math.cos(beta), GRAVITY * math.sin(beta)
+    fall = math.sqrt(2 * drop / inward)
+    v0, u0 = inward * fall, 5.0 + downhill * fall
+    descent = rigid(wheel, law, slope, State(0, 0.1 + drop, 0, 5.0), settle_speed=1e-9, max_time=60)
+    last = descent.rebounds[-1]
+    assert last["u_before"] == pytest.approx(u0 + v0 * (2 * e * math.tan(beta) - f * (1 + e)) / (1 - e), abs=1e-7)
+
+
+def test_a_sliding_disc_starts_to_roll_and_comes_to_rest_where_the_textbook_says():
+    """Oracle: rolling starts at .185340 s with u = .454545, rest at .509684 s and x = .208507 (closed form)."""
+    disc = Body(1.0, 0.5, 0.0, 0.1)
+    law = ContactLaw(1e6, 0.5, 0.3, 0.1)
+    descent = rigid(disc, law, Slope(0.0), laid(disc, 0.0, u=1.0), record="trajectory", sample_interval=1e-3)
+    rows = descent.trajectory
+    start = rows[(rows["feature"] > 0) & (rows["slip"] == 0)][0]
+    assert start["t"] == pytest.approx(0.185340, abs=1e-6)
+    assert start["u"] == pytest.approx(0.454545, abs=1e-6)
+    assert descent.status == "jammed"
+    assert descent.time == pytest.approx(0.509684, abs=1e-6)
+    assert descent.state.x == pytest.approx(0.208507, abs=1e-6)
+
+
+SUSTAINED = {
+    "slide and rotate": (PILOT, ContactLaw(1e9, 0.5, 0.05, 0.002), 0.15, 0.9, 1.0, 0.0),
+    "roll": (PILOT, ContactLaw(1e9, 0.5, 0.9, 0.002), 0.15, 0.9, 0.0, 0.0),
+    "slide with stopped rotation": (Body(1.0, 0.5, 0.05, 0.2), ContactLaw(1e9, 0.5, 0.1, 0.2), 0.3, 0.2, 1.0, 0.0),
+    "slip stops, then rolls": (PILOT, ContactLaw(1e9, 0.5, 0.4, 0.01), 0.05, -0.6, 1.5, 0.0),
+    "stuck": (PILOT, ContactLaw(1e9, 0.5, 0.6, 0.2), 0.05, 0.1, 0.0, 0.0),
+    "a corner slides": (circular_segment(1.0, 0.5, 1.2), ContactLaw(1e9, 0.5, 0.1, 0.01, 0.01), 0.1, 1.6, 0.5, 0.0),
+    "from the arc over the corner": (
+        circular_segment(1.0, 0.5, 1.2),
+        ContactLaw(1e9, 0.5, 0.7, 0.01),
+        0.1,
+        1.1,
+        0.0,
+        0.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SUSTAINED)
+def test_sustained_contact_is_the_limit_of_the_compliant_one(case):
+    """Oracle: the compliant solver, whose distance from the rigid one falls as c^-1/2."""
+    body, law, beta, phi, u, omega = SUSTAINED[case]
+    slope = Slope(beta)
+    launch = laid(body, phi, u, omega)
+    stiff = np.array([1e8, 1e10])
+    distance = []
+    exact = rigid(body, law, slope, launch, max_time=0.3)
+    for c in stiff:
+        soft = simulate(body, law._replace(stiffness=c), slope, launch, max_time=0.3)
+        assert soft.status == exact.status or exact.status == "jammed"
+        distance.append(max(abs(p - q) for p, q in zip(soft.state, exact.state, strict=True)))
+    assert distance[0] < 2e-2
+    assert distance[1] < 0.3 * distance[0] or distance[1] < 1e-6
+
+
+def test_sliding_with_stopped_rotation_has_the_acceleration_of_a_block():
+    """Oracle: xddot = g sin(beta) - f g cos(beta)."""
+    body, law, beta, phi, u, omega = SUSTAINED["slide with stopped rotation"]
+    descent = rigid(body, law, Slope(beta), laid(body, phi, u, omega), max_time=0.25)
+    assert descent.state.omega == 0.0
+    acceleration = GRAVITY * (math.sin(beta) - law.friction * math.cos(beta))
+    assert descent.state.u == pytest.approx(u + 0.25 * acceleration, abs=1e-12)
+
+
+def test_a_rolling_eccentric_disc_lifts_off_where_the_normal_force_vanishes():
+    """Oracle: the gap acceleration without contact, -(G + h cos(phi) omega^2), vanishes there."""
+    body = Body(1.0, 0.5, 0.4, 0.05)
+    law = ContactLaw(1e9, 0.5, 3.0, 0.0)
+    phi = 0.0
+    spin = -40.0
+    launch = State(0.0, support_height(body, phi), phi, -0.1 * spin, 0.0, spin)
+    descent = rigid(body, law, Slope(0.0), launch, max_rebounds=1)
+    first = descent.rebounds[0]
+    assert descent.status == "log_full"
+    assert first["duration"] > 0.01
+    free = GRAVITY + 0.4 * math.cos(first["phi"]) * first["omega_after"] ** 2
+    assert abs(free) < 1e-9 * GRAVITY
+
+
+def test_after_lift_off_the_body_flies_and_lands_again():
+    body = Body(1.0, 0.5, 0.4, 0.05)
+    launch = State(0.0, support_height(body, 0.0), 0.0, 4.0, 0.0, -40.0)
+    descent = rigid(body, ContactLaw(1e9, 0.5, 3.0, 0.0), Slope(0.0), launch, max_rebounds=3)
+    assert len(descent.rebounds) == 3
+    flight = descent.rebounds["t"][1] - descent.rebounds["duration"][1] - descent.rebounds["t"][0]
+    assert flight > 1e-3
+    assert descent.rebounds["v_before"][1] < 0.0
+
+
+def test_a_segment_that_rolls_onto_its_corner_too_fast_takes_off_there_once():
+    """Oracle: on the corner it would have to be pulled down with h_c omega^2 > G, and nothing pulls."""
+    body = circular_segment(1.0, 0.5, math.radians(110.0))
+    phi, spin = -1.8, -9.0
+    a, b = body.eccentricity * math.sin(phi), support_height(body, phi)
+    launch = State(0.0, b, phi, -b * spin, a * spin, spin)
+    law = ContactLaw(1e6, 0.6, 0.6, 0.0)
+    descent = rigid(body, law, Slope(0.1), launch, max_rebounds=2)
+    first, second = descent.rebounds
+    assert first["phi"] == pytest.approx(-body.half_angle, abs=1e-12)
+    assert second["t"] - second["duration"] - first["t"] > 1e-3
+    assert descent.status == "log_full"
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_flat_landing_on_the_chord_touches_both_corners_and_says_so(solver):
+    """Oracle: a compliant flat landing without friction is two springs in parallel: it returns e times the speed."""
+    body = circular_segment(1.0, 0.5, math.radians(110.0))
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    launch = State(0.0, support_height(body, math.pi) + 0.1, math.pi, 1.0, -1.0, 0.0)
+    descent = simulate(body, law, Slope(0.0, gravity=0.0), launch, solver=solver, max_rebounds=1)
+    rebound = descent.rebounds[0]
+    assert rebound["feature"] == Feature.CHORD
+    assert abs(descent.energy.residual) < 1e-12
+    if solver == "compliant":
+        assert rebound["v_after"] == pytest.approx(0.6, abs=1e-9)
+        assert abs(rebound["omega_after"]) < 1e-9
+    else:
+        assert descent.energy.hysteresis >= 0.0
+        assert descent.energy.kinetic < 1.0
+
+
+@pytest.mark.parametrize("half_angle", [60.0, 80.0])
+def test_rocking_onto_the_other_corner_keeps_the_plastic_share_of_the_spin(half_angle):
+    """Oracle: omega+/omega- = [J + m (H^2 - L^2)] / [J + m (H^2 + L^2)] of a block that rocks without sliding."""
+    body = circular_segment(1.0, 0.5, math.radians(half_angle))
+    law = ContactLaw(1e6, 0.999999999999, 50.0, 0.0)  # practically plastic, sticking
+    height = body.eccentricity - 0.5 * math.cos(body.half_angle)
+    half = 0.5 * math.sin(body.half_angle)
+    phi = math.pi - 0.2  # on the tail, tilted towards the chord
+    tail = (body.eccentricity * math.sin(phi) - 0.5 * math.sin(phi - body.half_angle), support_height(body, phi))
+    spin = 4.0
+    launch = State(0.0, tail[1], phi, -tail[1] * spin, tail[0] * spin, spin)
+    descent = rigid(body, law, Slope(0.0), launch, max_time=0.5, record="trajectory", sample_interval=1e-4)
+    rows = descent.trajectory
+    nose = np.flatnonzero(rows["feature"] == Feature.NOSE)
+    expected = (body.inertia + body.mass * (height**2 - half**2)) / (body.inertia + body.mass * (height**2 + half**2))
+    if expected <= 0.0:
+        assert (descent.status, descent.rebounds["feature"][-1]) == ("jammed", Feature.CHORD)
+    else:
+        before = rows[np.flatnonzero(rows["feature"] == Feature.TAIL)[-1]]["omega"]
+        assert rows[nose[0]]["omega"] / before == pytest.approx(expected, rel=2e-3)
+
+
+bodies = st.sampled_from(
+    [
+        DISC,
+        PILOT,
+        rod(1.0, 0.5, 0.08),
+        Body(2.0, 0.3, 0.0, 0.05),
+        circular_segment(1.0, 0.5, 1.0),
+        circular_segment(3.0, 0.4, 2.0),
+    ]
+)
+
+
+@given(
+    body=bodies,
+    asymmetry=st.sampled_from([0.0, 0.1, 0.6, 0.95]),
+    friction=st.sampled_from([0.0, 0.05, 0.4, 1.5]),
+    arm=st.sampled_from([0.0, 0.002, 0.05]),
+    phi=st.floats(-math.pi, math.pi),
+    drop=st.sampled_from([0.0, 0.01, 0.7]),
+    u=st.floats(-2, 4),
+    omega=st.sampled_from([0.0, -6.0, 9.0]),
+    solver=st.sampled_from(["rigid", "compliant"]),
+)
+@example(circular_segment(1.0, 0.5, 1.0), 0.1, 0.0, 0.0, math.pi, 0.0, 0.0, 0.0, "compliant")
+@example(circular_segment(1.0, 0.5, 1.0), 0.0, 0.4, 0.002, math.pi, 0.01, 1.0, 0.0, "compliant")
+@settings(max_examples=60, deadline=None)
+def test_the_mirror_image_on_a_level_plane_descends_as_the_mirror_image_bit_for_bit(
+    body, asymmetry, friction, arm, phi, drop, u, omega, solver
+):
+    law = ContactLaw(1e6, asymmetry, friction, arm, arm)
+    y = support_height(body, phi) + drop
+    assert y == support_height(body, -phi) + drop
+    one = simulate(body, law, Slope(0.0), State(0, y, phi, u, -0.5, omega), solver=solver, max_time=2, max_rebounds=40)
+    two = simulate(
+        body, law, Slope(0.0), State(0, y, -phi, -u, -0.5, -omega), solver=solver, max_time=2, max_rebounds=40
+    )
+    assert one.status == two.status
+    assert one.time == two.time
+    x, y, angle, u1, v1, w1 = one.state
+    assert two.state == (-x, y, -angle, -u1, v1, -w1)
+    for name in ("x", "phi", "u_after", "omega_after", "tangential_impulse", "rolling_impulse"):
+        assert np.array_equal(one.rebounds[name], -two.rebounds[name]), name
+    for name in ("t", "v_after", "normal_impulse", "loss_hysteresis", "loss_sliding", "loss_rolling", "mode"):
+        assert np.array_equal(one.rebounds[name], two.rebounds[name]), name
+
+
+def random_launches(count, seed):
+    """Bodies of every kind with laws, slopes and launches that include the degenerate ones."""
+    rng = np.random.default_rng(seed)
+    some = rng.random
+    for body in (DISC, PILOT, rod(1.0, 0.5, 0.08), Body(2.0, 0.3, 0.0, 0.05),
+                 circular_segment(1.0, 0.5, 1.0), circular_segment(100.0, 0.5, math.radians(110)),
+                 Body(1.0, 0.5, 0.475, 0.02)):  # fmt: skip
+        laws = [
+            ContactLaw(10 ** rng.uniform(5, 7) * body.mass, rng.uniform(0.05, 0.95), rng.uniform(0, 3) * (some() < 0.9),
+                       rng.uniform(0, 0.05) * (some() < 0.8), rng.uniform(0, 0.02) * (some() < 0.5))
+            for _ in range(count)
+        ]  # fmt: skip
+        slopes = [Slope(rng.uniform(-0.2, 0.5), 10.0) for _ in range(count)]
+        phi = rng.uniform(-math.pi, math.pi, count) * (rng.random(count) < 0.95)
+        launches = [
+            State(0.0, support_height(body, p) + rng.uniform(0, 1.5) * (some() < 0.9), p,
+                  rng.uniform(-2, 6) * (some() < 0.9), rng.uniform(-4, 1) * (some() < 0.8),
+                  rng.uniform(-20, 20) * (some() < 0.8))
+            for p in phi
+        ]  # fmt: skip
+        yield body, laws, slopes, launches
+
+
+def check_books(solver, count, seed, max_time):
+    for body, laws, slopes, launches in random_launches(count, seed):
+        batch = simulate_batch(body, laws, slopes, launches, solver=solver, max_time=max_time, max_rebounds=2000)
+        outcome = batch.outcomes
+        assert np.isin(batch.status, ["finish", "jammed", "timeout", "log_full"]).all(), np.unique(batch.status)
+        residual = (
+            outcome["kinetic"] + outcome["potential"] + outcome["stored"] + outcome["hysteresis"]
+            + outcome["sliding"] + outcome["rolling"] - outcome["initial"]
+        )  # fmt: skip
+        floor = body.mass * GRAVITY * 1e-3
+        assert np.abs(residual / np.maximum(outcome["supplied"], floor)).max() < 1e-10
+        for loss in ("hysteresis", "sliding", "rolling"):
+            assert outcome[loss].min() >= 0.0, loss
+
+
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_random_descents_keep_their_books_and_end_with_a_status(solver):
+    check_books(solver, 150, 7, 8.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_a_hundred_thousand_random_descents_keep_their_books(solver):
+    check_books(solver, 14_300, 11, 8.0)
+
+
+CONVERGENCE = {
+    "slides throughout": (DISC, 0.5, 0.1, 0.001, math.pi / 4, 0.0, -10.0, 0.0),
+    "slip stops": (DISC, 0.5, 0.9, 0.001, 0.3, 1.0, -3.0, 0.0),
+    "spin reverses, slip reverses": (DISC, 0.5, 0.1, 0.001, 0.6, 1.0, -4.0, 6.0),
+    "slip reverses, spin reverses": (Body(1.0, 0.1, 0.05, 2e-3), 0.3, 0.15, 0.001, -0.9, 0.3, -5.0, -10.0),
+}
+
+
+@pytest.mark.parametrize("case", CONVERGENCE)
+def test_the_compliant_impact_converges_to_the_rigid_one_as_the_root_of_the_compliance(case):
+    """Oracle: rigid_impact; the contact lasts c^-1/2, and so far the configuration moves."""
+    body, asymmetry, friction, arm, phi, u, v, omega = CONVERGENCE[case]
+    launch = State(0.0, support_height(body, phi), phi, u, v, omega)
+    exact = rigid_impact(body, ContactLaw(1.0, asymmetry, friction, arm), launch)
+    slips = {phase.slip for phase in exact.phases}
+    spins = {phase.spin for phase in exact.phases}
+    assert ({-1, 1} <= slips) == ("slip reverses" in case)
+    assert ({-1, 1} <= spins) == ("spin reverses" in case)
+    stiffness = 10.0 ** np.arange(8, 13)
+    error = []
+    for c in stiffness:
+        law = ContactLaw(c, asymmetry, friction, arm)
+        after = simulate(body, law, Slope(0.0, gravity=0.0), launch, max_rebounds=1).state
+        error.append(
+            math.hypot(
+                after.u - exact.state.u, after.v - exact.state.v, body.radius * (after.omega - exact.state.omega)
+            )
+        )
+    slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
+    assert slope == pytest.approx(-0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("body", [DISC, circular_segment(2.0, 0.5, math.radians(110.0))])
+@pytest.mark.parametrize("count", [1, 2, 3, 15, 17, 40, 150])
+def test_lanes_side_by_side_are_the_descents_of_their_states_bit_for_bit(body, count):
+    """Oracle: simulate, one after the other; lanes bounce, spin, settle, roll, jam and finish at different times."""
+    rng = np.random.default_rng(count)
+    laws = [ContactLaw(1e6, *rng.uniform([0.05, 0.0, 0.0], [0.9, 0.8, 0.02]), 0.0) for _ in range(count)]
+    slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([1.0, 30.0]), rng.choice([1.6, 9.81])) for _ in range(count)]
+    states = []
+    for phi in rng.uniform(-4.0, 4.0, count):
+        drop, spin = rng.choice([0.0, 0.01, 0.7]), rng.choice([0.0, -6.0, 40.0, -2000.0])
+        states.append(State(0.0, support_height(body, phi) + drop, phi, rng.uniform(-2.0, 4.0), -0.5, spin))
+    options = {"solver": "rigid", "max_time": 3.0, "max_rebounds": 60}
+    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
+    bare = simulate_batch(body, laws, slopes, states, **options)
+    assert np.array_equal(batch.outcomes, bare.outcomes)
+    for lane, problem in enumerate(zip(laws, slopes, states, strict=True)):
+        one = simulate(body, *problem, **options)
+        assert batch.outcomes[lane] == one.outcome
+        assert np.array_equal(batch.rebounds[lane, : len(one.rebounds)], one.rebounds)
+    if count == 150:
+        assert {"finish", "timeout", "log_full"} <= set(batch.status.tolist())

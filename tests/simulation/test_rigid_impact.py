@@ -1,0 +1,301 @@
+"""rigid_impact: published cases, the paper's body in the rigid limit, corners, phases, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sledenv import Body, ContactLaw, Mode, RigidImpact, Slope, State, circular_segment, rigid_impact, simulate
+from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
+from tests.bodies import rod
+from tests.oracles import rational_impact, wang_mason
+
+PAPER_BODY = Body(1.0, 0.1, 0.05, 7.5e-3)
+PAPER_LAW = ContactLaw(9810.0, 0.5, 0.1, 0.001)
+PAPER_STATE = State(0.0, 0.07, math.pi / 4, 0.0, -10.0, 0.0)
+
+
+def smooth(friction: float, rolling_arm: float = 0.0, corner_rolling_arm: float = 0.0) -> ContactLaw:
+    """A law without hysteresis; the restitution is given to rigid_impact."""
+    return ContactLaw(1.0, 0.0, friction, rolling_arm, corner_rolling_arm)
+
+
+def kinetic(body: Body, state: State) -> float:
+    return 0.5 * body.mass * (state.u**2 + state.v**2) + 0.5 * body.inertia * state.omega**2
+
+
+def random_entries(n: int, seed: int) -> list[tuple[Body, ContactLaw, State, float]]:
+    """Discs, segments and rods in every orientation, with the restitution."""
+    rng = np.random.default_rng(seed)
+    entries = []
+    for k in range(n):
+        mass, r = 10.0 ** rng.uniform(-1, 2), rng.uniform(0.1, 0.5)
+        body = (
+            Body(mass, r, r * rng.uniform(0.0, 0.95), mass * r * r * rng.uniform(0.1, 1.0)),
+            circular_segment(mass, r, rng.uniform(0.5, 2.5)),
+            rod(mass, r, mass * r * r / 3.0),
+        )[k % 3]
+        law = smooth(rng.uniform(0.0, 1.5), r * rng.uniform(0.0, 0.3), r * rng.uniform(0.0, 0.1))
+        phi = rng.uniform(-10.0, 10.0)
+        state = State(0.0, 1.0, phi, rng.normal(), -abs(3.0 * rng.normal()), 3.0 * rng.normal() / r)
+        entries.append((body, law, state, rng.uniform(0.0, 1.0)))
+    return entries
+
+
+def contact_arms(body: Body, phi: float) -> tuple[float, float]:
+    """Arms of the lowest point, by docs/physics.md (1.2) and, for the corners, section 8."""
+    h, r, alpha = body.eccentricity, body.radius, body.half_angle
+    phi = math.remainder(phi, 2.0 * math.pi)
+    if abs(phi) <= alpha:
+        return h * math.sin(phi), r - h * math.cos(phi)
+    edge = phi - math.copysign(alpha, phi)
+    return h * math.sin(phi) - r * math.sin(edge), r * math.cos(edge) - h * math.cos(phi)
+
+
+# --- known values ----------------------------------------------------------------------------------------------------
+
+
+def test_the_papers_body_in_the_rigid_limit() -> None:
+    """Golden case: the paper's data (docs/physics.md, section 2.2) with infinite stiffness, computed independently."""
+    result = rigid_impact(PAPER_BODY, PAPER_LAW, PAPER_STATE)
+    assert result.normal_impulse == pytest.approx(13.940608, abs=1e-6)
+    assert result.state.u == pytest.approx(1.3940608, abs=1e-7)
+    assert result.state.v == pytest.approx(3.9406078, abs=1e-7)
+    assert result.state.omega == pytest.approx(-51.842096, abs=1e-6)
+    assert kinetic(PAPER_BODY, result.state) == pytest.approx(18.814409, abs=1e-6)
+    assert result.loss_hysteresis == pytest.approx(44.189956 * (1.0 - PAPER_LAW.restitution**2), abs=1e-6)
+    assert result.mode is Mode.SLIDE_ROLL
+    assert [(phase.slip, phase.spin, phase.restitution) for phase in result.phases] == [(-1, -1, False), (-1, -1, True)]
+    assert result.state[:3] == PAPER_STATE[:3]
+
+
+def test_the_compliant_contact_tends_to_the_rigid_impact_as_stiffness_to_the_minus_one_half() -> None:
+    """Oracle: simulate() of the same impact; 1e4 times the stiffness leaves 1/100 of the difference."""
+    rigid = np.array(rigid_impact(PAPER_BODY, PAPER_LAW, PAPER_STATE).state[3:])
+    errors = []
+    for factor in (1e4, 1e8):
+        law = PAPER_LAW._replace(stiffness=9810.0 * factor)
+        state = PAPER_STATE._replace(y=0.1 - 0.05 * math.cos(math.pi / 4) + 1e-3)
+        rebound = simulate(PAPER_BODY, law, Slope(0.0, gravity=0.0), state, max_rebounds=1).rebounds[0]
+        errors.append(np.abs([rebound["u_after"], rebound["v_after"], rebound["omega_after"]] - rigid))
+    assert np.all(errors[1] < 2e-3 * np.abs(rigid))
+    assert errors[0] / errors[1] == pytest.approx([100.0] * 3, rel=0.1)
+
+
+def test_a_rod_without_friction() -> None:
+    """Published: Nikravesh, Planar multibody dynamics: L = 2 m, 1 kg, J = .01, phi = 315 degrees, e = .95."""
+    body = rod(1.0, 1.0, 0.01)
+    result = rigid_impact(body, smooth(0.0), State(0.0, 1.0, math.radians(45.0), 0.0, -6.5), restitution=0.95)
+    assert result.state.v == pytest.approx(-6.2514706, abs=5e-8)
+    assert abs(result.state.omega) == pytest.approx(17.5736832, abs=5e-8)
+    assert result.state.u == pytest.approx(0.0, abs=1e-14)
+
+
+def test_a_spinning_disc_dropped_on_the_plane_rolls_away() -> None:
+    """Published: the Siconos disc example: m = 1, r = .5, J = .1, omega = 2, a fall of .5 m, e = .9, f = .1."""
+    disc = Body(1.0, 0.5, 0.0, 0.1)
+    speed = math.sqrt(2.0 * 9.81 * 0.5)
+    result = rigid_impact(disc, smooth(0.1), State(0.0, 0.5, 0.0, 0.0, -speed, 2.0), restitution=0.9)
+    assert result.state.v == pytest.approx(2.818883, abs=1e-6)
+    assert result.state.omega == pytest.approx(4.0 / 7.0, rel=1e-14)
+    assert result.state.u == pytest.approx(-2.0 / 7.0, rel=1e-14)
+    assert result.mode is Mode.STOP_ROLL
+
+
+def test_an_oblique_sphere_slides_throughout_above_the_critical_angle() -> None:
+    """Published: r = 2.5 mm, J = 2/5 m r^2, 3.9 m/s, e = .98, f = .092: 45 degrees, and the onset of gross sliding."""
+    r, speed = 2.5e-3, 3.9
+    sphere = Body(1.0, r, 0.0, 0.4 * r * r)
+
+    def hit(degrees: float) -> RigidImpact:
+        angle = math.radians(degrees)
+        state = State(0.0, r, 0.0, speed * math.sin(angle), -speed * math.cos(angle))
+        return rigid_impact(sphere, smooth(0.092), state, restitution=0.98)
+
+    result = hit(45.0)
+    assert result.state.u / (speed * math.sin(math.radians(45.0))) == pytest.approx(0.81784, abs=5e-6)
+    assert abs(result.state.omega) == pytest.approx(502.3456, abs=5e-4)
+    assert hit(32.519).mode is Mode.STOP_ROLL
+    assert hit(32.521).mode is Mode.SLIDE_ROLL
+
+
+def test_poissons_hypothesis_agrees_with_wang_and_mason() -> None:
+    """Published: Wang and Mason (1992); here for whole bodies in every orientation, without rolling resistance."""
+    for body, law, state, e in random_entries(300, seed=1):
+        law = law._replace(rolling_arm=0.0, corner_rolling_arm=0.0)
+        a, b = contact_arms(body, state.phi)
+        slip, v_n = state.u + b * state.omega, state.v - a * state.omega
+        if v_n > 0.0:
+            continue
+        found = rigid_impact(body, law, state, restitution=e, hypothesis="poisson").state
+        _, v_t, omega, gap_rate = wang_mason(body.mass, body.inertia, a, b, law.friction, e, slip, state.omega, v_n)
+        assert found.omega == pytest.approx(omega, rel=1e-10, abs=1e-10)
+        assert found.u == pytest.approx(v_t - b * omega, rel=1e-10, abs=1e-10)
+        assert found.v == pytest.approx(gap_rate + a * omega, rel=1e-10, abs=1e-10)
+
+
+def test_any_body_in_any_orientation_agrees_with_exact_fractions() -> None:
+    """Oracle: rational_impact with the arms of arc and corners computed here, each with its own rolling arm."""
+    hit = 0
+    for body, law, state, e in random_entries(600, seed=2):
+        a, b = contact_arms(body, state.phi)
+        cornered = abs(math.remainder(state.phi, 2.0 * math.pi)) > body.half_angle
+        arm = law.corner_rolling_arm if cornered else law.rolling_arm
+        slip, v_n = state.u + b * state.omega, state.v - a * state.omega
+        found = rigid_impact(body, law, state, restitution=e)
+        if v_n > 0.0:
+            assert found.state == state
+            assert found.phases == ()
+            continue
+        hit += 1
+        known = rational_impact(body.mass, body.inertia, a, b, law.friction, arm, e, slip, state.omega, v_n)
+        speed = max(abs(state.u), abs(state.v), abs(state.omega) * (body.radius + body.eccentricity))
+        unit = body.mass * speed
+        assert found.state.omega == pytest.approx(known.omega, rel=1e-9, abs=1e-9)
+        assert found.state.u == pytest.approx(known.slip - b * known.omega, abs=1e-9 * speed)
+        assert found.state.v == pytest.approx(known.approach + a * known.omega, abs=1e-9 * speed)
+        assert found.normal_impulse == pytest.approx(known.normal, abs=1e-9 * unit)
+        assert found.tangential_impulse == pytest.approx(known.friction, abs=1e-9 * unit)
+        assert found.rolling_impulse == pytest.approx(known.moment, abs=1e-9 * unit)
+    assert hit > 300
+
+
+# --- what every impact obeys -----------------------------------------------------------------------------------------
+
+
+def test_phases_follow_each_other_and_add_up() -> None:
+    for body, law, state, e in random_entries(300, seed=3):
+        result = rigid_impact(body, law, state, restitution=e)
+        reached = 0.0
+        for phase in result.phases:
+            assert phase.start == pytest.approx(reached, rel=1e-15, abs=0.0)
+            assert phase.impulse > 0.0
+            assert {phase.slip, phase.spin} <= {-1, 0, 1}
+            reached = phase.start + phase.impulse
+        assert result.normal_impulse == pytest.approx(reached, rel=1e-15, abs=0.0)
+        if result.phases:
+            assert not result.phases[0].restitution
+            assert result.phases[-1].restitution
+
+
+def test_impulses_change_momentum_and_losses_change_energy() -> None:
+    """Oracle: docs/physics.md (1.5) integrated over the impact."""
+    for body, law, state, e in random_entries(300, seed=4):
+        result = rigid_impact(body, law, state, restitution=e)
+        a, b = contact_arms(body, state.phi)
+        after = result.state
+        unit = body.mass * (abs(state.u) + abs(state.v) + abs(state.omega))
+        moment = -a * result.normal_impulse + b * result.tangential_impulse + result.rolling_impulse
+        assert body.mass * (after.u - state.u) == pytest.approx(result.tangential_impulse, abs=1e-12 * unit)
+        assert body.mass * (after.v - state.v) == pytest.approx(result.normal_impulse, abs=1e-12 * unit)
+        assert body.inertia * (after.omega - state.omega) == pytest.approx(moment, abs=1e-12 * unit)
+        losses = (result.loss_hysteresis, result.loss_sliding, result.loss_rolling)
+        assert min(losses) >= 0.0
+        assert kinetic(body, after) + sum(losses) == pytest.approx(kinetic(body, state), rel=1e-12)
+
+
+def test_the_mirrored_impact_is_mirrored_bit_for_bit() -> None:
+    for body, law, state, e in random_entries(300, seed=5):
+        mirrored = state._replace(phi=-state.phi, u=-state.u, omega=-state.omega)
+        one = rigid_impact(body, law, state, restitution=e)
+        other = rigid_impact(body, law, mirrored, restitution=e)
+        assert other.state == one.state._replace(phi=-state.phi, u=-one.state.u, omega=-one.state.omega)
+        assert other.normal_impulse == one.normal_impulse
+        assert other.tangential_impulse == -one.tangential_impulse
+        assert other.rolling_impulse == -one.rolling_impulse
+        assert other.mode is one.mode
+        assert [(p.start, p.impulse, -p.slip, -p.spin, p.restitution) for p in other.phases] == list(one.phases)
+
+
+def test_the_restitution_is_that_of_the_law_unless_given() -> None:
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.01)
+    own = rigid_impact(PAPER_BODY, law, PAPER_STATE)
+    same = rigid_impact(PAPER_BODY, law._replace(asymmetry=0.1), PAPER_STATE, restitution=law.restitution)
+    plastic = rigid_impact(PAPER_BODY, law, PAPER_STATE, restitution=0.0)
+    assert own == same
+    assert own.normal_impulse > plastic.normal_impulse
+    assert not any(phase.restitution for phase in plastic.phases)
+
+
+def test_only_newtons_hypothesis_reports_a_negative_loss() -> None:
+    """The rod of tests/kernel/test_rigid.py: 1.828 J become 2.828 J."""
+    body = rod(1.0, 0.5, 1.0 / 12.0)
+    phi = 0.25 * math.pi  # a = b = sqrt(2)/4
+    a, b = contact_arms(body, phi)
+    state = State(0.0, 0.5, phi, 2.0 - 5.0 * b, -3.0 + 5.0 * a, 5.0)
+    newton = rigid_impact(body, smooth(0.7), state, hypothesis="newton")
+    assert kinetic(body, newton.state) - kinetic(body, state) == pytest.approx(1.0, abs=1e-12)
+    assert newton.loss_hysteresis == pytest.approx(-1.4307692, abs=1e-7)
+    energetic = rigid_impact(body, smooth(0.7), state)
+    assert kinetic(body, energetic.state) < kinetic(body, state)
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "omega", "friction", "arm", "mode"),
+    [
+        (8.0, -2.0, 0.0, 0.5, 0.125, Mode.SLIDE_ROLL),
+        (2.25, -2.0, 0.0, 0.5, 0.125, Mode.STOP_ROLL),
+        (2.0, -2.0, 0.0, 0.125, 0.125, Mode.SLIDE),
+        (0.5, -2.0, 0.0, 0.5, 0.125, Mode.STUCK),
+        (8.0, -2.0, 1.0, 0.5, 0.125, Mode.SPIN_REVERSAL),
+        (-0.9, -2.0, 3.0, 0.125, 0.125, Mode.SLIP_REVERSAL),
+    ],
+)
+def test_a_wheel_ends_in_the_mode_of_table_1(
+    u: float, v: float, omega: float, friction: float, arm: float, mode: Mode
+) -> None:
+    """Oracle: the rows of docs/physics.md, section 3, for m = 2, r = 1/2, J = 1/4, e = 1/2, by hand."""
+    state = State(0.0, 0.5, 0.0, u, v, omega)
+    assert rigid_impact(Body(2.0, 0.5, 0.0, 0.25), smooth(friction, arm), state, restitution=0.5).mode is mode
+
+
+def test_an_eccentric_body_can_reverse_both_slip_and_spin() -> None:
+    modes = {rigid_impact(*entry[:3], restitution=entry[3]).mode for entry in random_entries(600, seed=6)}
+    assert Mode.DOUBLE_REVERSAL in modes
+
+
+# --- refusals --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"restitution": 1.5}, ValueError, r"restitution = 1\.5: must be in \[0, 1\]"),
+        ({"restitution": -0.1}, ValueError, r"restitution = -0\.1: must be in \[0, 1\]"),
+        ({"restitution": math.nan}, ValueError, "restitution = nan"),
+        ({"restitution": "much"}, TypeError, "restitution = 'much': must be a number"),
+        ({"hypothesis": "hertz"}, ValueError, "hypothesis = 'hertz': must be one of 'energetic', 'poisson', 'newton'"),
+    ],
+)
+def test_bad_options_are_named(options: dict, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        rigid_impact(PAPER_BODY, PAPER_LAW, PAPER_STATE, **options)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (((*PAPER_BODY[:3], 0.0, PAPER_BODY.half_angle), PAPER_LAW, PAPER_STATE), r"Body\.inertia = 0\.0"),
+        ((PAPER_BODY, (1.0, 0.5, -0.1, 0.0, 0.0), PAPER_STATE), r"ContactLaw\.friction = -0\.1"),
+        ((PAPER_BODY, PAPER_LAW, (0.0, 0.0, math.inf, 0.0, -1.0, 0.0)), r"State\.phi = inf"),
+    ],
+)
+def test_plain_tuples_are_checked_like_the_named_ones(changed: tuple, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rigid_impact(*changed)
+
+
+@pytest.mark.parametrize("hypothesis", ["energetic", "poisson", "newton"])
+def test_many_impacts_told_by_their_arms_are_those_of_the_bodies(hypothesis: Hypothesis) -> None:
+    """Oracle: rigid_impact of each; one that does not approach is left as it is."""
+    for body, law, state, e in [*random_entries(60, 8), (PAPER_BODY, PAPER_LAW, PAPER_STATE._replace(v=3.0), 0.5)]:
+        a, b = contact_arms(body, state.phi)
+        arm = law.rolling_arm if abs(math.remainder(state.phi, math.tau)) <= body.half_angle else law.corner_rolling_arm
+        contacts = np.array([[a, b, state.u, state.v, state.omega]])
+        after = velocities_after(
+            math.sqrt(body.inertia / body.mass), contacts, np.array([[e, law.friction, arm]]), hypothesis
+        )
+        expected = rigid_impact(body, law, state, restitution=e, hypothesis=hypothesis).state[3:]
+        assert after[0] == pytest.approx(expected, rel=1e-9, abs=1e-11)

@@ -1,0 +1,1152 @@
+"""Whole descents: the ledger closes, symmetries hold bit for bit, endings are exact, bad input simulates nothing."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from functools import partial
+from typing import Any
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from sledenv import RideBatch
+from sledenv.envs.task import FIELDS, Task
+from sledenv.kernel import params as kernel_params
+from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
+from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.simulation import params
+from sledenv.simulation import simulate as simulate_module
+from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.checks import checked_lanes, checked_law
+from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
+from sledenv.simulation.support import support_height, support_heights, within_a_turn
+from tests.bodies import rod, segment
+
+property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
+DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
+ROD = rod(1.0, 0.4, 0.02)
+LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
+ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
+INCLINE = Slope(0.2, 10.0, 9.81)
+LAUNCH = State(0.0, 0.6, 0.5, 1.0, 0.0, -3.0)
+
+
+def rounded(low: float, high: float) -> st.SearchStrategy[float]:
+    """Multiples of 1e-6, for nothing physical depends on a number of 1e-70."""
+    return st.integers(round(low * 1e6), round(high * 1e6)).map(lambda n: n * 1e-6)
+
+
+bodies = st.one_of(
+    st.sampled_from([DISC, SEGMENT, ROD, Body(1.0, 0.1, 0.0, 5e-3), Body(1.0, 0.1, 0.1, 0.01, 2.5)]),
+    rounded(0.3, 3.0).map(lambda half_angle: circular_segment(2.0, 0.3, half_angle)),
+    st.builds(
+        lambda share, inertia, half_angle: segment(1.0, 0.5, share, inertia, half_angle),
+        rounded(0.0, 1.0),
+        rounded(0.02, 0.3),
+        rounded(0.3, 3.14),
+    ),
+)
+laws = st.builds(
+    ContactLaw,
+    st.sampled_from([1e4, 1e6, 1e7]),
+    st.one_of(st.just(0.0), rounded(0.0, 0.95)),
+    st.one_of(st.just(0.0), rounded(0.01, 3.0)),
+    st.one_of(st.just(0.0), rounded(1e-4, 0.1)),
+    st.one_of(st.just(0.0), rounded(1e-4, 0.02)),
+)
+slopes = st.builds(
+    Slope,
+    st.one_of(st.just(0.0), rounded(-0.3, 1.0)),
+    st.sampled_from([math.inf, 2.0]),
+    st.sampled_from([9.81, 9.81, 0.0]),
+)
+velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
+spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
+launches = st.tuples(rounded(0.0, 1.0), rounded(-7.0, 7.0), velocities, velocities, spins)
+
+
+def launched(body: Body, launch: tuple[float, float, float, float, float]) -> State:
+    """State whose lowest point has the given clearance (clearance, phi, u, v, omega)."""
+    clearance, phi, u, v, omega = launch
+    return State(0.0, clearance + support_height(body, phi), phi, u, v, omega)
+
+
+def turnover(descent: Descent) -> float:
+    """Energy [J] that the descent had or gained: the scale of the rounding of its ledger."""
+    fall = descent.energy.initial - descent.energy.potential
+    return max(descent.energy.supplied, descent.energy.kinetic, abs(fall))
+
+
+def assert_same(one: Descent, other: Descent) -> None:
+    """Compare two descents bit for bit."""
+    assert one.outcome == other.outcome
+    assert np.array_equal(one.rebounds, other.rebounds)
+    assert np.array_equal(one.trajectory, other.trajectory)
+
+
+# --- energy -----------------------------------------------------------------------------------------------------------
+
+
+@property_of_all
+@given(bodies, laws, slopes, launches)
+def test_the_energy_ledger_closes_and_no_loss_is_negative(
+    body: Body, law: ContactLaw, slope: Slope, launch: Any
+) -> None:
+    """Oracle: conservation of energy to 1e-10 of what was turned over; the second law, for each rebound too."""
+    assume(launch[0] > 0.0 or law.asymmetry > 0.0)  # see test_a_graze_without_hysteresis_is_not_a_trap
+    descent = simulate(body, law, slope, launched(body, launch), max_time=3.0, max_rebounds=200)
+    scale = turnover(descent)
+    assert descent.status not in (Status.RUNNING, Status.STEP_BUDGET, Status.NON_FINITE)
+    assert abs(descent.energy.residual) <= 1e-10 * scale + 1e-15
+    losses = descent.rebounds[["loss_hysteresis", "loss_sliding", "loss_rolling"]].tolist()
+    assert min((value for row in losses for value in row), default=0.0) >= -1e-15 * (scale + 1e-3)
+    total = [sum(row[i] for row in losses) for i in range(3)]
+    ledger = descent.energy
+    assert total == pytest.approx([ledger.hysteresis, ledger.sliding, ledger.rolling], rel=1e-12, abs=1e-300)
+    if law.asymmetry == 0.0:
+        assert ledger.hysteresis == 0.0
+    if law.friction == 0.0:
+        assert ledger.sliding == 0.0
+    if law.rolling_arm == law.corner_rolling_arm == 0.0:
+        assert ledger.rolling == 0.0
+    assert ledger.lost == ledger.hysteresis + ledger.sliding + ledger.rolling
+    assert ledger.stored >= 0.0
+    assert descent.time <= 3.0
+
+
+@pytest.mark.parametrize(
+    ("body", "law", "slope", "launch"),
+    [
+        (
+            Body(86.5, 1.2377, 0.616, 79.8, 3.130677),
+            ContactLaw(2.17e6, 0.6, 0.9, 0.0013),
+            Slope(0.9558),
+            State(0.0, 1.854844603757025, math.pi, -14.1735, -24.0125, 0.0),
+        ),
+        (
+            Body(10.28, 0.04785, 0.034086, 0.010778, 2.768264),
+            ContactLaw(2.22e5, 0.1446, 0.0, 0.0),
+            Slope(-0.4224, math.inf, 0.0),
+            State(0.0, 0.06163676886416994, 1.98715, 0.0, 1.13027, 340.28),
+        ),
+    ],
+    ids=["past", "submerged"],
+)
+def test_the_ledger_closes_where_arc_and_chord_meet(body: Body, law: ContactLaw, slope: Slope, launch: State) -> None:
+    """Oracle: conservation of energy; the arc, a corner and the chord are deep in the slope at the same time."""
+    descent = simulate(body, law, slope, launch, max_time=1.0)
+    assert abs(descent.energy.residual) <= 1e-10 * turnover(descent)
+
+
+def deep_launch(seed: int) -> tuple[Body, ContactLaw, Slope, State]:
+    """Launch a body of any shape onto a slope so soft that arc, corners and chord are in it together."""
+    rng = np.random.default_rng(seed)
+    r = rng.uniform(0.02, 1.5)
+    mass = 10.0 ** rng.uniform(0.0, 2.0)
+    half_angle = rng.choice([rng.uniform(0.2, 3.14), math.pi - 10.0 ** rng.uniform(-4.0, -0.5)])
+    body = segment(mass, r, rng.uniform(0.0, 0.95), mass * r**2 * rng.uniform(0.05, 0.6), half_angle)
+    law = ContactLaw(
+        mass * 10.0 ** rng.uniform(3.5, 5.5),
+        rng.choice([0.0, rng.uniform(0.0, 0.9)]),
+        rng.choice([0.0, rng.uniform(0.0, 3.0)]),
+        r * rng.choice([0.0, 0.02 * rng.random()]),
+        r * rng.choice([0.0, 0.02 * rng.random()]),
+    )
+    phi = rng.uniform(-math.pi, math.pi)
+    spin = rng.choice([0.0, rng.uniform(-40.0, 40.0), rng.uniform(-400.0, 400.0)])
+    launch = State(0.0, support_height(body, phi), phi, rng.uniform(-15.0, 15.0), -rng.uniform(0.0, 25.0), spin)
+    return body, law, Slope(rng.uniform(-0.5, 1.0)), launch
+
+
+def test_deep_penetration_creates_no_energy() -> None:
+    """Oracle: conservation of energy over 3,000 launches of which some end buried, some on the chord."""
+    ends = set()
+    for seed in range(3000):
+        descent = simulate(*deep_launch(seed), max_time=1.0, max_rebounds=500)
+        assert abs(descent.energy.residual) <= 1e-12 * turnover(descent), seed
+        ends.add(str(descent.status))
+    assert ends == {"timeout", "jammed", "buried"}
+
+
+def test_a_body_pressed_in_up_to_both_corners_is_buried() -> None:
+    """Oracle: the geometry; when one end of the arc is lowest the other lies r (1 - cos 2 alpha) above it."""
+    body = Body(1.0, 0.5, 0.49, 0.05, 0.3)
+    launch = State(0.0, support_height(body, 0.2), 0.2, 0.0, -30.0, 20.0)
+    descent = simulate(body, ContactLaw(1e4, 0.0, 0.0, 0.0), Slope(0.0), launch, max_time=1.0)
+    assert descent.status == Status.BURIED
+    assert descent.state.y < support_height(body, descent.state.phi) - body.radius * (1.0 - math.cos(0.6))
+
+
+def test_a_body_that_rattles_on_its_corners_comes_to_lie_on_its_chord() -> None:
+    """Oracle: it loses energy at each rebound."""
+    body = Body(0.621933540869269, 0.807869332065916, 0.1789288462921651, 0.16533859337959053, 1.97559897362838)
+    law = ContactLaw(22795107.54973123, 0.6, 0.23044715536809035, 0.0007247675008034283)
+    launch = State(0.0, 2.1699810758350377, -46.55851450011698, 0.0, -3.733398344579241, -4.6700209829801445)
+    end = simulate(body, law, Slope(0.0), launch, max_time=2.0)
+    assert end.status == Status.JAMMED
+    assert end.rebounds["feature"][-1] == Feature.CHORD
+    assert end.outcome["steps"] < 10_000
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT])
+def test_the_ledger_is_that_of_launch_and_end(body: Body) -> None:
+    """Oracle: kinetic and potential energy written out, zero at x = 0, y = 0; the spring at the end."""
+    slope = Slope(0.3, math.inf, 9.81)
+    launch = State(0.2, 1.0, 0.4, 2.0, -1.0, 3.0)
+    end = simulate(body, LAW, slope, launch, max_time=0.5)
+
+    def kinetic(s: State) -> float:
+        return 0.5 * body.mass * (s.u**2 + s.v**2) + 0.5 * body.inertia * s.omega**2
+
+    def potential(s: State) -> float:
+        return body.mass * 9.81 * (s.y * math.cos(0.3) - s.x * math.sin(0.3))
+
+    assert end.energy.initial == pytest.approx(kinetic(launch) + potential(launch), rel=1e-14)
+    assert end.energy.kinetic == pytest.approx(kinetic(end.state), rel=1e-14)
+    assert end.energy.potential == pytest.approx(potential(end.state), rel=1e-14)
+    lowest = min(support_height(body, 0.0), support_height(body, math.pi))
+    drop = 9.81 * body.mass * ((1.0 - lowest) * math.cos(0.3) + (end.state.x - 0.2) * math.sin(0.3))
+    assert end.energy.supplied == pytest.approx(kinetic(launch) + drop, rel=1e-14)
+
+
+def test_a_body_that_stops_in_compression_has_energy_stored() -> None:
+    """Oracle: c (1 + Delta) x^2/2, at the time of greatest compression of a vertical impact without gravity."""
+    wheel = Body(2.0, 0.1, 0.0, 0.01)
+    quarter = 0.5 * math.pi / math.sqrt(1.5e6 / 2.0)
+    end = simulate(wheel, LAW, Slope(0.0, math.inf, 0.0), State(0.0, 0.1, 0.0, 0.0, -3.0), max_time=quarter)
+    assert end.status == Status.TIMEOUT
+    assert end.energy.stored == pytest.approx(0.5 * 2.0 * 9.0, rel=1e-12)
+    assert abs(end.state.v) < 1e-12
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_elastic_bounces_do_not_drift_in_energy(phi: float) -> None:
+    """Oracle: conservation: no friction, no hysteresis, 2000 bounces; other engines gain or lose several per cent."""
+    law = ContactLaw(1e6, 0.0, 0.0, 0.0)
+    launch = State(0.0, 1.0, phi, 0.5, 0.0, 0.0)
+    end = simulate(DISC, law, Slope(0.0), launch, max_time=1e4, max_rebounds=2000)
+    assert end.status == Status.LOG_FULL
+    assert end.energy.lost == 0.0
+    assert abs(end.energy.residual) < 1e-11 * end.energy.supplied
+
+
+def test_flights_of_a_bouncing_wheel_shrink_by_the_restitution() -> None:
+    """Oracle: h = 0 without friction: t_k+1 = e t_k (physics.md, section 9), up to the compression."""
+    law = ContactLaw.from_restitution(0.8, stiffness=1e12, friction=0.0, rolling_arm=0.0)
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    rows = simulate(wheel, law, INCLINE._replace(length=math.inf), State(0.0, 1.1, 0.0), max_rebounds=12).rebounds
+    touchdowns = rows["t"] - rows["duration"]
+    flights = touchdowns[1:] - rows["t"][:-1]
+    assert flights[1:] / flights[:-1] == pytest.approx(0.8, abs=1e-4)
+    assert rows["v_after"] / -rows["v_before"] == pytest.approx(0.8, abs=1e-4)
+
+
+# --- symmetry ---------------------------------------------------------------------------------------------------------
+
+
+@property_of_all
+@given(bodies, laws, launches, st.sampled_from([9.81, 0.0]))
+def test_the_mirror_image_descends_as_the_mirror_image(
+    body: Body, law: ContactLaw, launch: Any, gravity: float
+) -> None:
+    """Oracle: mirror symmetry on the level, bit for bit: x, phi, u and omega change sign, nose and tail places."""
+    assume(launch[0] > 0.0 or law.asymmetry > 0.0)  # a graze is decided by rounding
+    slope = Slope(0.0, math.inf, gravity)
+    state = launched(body, launch)
+    mirrored = State(0.0, state.y, -state.phi, -state.u, state.v, -state.omega)
+    options: dict[str, Any] = {"max_time": 2.0, "max_rebounds": 50}
+    one, other = (simulate(body, law, slope, s, **options) for s in (state, mirrored))
+    assert one.status == other.status
+    assert one.time == other.time
+    assert one.energy == other.energy
+    assert other.state == (-one.state.x, one.state.y, -one.state.phi, -one.state.u, one.state.v, -one.state.omega)
+    swapped = {Feature.ARC: Feature.ARC, Feature.NOSE: Feature.TAIL, Feature.TAIL: Feature.NOSE}
+    swapped[Feature.CHORD] = Feature.CHORD
+    assert [swapped[f] for f in one.rebounds["feature"]] == other.rebounds["feature"].tolist()
+    codes = set(zip(one.rebounds["sequence"].tolist(), other.rebounds["sequence"].tolist(), strict=True))
+    assert len(codes) == len({code for code, _ in codes}) == len({code for _, code in codes})
+    for name in one.rebounds.dtype.names:
+        if name in ("feature", "sequence"):
+            continue
+        odd = name in ("x", "x_contact", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
+        assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name
+
+
+@pytest.mark.parametrize("phi", [math.pi, 3.0])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_landing_on_the_chord_has_a_mirror_image(phi: float, friction: float) -> None:
+    """Oracle: mirror symmetry; both corners strike at once or one after the other."""
+    law = ContactLaw(1e6, 0.3, friction, 0.0)
+    one, other = (
+        simulate(SEGMENT, law, Slope(0.0), launched(SEGMENT, (0.3, sign * phi, sign * 0.5, 0.0, 0.0)), max_time=2.0)
+        for sign in (1.0, -1.0)
+    )
+    assert Feature.CHORD in one.rebounds["feature"]
+    assert one.status == other.status
+    assert other.time == one.time
+    assert len(one.rebounds) == len(other.rebounds)
+    assert (other.state.x, other.state.phi) == (-one.state.x, -one.state.phi)
+
+
+@pytest.mark.parametrize("half_angle", [0.4, 1.4, 1.5, 2.5])
+@pytest.mark.parametrize("phi", [math.pi, -math.pi])
+def test_a_body_that_falls_flat_comes_to_lie_on_its_chord(half_angle: float, phi: float) -> None:
+    """Oracle: symmetry: both corners strike at once, again and again, and it loses energy each time."""
+    body = circular_segment(2.0, 0.3, half_angle)
+    law = ContactLaw(1e6, 0.85, 0.3, 0.0)
+    for clearance in (0.0, 0.1, 0.3):
+        end = simulate(body, law, Slope(0.0), launched(body, (clearance, phi, 0.0, 0.0, 0.0)), max_time=3.0)
+        assert end.status == Status.JAMMED
+        assert end.state.phi == phi
+        assert end.outcome["t_on_chord"] <= end.time
+
+
+def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
+    """Oracle: a rod set down upright without losses springs back to zero depth and speed, and again, for ever."""
+    end = simulate(
+        ROD,
+        ContactLaw(1e7, 0.0, 0.0, 0.0),
+        Slope(0.0),
+        launched(ROD, (0.0, 0.5 * math.pi, 0.0, 0.0, 0.0)),
+        max_time=1.0,
+    )
+    assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
+
+
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_the_mass_centre_of_a_rod_stays_above_the_slope(solver: Any) -> None:
+    """Oracle: the geometry; it lies between two ends that are above the slope but for the compression."""
+    rng = np.random.default_rng(1)
+    flat = 0
+    for _ in range(200):
+        half_length, mass = rng.uniform(0.2, 1.5), 10.0 ** rng.uniform(-0.5, 2.0)
+        body = rod(mass, half_length, mass * half_length**2 * rng.uniform(0.02, 1.0))
+        law = ContactLaw(
+            mass * 10.0 ** rng.uniform(5.0, 8.0),
+            rng.choice([0.0, rng.uniform(0.0, 0.9)]),
+            rng.choice([0.0, rng.uniform(0.0, 1.5)]),
+            0.0,
+            half_length * rng.choice([0.0, rng.uniform(0.0, 0.05)]),
+        )
+        clearance, phi = rng.choice([0.0, rng.uniform(0.0, 2.0)]), rng.uniform(-math.pi, math.pi)
+        motion = rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 0.0), rng.choice([0.0, rng.uniform(-20.0, 20.0)])
+        launch = launched(body, (clearance, phi, *motion))
+        descent = simulate(
+            body, law, Slope(rng.uniform(-0.5, 0.7)), launch, solver=solver, max_time=3.0, record="trajectory"
+        )
+        rows = descent.trajectory
+        height, compression = rows["y"], support_heights(body, rows["phi"].copy()) - rows["y"]
+        assert (height >= -1e-9 - (0.0 if solver == "rigid" else np.maximum(compression, 0.0))).all()
+        flat += descent.on_chord is not None
+    assert flat > 20
+
+
+@pytest.mark.parametrize(("angle", "lean"), [(0.0, 1e-15), (1e-58, 0.3)], ids=["tip", "slope"])
+def test_a_vanishing_drive_is_not_a_trap(angle: float, lean: float) -> None:
+    """Oracle: a rod without losses falls over, however slightly it leans; a slope of 1e-58 rad is level."""
+    launch = launched(ROD, (1e-5, 0.5 * math.pi + lean, 0.0, 0.0, 0.0))
+    for friction in (0.0, 1.0):
+        end = simulate(ROD, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
+        assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
+
+
+@pytest.mark.parametrize("phi", [3.2, 100.0, -1e6, 1e12, -1e300])
+def test_whole_turns_at_the_launch_cost_no_accuracy(phi: float) -> None:
+    """Oracle: the ledger closes as for phi in [-pi, pi]; so it is for every way to simulate, with the same result."""
+    turned = float(within_a_turn(np.array(phi)))
+    for solver in ("compliant", "rigid"):
+        launch = State(0.0, 0.6, phi, 1.0, 0.0, -3.0)
+        descent = simulate(DISC, ICE, INCLINE, launch, solver=solver)  # type: ignore[arg-type]
+        assert abs(descent.energy.residual) <= 1e-12 * turnover(descent)
+        assert descent.launch.phi == turned
+        assert_same(descent, simulate(DISC, ICE, INCLINE, launch._replace(phi=turned), solver=solver))  # type: ignore[arg-type]
+        batch = simulate_batch(DISC, ICE, INCLINE, [launch], solver=solver)  # type: ignore[arg-type]
+        assert batch.outcomes[0] == descent.outcome
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_an_orientation_less_its_turns_is_as_exact_as_it_was(phi: float) -> None:
+    """Oracle: phi modulo 2 pi in 400 digits; a double is known to half of the distance to the next."""
+    turned = float(within_a_turn(np.array(phi)))
+    assert abs(turned) <= math.pi
+    assert turned == -float(within_a_turn(np.array(-phi)))
+    if abs(phi) <= math.pi:
+        assert turned == phi
+    with mpmath.workdps(400):
+        turns = (mpmath.mpf(phi) - turned) / (2 * mpmath.pi)
+        assert abs(turns - mpmath.nint(turns)) * 2 * mpmath.pi <= 0.6 * math.ulp(phi)
+
+
+@property_of_all
+@given(bodies, laws, launches, st.floats(-100.0, 100.0))
+def test_on_an_endless_slope_the_place_does_not_matter(body: Body, law: ContactLaw, launch: Any, shift: float) -> None:
+    """Oracle: translation invariance: all but x bit for bit, x up to rounding."""
+    slope = Slope(0.3)
+    state = launched(body, launch)
+    one = simulate(body, law, slope, state, max_time=2.0, max_rebounds=50)
+    other = simulate(body, law, slope, state._replace(x=shift), max_time=2.0, max_rebounds=50)
+    assert one.status == other.status
+    assert one.state[1:] == other.state[1:]
+    assert other.state.x - one.state.x == pytest.approx(shift, abs=1e-11)
+    for name in one.rebounds.dtype.names:
+        if name not in ("x", "x_contact"):
+            assert np.array_equal(one.rebounds[name], other.rebounds[name]), name
+
+
+@pytest.mark.parametrize("phi", [0.3, 2.0, -1.0])
+def test_a_conservative_descent_runs_backwards(phi: float) -> None:
+    """Oracle: time reversal: without losses the reversed end state leads back to the launch, four rebounds later."""
+    law, slope = ContactLaw(1e6, 0.0, 0.0, 0.0), Slope(0.1)
+    launch = State(0.0, 0.5, phi, 0.7, -0.3, 2.0)
+    there = simulate(DISC, law, slope, launch, max_time=100.0, max_rebounds=4)
+    duration = there.time + 0.01
+    end = simulate(DISC, law, slope, launch, max_time=duration).state
+    back = simulate(DISC, law, slope, end._replace(u=-end.u, v=-end.v, omega=-end.omega), max_time=duration)
+    turned = phi + back.launch.phi - end.phi  # by the turns that the second launch has lost
+    assert back.state == pytest.approx(launch._replace(phi=turned, u=-0.7, v=0.3, omega=-2.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [3, -50, 10_000])
+def test_whole_turns_of_the_launch_do_not_matter(turns: int) -> None:
+    """Oracle: periodicity: the same descent, up to the rounding of the phi that was given."""
+    angle = 2.0 * math.pi * turns
+    one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0), max_rebounds=5)
+    other = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4 + angle, 1.0, 0.0, 8.0), max_rebounds=5)
+    near = 1e-12 * (1.0 + abs(turns)) * 10.0
+    assert other.status == one.status
+    assert other.rebounds["phi"] == pytest.approx(one.rebounds["phi"], abs=near)
+    assert other.rebounds["omega_after"] == pytest.approx(one.rebounds["omega_after"], abs=100.0 * near)
+    assert other.rebounds["feature"].tolist() == one.rebounds["feature"].tolist()
+
+
+def test_the_same_descent_is_the_same_bit_for_bit() -> None:
+    """Oracle: determinism; recording a trajectory changes nothing else."""
+    one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0))
+    assert_same(one, simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0)))
+    traced = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0), record="trajectory")
+    assert traced.state == one.state
+    assert traced.energy == one.energy
+    assert np.array_equal(traced.rebounds, one.rebounds)
+
+
+# --- endings ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_flight_over_the_end_finishes_exactly_there() -> None:
+    """Oracle: x = length to the last bit, at the time and the height of the parabola."""
+    slope = Slope(0.0, 3.0, 9.81)
+    end = simulate(DISC, LAW, slope, State(0.0, 5.0, 0.0, 6.0, 0.0, 1.0))
+    assert end.status == Status.FINISH
+    assert end.state.x == 3.0
+    assert end.time == pytest.approx(0.5, rel=1e-15)
+    assert end.state.y == pytest.approx(5.0 - 0.125 * 9.81, rel=1e-14)
+    assert len(end.rebounds) == 0
+
+
+def test_a_body_in_contact_finishes_exactly_at_the_end() -> None:
+    """Oracle: a wheel that slides without friction on the level at 2 m/s reaches 3 m after 1.5 s, in contact."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    law = ContactLaw(1e6, 0.6, 0.0, 0.0)
+    end = simulate(wheel, law, Slope(0.0, 3.0, 9.81), State(0.0, 0.1, 0.0, 2.0))
+    assert end.status == Status.FINISH
+    assert end.state.x == 3.0
+    assert end.time == pytest.approx(1.5, rel=1e-14)
+    assert end.energy.stored > 0.0
+    assert end.rebounds[-1]["t"] == end.time
+    assert end.rebounds[-1]["x"] == 3.0
+
+
+@pytest.mark.parametrize("max_time", [1e-9, 0.1, 1.0 / 3.0, 0.347, 0.3475, 2.0])
+def test_a_descent_times_out_exactly_then(max_time: float) -> None:
+    """Oracle: the time to the last bit, in flight, within a rebound (.347 s) and later."""
+    end = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_time=max_time)
+    assert end.status == Status.TIMEOUT
+    assert end.time == max_time
+
+
+def test_a_longer_look_begins_with_the_shorter_one() -> None:
+    """Oracle: causality; a limit does not change what happens before it."""
+    full = simulate(DISC, LAW, INCLINE, LAUNCH)
+    assert len(full.rebounds) > 5
+    short = simulate(DISC, LAW, INCLINE, LAUNCH, max_rebounds=3)
+    assert short.status == Status.LOG_FULL
+    assert np.array_equal(short.rebounds, full.rebounds[:3])
+    assert short.time == full.rebounds[2]["t"]
+    assert short.state.u == full.rebounds[2]["u_after"]
+    timed = simulate(DISC, LAW, INCLINE, LAUNCH, max_time=0.999 * full.rebounds[3]["t"])
+    assert np.array_equal(timed.rebounds[:3], full.rebounds[:3])
+
+
+@pytest.mark.parametrize("most", [1, 2, 7])
+def test_a_full_log_ends_the_descent(most: int) -> None:
+    """Oracle: the number of rows asked for."""
+    end = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_rebounds=most)
+    assert end.status == Status.LOG_FULL
+    assert len(end.rebounds) == most
+
+
+def test_a_log_that_is_just_long_enough_is_not_full() -> None:
+    """Oracle: the same descent with a longer log: the row of the final contact takes a place too."""
+    full = simulate(DISC, LAW, INCLINE, LAUNCH)
+    assert full.status == Status.FINISH
+    assert_same(full, simulate(DISC, LAW, INCLINE, LAUNCH, max_rebounds=len(full.rebounds) + 1))
+    rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
+    jammed = simulate(DISC, rough, Slope(0.05), LAUNCH)
+    assert jammed.status == Status.JAMMED
+    again = simulate(DISC, rough, Slope(0.05), LAUNCH, max_rebounds=len(jammed.rebounds))
+    assert again.status == Status.JAMMED
+
+
+def test_a_jammed_body_is_at_rest_in_a_contact_that_holds_it() -> None:
+    """Oracle: zero velocities, N = m g cos beta in the spring, and a stuck last rebound."""
+    rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
+    end = simulate(DISC, rough, Slope(0.05), LAUNCH)
+    assert end.status == Status.JAMMED
+    assert end.state[3:] == (0.0, 0.0, 0.0)
+    assert end.rebounds[-1]["stuck"] == 2
+    assert end.rebounds[-1]["mode"] == Mode.STUCK
+    depth = support_height(DISC, end.state.phi) - end.state.y
+    weight = 9.81 * math.cos(0.05)
+    assert 1e6 * 0.2 * depth * (1.0 - 1e-9) <= weight <= 1e6 * 1.8 * depth * (1.0 + 1e-9)
+    lever = 0.05 * math.sin(end.state.phi - 0.05) + 0.1 * math.sin(0.05)
+    assert abs(lever) <= 0.03 * math.cos(0.05)
+
+
+def test_a_segment_that_falls_on_its_back_comes_to_rest_there() -> None:
+    """Oracle: both corners on the surface: phi = +-pi up to the compression."""
+    dull = ContactLaw(1e7, 0.95, 0.6, 0.0)
+    end = simulate(SEGMENT, dull, Slope(0.05), launched(SEGMENT, (0.1, 3.0, 0.0, 0.0, 0.0)))
+    assert end.status == Status.JAMMED
+    assert end.rebounds["feature"][-1] == Feature.CHORD
+    assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-3)
+    assert end.rebounds[0]["feature"] == Feature.TAIL
+
+
+@pytest.mark.parametrize("launch", [State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), State(0.0, 0.5, 0.0, 1e308)], ids=str)
+def test_a_state_that_overflows_is_reported(launch: State) -> None:
+    """Oracle: by construction: (h omega)^2, or x within ten seconds, is infinite."""
+    assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
+
+
+def test_a_state_that_overflows_earns_nothing() -> None:
+    """Oracle: a descent that did not close its books does not count."""
+    end = simulate(DISC, LAW, Slope(0.0, 10.0), State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), max_time=10.0)
+    assert end.jam.reward == 0.0
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_few_hundred_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
+    """Oracle: status, ledger and second law of every descent that the scenario samples."""
+    check_scenario(name, 300, seed=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scenario_names())
+def test_ten_thousand_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
+    """Oracle: as with a few hundred."""
+    check_scenario(name, 10_000, seed=2)
+
+
+def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
+    """Descents of sampled contexts, orientation and spin drawn from what an agent may choose."""
+    scenario = load_scenario(name)
+    rng = np.random.default_rng(seed)
+    contexts = [scenario.sample(rng) for _ in range(count)]
+    control = scenario.control
+    states = [
+        scenario.launch(c, math.radians(rng.uniform(*control.orientation_deg)), rng.uniform(*control.spin_rad_s))
+        for c in contexts
+    ]
+    return simulate_batch(
+        scenario.body(),
+        [scenario.law(c) for c in contexts],
+        [scenario.slope(c) for c in contexts],
+        states,
+        max_time=scenario.limits.max_time_s,
+        max_rebounds=scenario.limits.max_rebounds,
+        end_on_chord=scenario.ends.on_chord,
+        keep_rebounds=True,
+    )
+
+
+def check_scenario(name: str, count: int, seed: int) -> None:
+    """Check every descent of a sample."""
+    batch = scenario_batch(name, count, seed)
+    ends = batch.outcomes
+    proper = {Status.FINISH, Status.JAMMED, Status.TUMBLED, Status.TIMEOUT, Status.LOG_FULL}
+    assert set(batch.status.tolist()) <= proper
+    assert np.isfinite(batch.states).all()
+    losses = ends["hysteresis"] + ends["sliding"] + ends["rolling"]
+    residual = ends["kinetic"] + ends["potential"] + ends["stored"] + losses - ends["initial"]
+    scale = np.maximum(ends["supplied"], np.abs(ends["initial"] - ends["potential"]))
+    assert (np.abs(residual) <= 1e-10 * scale).all()
+    for loss in ("hysteresis", "sliding", "rolling"):
+        assert (ends[loss] >= 0.0).all()
+        assert (batch.rebounds[f"loss_{loss}"] >= -1e-14 * scale[:, None]).all()
+    assert (ends["stored"] >= 0.0).all()
+    assert ((batch.jam.reward >= 0.0) & (batch.jam.reward <= 1.0)).all()
+    assert (losses <= scale * (1.0 + 1e-10)).all()
+
+
+# --- batches ----------------------------------------------------------------------------------------------------------
+
+
+def mixed_lanes(count: int = 24) -> tuple[list[ContactLaw], list[Slope], np.ndarray]:
+    """Laws, slopes and launches that end in different ways."""
+    rng = np.random.default_rng(3)
+    laws = [ContactLaw(1e6, rng.uniform(0.1, 0.9), rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.02)) for _ in range(count)]
+    slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([3.0, 30.0])) for _ in range(count)]
+    states = np.array([launched(SEGMENT, (rng.uniform(0, 1), *rng.normal(0, 2, 4))) for _ in range(count)])
+    return laws, slopes, states
+
+
+def test_lane_i_is_the_descent_of_state_i_bit_for_bit() -> None:
+    """Oracle: simulate, one after the other; laws and slopes differ from lane to lane."""
+    laws, slopes, states = mixed_lanes()
+    batch = simulate_batch(SEGMENT, laws, slopes, states, max_time=5.0, max_rebounds=40, keep_rebounds=True)
+    assert len(set(batch.status.tolist())) > 2
+    for i, state in enumerate(states):
+        one = simulate(SEGMENT, laws[i], slopes[i], State(*state), max_time=5.0, max_rebounds=40)
+        for name in ("status", "rebounds", "steps", "t", *State._fields, *LEDGER_FIELDS):
+            assert batch.outcomes[i][name] == one.outcome[name], name
+        assert np.array_equal(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
+        assert batch.status[i] == one.status
+        assert batch.time[i] == one.time
+        assert tuple(batch.states[i]) == one.state
+        assert batch.jam.reward[i] == one.jam.reward
+
+
+def test_a_batch_depends_neither_on_threads_nor_on_neighbours() -> None:
+    """Oracle: one thread; half of the lanes; no logs."""
+    laws, slopes, states = mixed_lanes()
+    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40}
+    threads = numba.get_num_threads()
+    whole = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+    try:
+        numba.set_num_threads(1)
+        alone = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+    finally:
+        numba.set_num_threads(threads)
+    assert np.array_equal(whole.outcomes, alone.outcomes)
+    assert np.array_equal(whole.rebounds, alone.rebounds)
+    half = simulate_batch(SEGMENT, laws[::2], slopes[::2], states[::2], **options)
+    assert half.rebounds.shape == (0, 0)
+    assert np.array_equal(half.outcomes, whole.outcomes[::2])
+
+
+def assert_same_batch(one: DescentBatch, other: DescentBatch) -> None:
+    assert np.array_equal(one.outcomes, other.outcomes)
+    assert np.array_equal(one.rebounds, other.rebounds)
+    assert np.array_equal(one.jam, other.jam)
+
+
+@pytest.mark.parametrize("block", [1, 7, 24, 1000])
+def test_blocks_put_together_are_the_batch(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: simulate_batch in one block; laws and slopes differ from lane to lane."""
+    laws, slopes, states = mixed_lanes()
+    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40, "keep_rebounds": True}
+    whole = simulate_batch(SEGMENT, laws, slopes, states, **options)
+    parts = list(simulate_blocks(SEGMENT, laws, slopes, states, block=block, **options))
+    assert [len(part.outcomes) for part in parts] == [min(block, 24 - i) for i in range(0, 24, block)]
+    outcomes, rebounds = (np.concatenate([getattr(p, name) for p in parts]) for name in ("outcomes", "rebounds"))
+    assert_same_batch(whole, DescentBatch(outcomes, rebounds, DescentJam(*np.hstack([p.jam for p in parts]))))
+    monkeypatch.setattr(simulate_module, "_BLOCK", block)
+    assert_same_batch(whole, simulate_batch(SEGMENT, laws, slopes, states, **options))
+
+
+def test_blocks_share_no_memory_and_may_be_left_in_the_middle() -> None:
+    """Oracle: the batch of the lanes that were taken; the input may change meanwhile."""
+    _, _, states = mixed_lanes()
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states[:16], max_rebounds=10, keep_rebounds=True)
+    blocks = simulate_blocks(SEGMENT, LAW, INCLINE, states, block=8, max_rebounds=10)
+    states[:] = np.nan
+    taken = [next(blocks), next(blocks)]
+    blocks.close()  # type: ignore[attr-defined]
+    assert not np.shares_memory(taken[0].outcomes, taken[1].outcomes)
+    assert not np.shares_memory(taken[0].rebounds, taken[1].rebounds)
+    assert np.array_equal(np.concatenate([part.outcomes for part in taken]), whole.outcomes)
+    assert np.array_equal(np.concatenate([part.rebounds for part in taken]), whole.rebounds)
+
+
+def test_an_interrupt_takes_effect_between_blocks(
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """Oracle: the number of blocks run; those handed out before are whole, and a batch is not handed out at all."""
+    _, _, states = mixed_lanes()
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    runs = 0
+
+    def interrupted(*arguments: Any) -> None:
+        nonlocal runs
+        runs += 1
+        if runs == 3:
+            signal.raise_signal(signal.SIGINT)
+        simulated(*arguments)
+
+    simulated = simulate_module.run_batch
+    monkeypatch.setattr(simulate_module, "run_batch", interrupted)
+    monkeypatch.setattr(simulate_module, "_BLOCK", 4)
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
+    with pytest.raises(KeyboardInterrupt):
+        simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    assert runs == 3
+    runs, taken = 0, []
+
+    def take_all() -> None:
+        for part in simulate_blocks(SEGMENT, LAW, INCLINE, states, block=4, max_rebounds=10, keep_rebounds=False):
+            taken.append(part.outcomes)  # noqa: PERF401  # a comprehension would lose them
+
+    with pytest.raises(KeyboardInterrupt):
+        take_all()
+    assert np.array_equal(np.concatenate(taken), whole.outcomes[:8])
+
+
+def test_logs_that_do_not_fit_are_refused(nothing_runs: None) -> None:
+    """Oracle: the message; a million launches with a log of a thousand million rebounds exceed every address space."""
+    states = np.broadcast_to(LAUNCH, (1_000_000, 6))
+    for run in (simulate_batch, partial(simulate_blocks, block=10**6)):
+        with pytest.raises(
+            MemoryError, match=r"1000000000, take 1.76e\+08 GB, and there are .* GB; lower max_rebounds"
+        ):
+            run(DISC, LAW, INCLINE, states, max_rebounds=10**9, keep_rebounds=True)
+
+
+def test_progress_shows_a_bar_or_says_what_is_missing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: what tqdm writes; without it nothing is simulated."""
+    _, _, states = mixed_lanes()
+    monkeypatch.setattr(simulate_module, "_BLOCK", 10)
+    quiet = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    assert capsys.readouterr().err == ""
+    assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10, progress=True))
+    assert "24.0/24.0" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    monkeypatch.setattr(simulate_module, "run_batch", None)
+    with pytest.raises(ImportError, match="the bar needs tqdm: pip install tqdm"):
+        simulate_batch(SEGMENT, LAW, INCLINE, states, progress=True)
+
+
+def test_one_law_and_one_slope_serve_all_lanes() -> None:
+    """Oracle: the same given once a lane; a single state is a batch of one; the input is left as it was."""
+    _, _, states = mixed_lanes(6)
+    kept = states.copy()
+    shared = simulate_batch(SEGMENT, LAW, INCLINE, states)
+    spread = simulate_batch(SEGMENT, [LAW] * 6, np.array([INCLINE] * 6), states.tolist())
+    assert np.array_equal(shared.outcomes, spread.outcomes)
+    assert np.array_equal(states, kept)
+    single = simulate_batch(SEGMENT, LAW, INCLINE, State(*states[0]))
+    assert single.outcomes[0] == shared.outcomes[0]
+
+
+def test_no_lane_is_a_batch_too() -> None:
+    """What a selection that nothing matches gives; laws of no lane would not say what kind they are."""
+    nothing = np.zeros((0, 6))
+    assert len(simulate_batch(SEGMENT, LAW, INCLINE, nothing, keep_rebounds=True).rebounds) == 0
+    with pytest.raises(ValueError, match="law has no row: give one ContactLaw for all where there are no launches"):
+        simulate_batch(SEGMENT, np.zeros((0, len(LAW))), INCLINE, nothing)
+
+
+# --- trajectories -----------------------------------------------------------------------------------------------------
+
+
+def traced(body: Body = SEGMENT, law: ContactLaw = LAW, **options: Any) -> Descent:
+    """A descent with arc and corner contacts, and its trajectory."""
+    launch = State(0.0, 1.5, 1.7, 1.0, 0.0, 3.0)
+    return simulate(body, law, Slope(0.2, 10.0), launch, record="trajectory", **{"max_time": 4.0} | options)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
+def test_a_trajectory_runs_from_launch_to_end(body: Body) -> None:
+    """Oracle: launch and final state; time never runs backwards and no interval is longer than asked for."""
+    descent = traced(body)
+    rows = descent.trajectory
+    assert rows["t"][0] == 0.0
+    assert tuple(rows[list(State._fields)][0]) == descent.launch
+    assert rows["t"][-1] == descent.time
+    assert tuple(rows[list(State._fields)][-1]) == descent.state
+    steps = np.diff(rows["t"])
+    assert (steps >= 0.0).all()
+    assert steps.max() <= 0.01 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
+def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Body) -> None:
+    """Oracle: N >= 0, |F| <= f N, |M| <= delta N, with equality where it slips or turns; no force in flight."""
+    law = ContactLaw(1e6, 0.5, 0.1, 0.001, 0.0005)
+    rows = traced(body, law).trajectory
+    flying = rows["feature"] == Feature.NONE
+    assert not rows[flying][["normal", "tangential", "rolling"]].tolist().count(None)
+    for name in ("normal", "tangential", "rolling", "slip", "spin"):
+        assert (rows[name][flying] == 0.0).all()
+    held = rows[~flying]
+    assert len(held) > 100
+    arm = np.where(held["feature"] == Feature.ARC, law.rolling_arm, law.corner_rolling_arm)
+    rounding = 1e-9 * held["normal"].max()
+    assert (held["normal"] >= -rounding).all()
+    assert (np.abs(held["tangential"]) <= law.friction * held["normal"] + rounding).all()
+    assert (np.abs(held["rolling"]) <= arm * held["normal"] + rounding).all()
+    slipping, turning = held["slip"] != 0, held["spin"] != 0
+    expected = -held["slip"] * law.friction * held["normal"]
+    assert held["tangential"][slipping] == pytest.approx(expected[slipping], abs=rounding)
+    assert held["rolling"][turning] == pytest.approx((-held["spin"] * arm * held["normal"])[turning], abs=rounding)
+
+
+@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
+def test_the_body_is_above_the_surface_but_for_the_compression(body: Body) -> None:
+    """Oracle: the support height; N = c (1 +- Delta) x in between."""
+    rows = traced(body).trajectory
+    gaps = rows["y"] - np.array([support_height(body, phi) for phi in rows["phi"]])
+    flying = rows["feature"] == Feature.NONE
+    flying[-1] = False  # it may end in contact
+    assert gaps[flying].min() > -1e-13
+    held = ~flying[:-1] & (rows["feature"][:-1] != Feature.CHORD)  # where two springs share the load
+    depth, normal = -gaps[:-1][held], rows["normal"][:-1][held]
+    least, most = 1e6 * (1.0 - LAW.asymmetry) * depth, 1e6 * (1.0 + LAW.asymmetry) * depth
+    assert (normal >= least - 1e-6).all()
+    assert (normal <= most + 1e-6).all()
+
+
+def test_a_rebound_is_the_integral_of_its_forces() -> None:
+    """Oracle: quadrature of the recorded forces, which jump where the gap turns back; momentum of the record."""
+    descent = traced(DISC, max_rebounds=3, sample_interval=3e-7)
+    rows = descent.trajectory
+    for row in descent.rebounds:
+        inside = rows[(rows["t"] >= row["t"] - row["duration"]) & (rows["t"] <= row["t"])]
+        for impulse, force in (
+            ("normal_impulse", "normal"),
+            ("tangential_impulse", "tangential"),
+            ("rolling_impulse", "rolling"),
+        ):
+            quadrature = np.trapezoid(inside[force], inside["t"])
+            assert row[impulse] == pytest.approx(quadrature, rel=1e-3)
+        g, beta = 9.81, 0.2
+        assert row["u_after"] - row["u_before"] == pytest.approx(
+            row["tangential_impulse"] + g * math.sin(beta) * row["duration"], abs=1e-12
+        )
+        assert row["v_after"] - row["v_before"] == pytest.approx(
+            row["normal_impulse"] - g * math.cos(beta) * row["duration"], abs=1e-12
+        )
+
+
+def test_losses_are_the_integrals_of_their_powers() -> None:
+    """Oracle: quadrature of f N |v_t| and delta N |omega| over the recorded rows."""
+    descent = traced(DISC, max_rebounds=2, sample_interval=3e-7)
+    rows = descent.trajectory
+    slip_speed = rows["u"] + (0.1 - 0.05 * np.cos(rows["phi"])) * rows["omega"]
+    sliding = np.trapezoid(-rows["tangential"] * slip_speed, rows["t"])
+    rolling = np.trapezoid(-rows["rolling"] * rows["omega"], rows["t"])
+    assert descent.energy.sliding == pytest.approx(sliding, rel=2e-4)
+    assert descent.energy.rolling == pytest.approx(rolling, rel=2e-4)
+
+
+def test_velocities_are_the_rates_of_the_positions() -> None:
+    """Oracle: central differences of the recorded positions, in flight and in contact."""
+    rows = traced(DISC, max_rebounds=2, sample_interval=1e-5).trajectory
+    t = rows["t"]
+    inner = np.flatnonzero((np.diff(t)[1:] > 1e-7) & (np.diff(t)[:-1] > 1e-7)) + 1
+    for place, rate in (("x", "u"), ("y", "v"), ("phi", "omega")):
+        difference = (rows[place][inner + 1] - rows[place][inner - 1]) / (t[inner + 1] - t[inner - 1])
+        mean = 0.25 * (rows[rate][inner - 1] + 2.0 * rows[rate][inner] + rows[rate][inner + 1])
+        assert np.abs(difference - mean).max() < 2e-3
+
+
+def test_a_long_trajectory_is_complete() -> None:
+    """Oracle: the rows of a coarser recording lie on it, though it outgrows the first buffer."""
+    fine = traced(sample_interval=1e-4)
+    assert len(fine.trajectory) > simulate_module.FIRST_TRAJECTORY
+    coarse = traced()
+    assert len(coarse.trajectory) < len(fine.trajectory)
+    assert fine.state == coarse.state
+    assert (fine.trajectory["t"][1:] > 0.0).all()  # every row was written
+    heights = np.interp(coarse.trajectory["t"], fine.trajectory["t"], fine.trajectory["y"])
+    assert np.abs(coarse.trajectory["y"] - heights).max() < 1e-5
+
+
+def test_a_descent_records_no_trajectory_unless_asked() -> None:
+    """Oracle: the documented default."""
+    assert len(simulate(DISC, LAW, INCLINE, LAUNCH).trajectory) == 0
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_velocities_before_a_rebound_are_those_of_the_flight() -> None:
+    """Oracle: ballistics from one rebound to the next."""
+    rows = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_rebounds=10).rebounds
+    flight = (rows["t"] - rows["duration"])[1:] - rows["t"][:-1]
+    g, beta = 9.81, 0.2
+    assert rows["u_before"][1:] == pytest.approx(rows["u_after"][:-1] + g * math.sin(beta) * flight, abs=1e-13)
+    assert rows["v_before"][1:] == pytest.approx(rows["v_after"][:-1] - g * math.cos(beta) * flight, abs=1e-13)
+    assert np.array_equal(rows["omega_before"][1:], rows["omega_after"][:-1])
+    assert (flight > 0.0).all()
+
+
+def test_a_spinning_wheel_reverses_its_slip_or_rolls_on_high_friction() -> None:
+    """Oracle: a wheel with topspin on a rough level floor leaves rolling (mode 2), on a smooth one sliding (mode 1)."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    floor = Slope(0.0, math.inf, 0.0)
+    launch = State(0.0, 0.2, 0.0, 1.0, -2.0, 30.0)
+    modes = [
+        simulate(wheel, ContactLaw(1e6, 0.3, f, 0.0), floor, launch, max_rebounds=1).rebounds[0]["mode"]
+        for f in (2.0, 0.05)
+    ]
+    assert modes == [Mode.STOP_ROLL, Mode.SLIDE_ROLL]
+
+
+def test_a_nearly_stuck_rebound_is_marked() -> None:
+    """Oracle: u and r omega below 5 % of the entry speed: a fall without spin or speed along the slope."""
+    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    floor = Slope(0.0, math.inf, 0.0)
+    codes = [
+        simulate(wheel, LAW, floor, State(0.0, 0.2, 0.0, u, -1.0), max_rebounds=1).rebounds[0]["stuck"]
+        for u in (0.0, 0.03, 2.0)
+    ]
+    assert codes == [2, 1, 0]
+
+
+# --- input ------------------------------------------------------------------------------------------------------------
+
+REFUSED = [
+    ({"solver": "magic"}, ValueError, "solver = 'magic': must be one of 'compliant', "),
+    ({"record": "all"}, ValueError, "record = 'all': must be one of 'rebounds', 'trajectory'"),
+    ({"friction_sign": "up"}, ValueError, "friction_sign = 'up': must be one of 'dissipative', 'printed'"),
+    ({"friction_sign": "printed"}, ValueError, "friction_sign = 'printed': only solver='euler'"),
+    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
+    ({"max_rebounds": -3}, ValueError, "max_rebounds = -3: must be an integer >= 1"),
+    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
+    ({"max_rebounds": True}, TypeError, "max_rebounds = True: must be an integer >= 1"),
+    ({"max_time": 0.0}, ValueError, "max_time = 0.0: must be in (0, inf)"),
+    ({"max_time": math.nan}, ValueError, "max_time = nan: must be in (0, inf)"),
+    ({"max_time": math.inf}, ValueError, "max_time = inf: must be in (0, inf)"),
+    ({"tolerance": 1.0}, ValueError, "tolerance = 1.0: must be in [1e-18, 1e-3]"),
+    ({"sample_interval": 0.0}, ValueError, "sample_interval = 0.0: must be in [1e-12, inf) s"),
+    ({"sample_interval": 1e-300}, ValueError, "sample_interval = 1e-300: must be in [1e-12, inf) s"),
+    ({"settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
+    ({"settle_speed": "slow"}, TypeError, "settle_speed = 'slow': must be a number in [0, inf) m/s"),
+    ({"launch": LAUNCH[:5]}, TypeError, "must be a State, or as many numbers: x, y, phi, u, v, omega"),
+    ({"launch": INCLINE}, TypeError, "launch = Slope(angle="),
+    ({"launch": None}, TypeError, "launch = None: must be a State"),
+    ({"body": None}, TypeError, "body = None: must be a Body"),
+    ({"body": "disc"}, TypeError, "body = 'disc': must be a Body"),
+    ({"body": LAW}, TypeError, "body = ContactLaw(stiffness="),
+    ({"body": [DISC] * 2}, TypeError, "must be a Body, or as many numbers: mass, radius, eccentricity, inertia"),
+    ({"law": (1.0, 2.0)}, TypeError, "law = (1.0, 2.0): must be a ContactLaw"),
+    ({"slope": 3}, TypeError, "slope = 3: must be a Slope, or as many numbers: angle, length, gravity"),
+    ({"step": -1.0}, ValueError, "step = -1.0: must be in (0, inf)"),
+    ({"launch": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
+    ({"launch": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
+    ({"launch": LAUNCH._replace(u=math.nan)}, ValueError, "State.u = nan: must be a finite number"),
+    ({"launch": LAUNCH._replace(omega=math.inf)}, ValueError, "State.omega = inf: must be a finite number"),
+    ({"body": DISC._replace(mass=-1.0)}, ValueError, "Body.mass = -1.0: must be in (0, inf)"),
+    ({"law": LAW._replace(asymmetry=1.0)}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
+    ({"slope": INCLINE._replace(length=math.nan)}, ValueError, "Slope.length = nan: must be in (0, inf]"),
+]
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make every loop fail the test that starts it."""
+
+    def run(*arguments: Any) -> None:
+        raise AssertionError("simulated")
+
+    for loop in ("run_descent", "run_batch", "_descend_euler"):
+        monkeypatch.setattr(simulate_module, loop, run)
+
+
+def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
+    """Oracle: a good launch does start the loop."""
+    with pytest.raises(AssertionError, match="simulated"):
+        simulate(DISC, LAW, INCLINE, LAUNCH)
+    with pytest.raises(AssertionError, match="simulated"):
+        simulate_batch(DISC, LAW, INCLINE, [LAUNCH])
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(("bad", "error", "message"), REFUSED, ids=str)
+def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launch": LAUNCH}
+    with pytest.raises(error) as caught:
+        simulate(**good | bad)
+    assert message in str(caught.value)
+
+
+BAD_BATCHES = [
+    ({"settle_speed": math.nan}, ValueError, "settle_speed = nan: must be in [0, inf) m/s"),
+    ({"keep_rebounds": "yes"}, TypeError, "keep_rebounds = 'yes': must be True or False"),
+    ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
+    ({"launches": np.zeros((2, 3, 6))}, ValueError, "launches has shape (2, 3, 6): must be (N, 6)"),
+    ({"launches": []}, ValueError, "launches has shape (0,): must be (N, 6)"),
+    (
+        {"launches": [LAUNCH, LAUNCH._replace(y=0.01)]},
+        ValueError,
+        "launches[1].y = 0.01: the launch lies below the surface",
+    ),
+    (
+        {"launches": [LAUNCH, LAUNCH._replace(x=11.0)]},
+        ValueError,
+        "launches[1].x = 11.0: must be < Slope.length = 10.0 m",
+    ),
+    ({"law": [LAW]}, ValueError, "law: 1 given for 2 launches; give one or one a launch"),
+    ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 launches; give one or one a launch"),
+    ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
+    ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
+    ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
+    ({"law": LAW._replace(friction=-1.0)}, ValueError, "ContactLaw.friction = -1.0: must be in [0, inf)"),
+    ({"law": [LAW, LAW[:3]]}, TypeError, "law holds object: must hold numbers, columns stiffness, asymmetry"),
+    ({"law": [LAW[:4]] * 2}, ValueError, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
+    ({"slope": [INCLINE, ("steep", 1.0, 9.81)]}, TypeError, "slope holds <U"),
+    (
+        {"slope": [INCLINE._replace(angle=-2.0), INCLINE]},
+        ValueError,
+        "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
+    ),
+    ({"solver": "rigid", "settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
+    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
+    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
+    ({"max_time": -1.0}, ValueError, "max_time = -1.0: must be in (0, inf)"),
+    ({"body": DISC._replace(radius=-0.1)}, ValueError, "Body.radius = -0.1: must be in [0, inf)"),
+    ({"body": [DISC]}, ValueError, "body: 1 given for 2 launches; give one or one a launch"),
+    ({"body": np.array([DISC] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
+    ({"body": tuple(DISC)}, TypeError, "must be a Body or a sequence of them"),
+    ({"body": [DISC, DISC[:4]]}, TypeError, "body holds object: must hold numbers, columns mass, radius"),
+    ({"body": [DISC, DISC._replace(half_angle=4.0)]}, ValueError, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
+    (
+        {"body": [DISC, DISC._replace(eccentricity=1.0)]},
+        ValueError,
+        "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",
+    ),
+    (
+        {"body": [DISC, SEGMENT], "launches": [LAUNCH._replace(y=0.2)] * 2},
+        ValueError,
+        "launches[1].y = 0.2: the launch lies below the surface",
+    ),
+]
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(("bad", "error", "message"), BAD_BATCHES, ids=str)
+def test_a_bad_batch_is_named_and_nothing_is_simulated(
+    bad: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    """Oracle: the message: argument or lane, value and range."""
+    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launches": [LAUNCH, LAUNCH]}
+    with pytest.raises(error) as caught:
+        simulate_batch(**good | bad)
+    assert message in str(caught.value)
+    with pytest.raises(error) as caught:  # on the call, not on the first block
+        simulate_blocks(**good | bad)
+    assert message in str(caught.value)
+
+
+class OtherLaw(kernel_params.ContactLaw):
+    """A law of another kind than ContactLaw."""
+
+    rules = ContactLaw.rules
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the kind; the message where it does not fit, for there is a rigid limit of ContactLaw alone."""
+    monkeypatch.setattr(params, "LAWS", (ContactLaw, OtherLaw))
+    other, lane = OtherLaw(*LAW), np.array([LAUNCH])
+    assert [params.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
+    for law, kind in ((other, OtherLaw), ([other], OtherLaw), (LAW, ContactLaw), (np.array([LAW]), ContactLaw)):
+        assert checked_lanes(DISC, law, INCLINE, lane, "compliant", None).kind is kind
+    assert type(checked_law(other)) is OtherLaw
+    with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
+        simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
+    for solver in ("rigid", "euler"):
+        with pytest.raises(TypeError, match=f"law is of the kind OtherLaw: solver = '{solver}' needs a ContactLaw"):
+            simulate(DISC, other, INCLINE, LAUNCH, solver=solver)
+    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
+        simulate_batch(DISC, other, INCLINE, lane, solver="rigid")
+    rides = RideBatch(DISC, LAW, INCLINE, lane)
+    with pytest.raises(TypeError, match="law is of the kind OtherLaw: the rides have a ContactLaw"):
+        rides.launch(np.arange(1), other, INCLINE, lane)
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_a_wrong_block_is_named() -> None:
+    """Oracle: the message."""
+    with pytest.raises(ValueError, match="block = 0: must be an integer >= 1"):
+        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=0)
+    with pytest.raises(TypeError, match=r"block = 1.5: must be an integer >= 1"):
+        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=1.5)  # type: ignore[arg-type]
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_a_lane_that_is_not_finite_is_named() -> None:
+    """Oracle: the message: lane, field and value."""
+    with pytest.raises(ValueError, match=r"launches\[1\]\.u = nan: must be a finite number"):
+        simulate_batch(DISC, LAW, INCLINE, [LAUNCH, LAUNCH._replace(u=math.nan)])
+
+
+def test_a_launch_on_the_surface_up_to_rounding_is_accepted() -> None:
+    """Oracle: 1e-9 of the body, below which the launch is lifted to the surface; just deeper is refused."""
+    lowest = support_height(DISC, 0.5)
+    for depth in (0.0, 1e-16, 0.9e-9 * 0.15):
+        end = simulate(DISC, LAW, INCLINE, State(0.0, lowest - depth, 0.5), max_time=0.1)
+        assert end.launch.y == lowest
+        assert abs(end.energy.residual) < 1e-12
+    with pytest.raises(ValueError, match="below the surface"):
+        simulate(DISC, LAW, INCLINE, State(0.0, lowest - 1.1e-9 * 0.15, 0.5))
+
+
+def test_statuses_are_strings() -> None:
+    """Oracle: the documented words, in the order of the codes."""
+    words = ["running", "finish", "jammed", "tumbled", "timeout", "log_full", "step_budget", "non_finite", "buried"]
+    assert [str(status) for status in STATUS_OF_CODE] == words
+    assert simulate(DISC, LAW, INCLINE, LAUNCH).status == "finish"
+
+
+def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces():
+    """Oracle: the law. The stiffness drops at the deepest point; the impulse of the rows is that of the record."""
+    body = circular_segment(100.0, 0.5, math.radians(110.0))
+    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.03, rolling_arm=0.005)
+    launch = State(0.0, 1.0, 0.3, 3.0, 0.0, -1.0)
+    descent = simulate(body, law, Slope(math.radians(10.0), 10.0), launch, record="trajectory")
+    rows, first = descent.trajectory, descent.rebounds[0]
+    touching = rows[(rows["t"] <= first["t"]) & (rows["feature"] != Feature.NONE)]
+    jumps = np.flatnonzero((np.diff(touching["t"]) == 0.0) & (np.diff(touching["normal"]) < 0.0))
+    (deepest,) = jumps[touching["normal"][jumps] > 0.9 * touching["normal"].max()]
+    before, after = touching["normal"][deepest : deepest + 2]
+    assert after == pytest.approx(0.25 * before, rel=1e-9)  # e squared
+    impulse = np.trapezoid(touching["normal"], touching["t"])
+    assert impulse == pytest.approx(first["normal_impulse"], rel=3e-3)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize("name", ["brake_mat", "ice_drop", "snow_patch"])
+def test_the_times_of_a_trajectory_never_decrease(name, solver):
+    """Bodies with corners and long contacts, and rows closer than the steps of a contact."""
+    task = Task(name, "both")
+    contexts = task.scenario.contexts(np.random.default_rng(0).random((12, FIELDS)), "test")
+    launches = task.launches(contexts, np.random.default_rng(1).uniform(-1.0, 1.0, (12, 2)))
+    laws, slopes = task.scenario.laws(contexts), task.scenario.slopes(contexts)
+    for law, slope, launch in zip(laws, slopes, launches, strict=True):
+        given = task.body, ContactLaw(*law), Slope(*slope), State(*launch)
+        descent = simulate(*given, solver=solver, record="trajectory", sample_interval=7e-4)
+        steps = np.diff(descent.trajectory["t"])
+        assert (steps >= 0.0).all()
+        assert steps.max() <= 7e-4 * (1.0 + 1e-9)
+
+
+def test_a_descent_is_shown_without_its_logs() -> None:
+    shown = repr(simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory"))
+    assert "status=<Status.FINISH: 'finish'>" in shown
+    assert "energy=Energy(" in shown
+    assert "array" not in shown
