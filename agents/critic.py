@@ -17,7 +17,7 @@ from scipy.stats import qmc
 from sledenv.agents.curve import Curve
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.task import FIELDS, Contexts
+from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.machine.extras import needs
 
 with needs("agents", __name__):

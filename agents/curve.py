@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 
 FILE: Final = "learning_curve.csv"
 _CONTEXTS: Final = 128

@@ -17,7 +17,7 @@ from sledenv.agents.train import run_folder, train, trained
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
 from sledenv.command.running import Count, Seed, app, run
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.plot import plot_strobe
 
 SCENARIO = "sled_snow"
@@ -29,7 +29,7 @@ def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, pat
     task = problem.task
 
     def descend(agent: Agent) -> Descent:
-        launch = task.launches(context, np.asarray(agent.act(task.observe(context)), np.float64))
+        launch = task.launch(context, np.asarray(agent.act(task.observe(context)), np.float64))
         return task.descend(context, launch, record="trajectory")
 
     figure = plot_strobe([descend(before), descend(after)], labels=["before learning", "after learning"])

@@ -10,7 +10,8 @@ import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.task import Contexts, Task
+from sledenv.envs.inputs import Contexts
+from sledenv.envs.task import Task
 from sledenv.scenarios.sections import CONTROLS
 
 Floats = NDArray[np.float64]

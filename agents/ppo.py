@@ -6,7 +6,7 @@ from typing import Any
 
 from sledenv.agents.learning import Learned
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.task import FIELDS
+from sledenv.envs.inputs import FIELDS
 from sledenv.machine.extras import needs
 
 with needs("agents", __name__):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import TRIALS, Problem
-from sledenv.envs.task import FIELDS, Contexts
+from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import descent_jam
 

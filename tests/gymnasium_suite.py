@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import pytest
 
+from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import INFO_KEYS
 
 _TARGET = "SLEDENV_TARGET"  # names the target to the conftest.py
 _PLAIN = gym.wrappers.TimeLimit, gym.wrappers.OrderEnforcing, gym.wrappers.PassiveEnvChecker  # those of gym.make

@@ -13,11 +13,12 @@ from PIL import Image
 
 from docs import draw
 from docs.draw import run
-from sledenv import Scenario, load_study, sections
+from sledenv import Scenario, load_study
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.compiler import values
 from sledenv.kernel import step
+from sledenv.scenarios import sections
 from sledenv.scenarios.configuration import Section
 from tests.benchmark import make
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.settings import Settings
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
@@ -51,6 +52,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Sensitivity",
+    "Settings",
     "Slope",
     "State",
     "Status",
@@ -75,16 +77,19 @@ __all__ = [
 
 # Loaded where they are first asked for, so that `import sledenv` is quick: what each module has.
 _MODULES = {
-    "sledenv.simulation.derivatives": ("Sensitivity", "sensitivity"),
-    "sledenv.simulation.simulate": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
-    "sledenv.identification.choice": ("identify",),
-    "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),
-    "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
-    "sledenv.simulation.params": ("Body", "ContactLaw", "Slope", "State", "circular_segment", "sled"),
-    "sledenv.simulation.ride": ("Ride", "RideBatch"),
-    "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
-    "sledenv.uncertainty": ("Study", "StudyResult", "load_study", "study", "study_names"),
     "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
+    "sledenv.identification.choice": ("identify",),
+    "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
+    "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
+    "sledenv.simulation.bodies": ("Body", "circular_segment", "sled"),
+    "sledenv.simulation.derivatives": ("Sensitivity", "sensitivity"),
+    "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),
+    "sledenv.simulation.ride": ("Ride", "RideBatch"),
+    "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),
+    "sledenv.simulation.scene": ("ContactLaw", "Slope", "State"),
+    "sledenv.simulation.settings": ("Settings",),
+    "sledenv.simulation.simulate": ("simulate", "simulate_batch", "simulate_blocks"),
+    "sledenv.uncertainty": ("Study", "StudyResult", "load_study", "study", "study_names"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

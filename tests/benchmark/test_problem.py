@@ -8,7 +8,7 @@ import pytest
 
 from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
-from sledenv.envs.task import FIELDS
+from sledenv.envs.inputs import FIELDS
 from sledenv.scenarios.scenario import Scenario, load_scenario
 
 

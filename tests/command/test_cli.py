@@ -17,6 +17,7 @@ import pytest
 from sledenv.command.cli import PICTURES, main
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.derivatives import sensitivity
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 
 
@@ -104,7 +105,7 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
     scenario = load_scenario("sled_snow")
     context = scenario.sample(np.random.default_rng(3))
     given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
-    found = sensitivity(*given, rebounds=2, end_on_chord=True)
+    found = sensitivity(*given, Settings(end_on_chord=True), rebounds=2)
     assert rows["length"][4] == "1"  # x at the end
     assert rows["friction"][6] == f"{found.of_end('reward', 'friction'):.4g}"
     assert rows["corner_rolling_arm"][2] == ">"

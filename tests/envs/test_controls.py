@@ -18,9 +18,10 @@ import sledenv
 from sledenv import Context, Scenario
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
+from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import make_vec_env
-from sledenv.envs.task import INFO_KEYS, Task
+from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.scenarios.sections import CONTROLS, control_words
 

@@ -22,6 +22,7 @@ from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 from tests.bodies import rod, run
 
@@ -248,7 +249,7 @@ def test_a_film_runs_at_the_rate_of_the_descent_but_for_its_impacts(descent: Des
 def test_the_films_of_hops_are_the_film_of_the_descent(solver: Literal["compliant", "rigid"]) -> None:
     launch = State(0.0, 1.2, 0.2, 3.0, 0.0, 0.5)
     whole = simulate(DISC, ICE, HILL, launch, solver=solver, record="trajectory")
-    ride = Ride(DISC, ICE, HILL, launch, solver=solver, record="trajectory")
+    ride = Ride(DISC, ICE, HILL, launch, Settings(solver=solver), record="trajectory")
     seen, hops = -1.0, []
     while ride.status == Status.RUNNING:
         ride.hop()

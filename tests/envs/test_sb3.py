@@ -23,9 +23,9 @@ import sledenv
 from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
+from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
-from sledenv.envs.task import INFO_KEYS
 from sledenv.envs.vector import SledLaunchVector
 
 SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}

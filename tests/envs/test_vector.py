@@ -23,8 +23,8 @@ import sledenv
 from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
+from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import INFO_KEYS
 from sledenv.envs.vector import CHEAP_INFO, SledDescentVector, SledLaunchVector, SledVectorEnv
 
 MODES = list(AutoresetMode)

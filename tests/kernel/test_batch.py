@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Body, ContactLaw, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import Body, ContactLaw, Settings, Slope, State, circular_segment, simulate, simulate_batch
 from sledenv.simulation.support import support_heights
 from tests.bodies import rod
 
@@ -81,8 +81,8 @@ def test_a_lane_equals_the_descent_alone(name: str) -> None:
     )
     for options in ({"max_time": 0.8}, {"max_time": 3.0}, {"max_rebounds": 3, "tolerance": 1e-8}):
         options = {"max_rebounds": 40, **options}
-        batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
-        same_bits(simulate_batch(body, laws, slopes, states, **options).outcomes, batch.outcomes)
+        batch = simulate_batch(body, laws, slopes, states, Settings(**options), keep_rebounds=True)
+        same_bits(simulate_batch(body, laws, slopes, states, Settings(**options)).outcomes, batch.outcomes)
         for i in range(lanes):
             one = simulate(body, ContactLaw(*laws[i]), Slope(*slopes[i]), State(*states[i]), **options)
             same_bits(batch.outcomes[i], one.outcome)
@@ -92,10 +92,11 @@ def test_a_lane_equals_the_descent_alone(name: str) -> None:
 def test_a_lane_does_not_see_its_neighbours() -> None:
     """Other order, other neighbours: the same outcomes."""
     states = ugly(np.random.default_rng(1), DISC, 300)
-    outcomes = simulate_batch(DISC, LAW, SLOPE, states, max_rebounds=7).outcomes
+    outcomes = simulate_batch(DISC, LAW, SLOPE, states, Settings(max_rebounds=7)).outcomes
     order = np.random.default_rng(2).permutation(300)[:123]
     assert (
-        simulate_batch(DISC, LAW, SLOPE, states[order], max_rebounds=7).outcomes.tobytes() == outcomes[order].tobytes()
+        simulate_batch(DISC, LAW, SLOPE, states[order], Settings(max_rebounds=7)).outcomes.tobytes()
+        == outcomes[order].tobytes()
     )
 
 
@@ -127,9 +128,9 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body],
     threads = numba.get_num_threads()
     try:
         numba.set_num_threads(1)
-        batch = simulate_batch(of_lanes, laws, SLOPE, states, keep_rebounds=True, **options)
+        batch = simulate_batch(of_lanes, laws, SLOPE, states, Settings(**options), keep_rebounds=True)
         numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
-        same_bits(simulate_batch(np.array(of_lanes), laws, SLOPE, states, **options).outcomes, batch.outcomes)
+        same_bits(simulate_batch(np.array(of_lanes), laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
     finally:
         numba.set_num_threads(threads)
     for i, (body, law, state) in enumerate(zip(of_lanes, laws, states, strict=True)):
@@ -150,10 +151,10 @@ def test_bodies_in_turn_fill_packs_and_blocks(solver: Any, lanes: int) -> None:
     resting = rng.random(lanes) < 0.3
     states[resting, 1] = support_heights(of_lanes, states[:, 2])[resting]
     states[resting, 4:] = 0.0
-    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12, "keep_rebounds": True}
-    whole = simulate_batch(of_lanes, LAW, SLOPE, states, **options)
+    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12}
+    whole = simulate_batch(of_lanes, LAW, SLOPE, states, Settings(**options), keep_rebounds=True)
     for k, body in enumerate(kinds):
-        part = simulate_batch(body, LAW, SLOPE, states[k :: len(kinds)], **options)
+        part = simulate_batch(body, LAW, SLOPE, states[k :: len(kinds)], Settings(**options), keep_rebounds=True)
         same_bits(whole.outcomes[k :: len(kinds)], part.outcomes)
         same_bits(whole.rebounds[k :: len(kinds)], part.rebounds)
 
@@ -165,5 +166,5 @@ def test_a_contact_may_be_cut_short_anywhere() -> None:
     times = np.concatenate([np.linspace(row["t"] - row["duration"], row["t"], 150) for row in first])
     for limit in times.tolist():
         one = simulate(DISC, LAW, SLOPE, state, max_time=limit, max_rebounds=2)
-        for lane in simulate_batch(DISC, LAW, SLOPE, [state] * 9, max_time=limit, max_rebounds=2).outcomes:
+        for lane in simulate_batch(DISC, LAW, SLOPE, [state] * 9, Settings(max_time=limit, max_rebounds=2)).outcomes:
             same_bits(lane, one.outcome)

@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import (
+    Body,
+    ContactLaw,
+    Ride,
+    RideBatch,
+    Settings,
+    Slope,
+    State,
+    circular_segment,
+    simulate,
+    simulate_batch,
+)
 from sledenv.compiler.entries import entry
 from sledenv.compiler.trace import LANES
 from sledenv.kernel.bounce import bounce
@@ -68,8 +79,8 @@ def test_a_lane_equals_the_descent_alone(name: str, settle_speed: float | None) 
         "max_time": 4.0,
         "max_rebounds": 25,
     }
-    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
-    same_bits(simulate_batch(body, laws, slopes, states, **options).outcomes, batch.outcomes)
+    batch = simulate_batch(body, laws, slopes, states, Settings(**options), keep_rebounds=True)
+    same_bits(simulate_batch(body, laws, slopes, states, Settings(**options)).outcomes, batch.outcomes)
     for i, (law, slope, state) in enumerate(zip(laws, slopes, states, strict=True)):
         one = simulate(body, ContactLaw(*law), Slope(*slope), State(*state), **options)
         same_bits(batch.outcomes[i], one.outcome)
@@ -83,8 +94,8 @@ def test_hop_by_hop_a_ride_is_the_descent(name: str) -> None:
     body = BODIES[name]
     laws, slopes, states = ugly(np.random.default_rng(4), body, 100)
     options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 25}
-    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
-    ride = RideBatch(body, laws, slopes, states, keep_rebounds=True, **options)
+    batch = simulate_batch(body, laws, slopes, states, Settings(**options), keep_rebounds=True)
+    ride = RideBatch(body, laws, slopes, states, Settings(**options), keep_rebounds=True)
     for _ in range(26):  # one more than rebounds, for flights that end without another
         ride.hop(np.zeros(100))
     found = ride.descents()
@@ -98,10 +109,10 @@ def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
     body, count = BODIES["deep segment"], 40
     rng = np.random.default_rng(6)
     laws, slopes, states = ugly(rng, body, count)
-    options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 9, "rotor_inertia": 0.5}
-    batch = RideBatch(body, laws, slopes, states, **options)
+    options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 9}
+    batch = RideBatch(body, laws, slopes, states, Settings(**options), rotor_inertia=0.5)
     rides = [
-        Ride(body, ContactLaw(*law), Slope(*slope), State(*state), **options)
+        Ride(body, ContactLaw(*law), Slope(*slope), State(*state), Settings(**options), rotor_inertia=0.5)
         for law, slope, state in zip(laws, slopes, states, strict=True)
     ]
     for _ in range(10):

@@ -15,7 +15,7 @@ from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import TOLERANCE
+from sledenv.simulation.settings import TOLERANCE, Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.two_springs import Result, follow, random_contacts
@@ -403,7 +403,7 @@ def survey(solver: Solver, bodies: int, lanes: int, seed: int) -> Counter[str]:
     rng, endings = np.random.default_rng(seed), Counter[str]()
     for number in range(bodies):
         body, laws, slopes, launches = random_lanes(rng, lanes, near=number % 2 == 0)
-        batch = simulate_batch(body, laws, slopes, launches, solver=solver, **OPTIONS)
+        batch = simulate_batch(body, laws, slopes, launches, Settings(solver=solver, **OPTIONS))
         ends = batch.outcomes
         endings.update(batch.status.tolist())
         lost = ends["hysteresis"] + ends["sliding"] + ends["rolling"]
@@ -499,7 +499,7 @@ def test_flat_contacts_do_not_stall(
     x, y, phi, u, v, omega = launch
     slopes = [Slope(angle, 20.0), Slope(-angle, math.inf)]  # the second goes uphill, where no slope ends
     launches = [launch, (-x, y, -phi, -u, v, -omega)]
-    descents = simulate_batch(body, ContactLaw(*law), slopes, np.array(launches), **OPTIONS)
+    descents = simulate_batch(body, ContactLaw(*law), slopes, np.array(launches), Settings(**OPTIONS))
     assert "step_budget" not in descents.status
     if descents.status[0] != "finish":
         assert descents.status[0] == descents.status[1]
@@ -545,7 +545,7 @@ def test_a_corner_that_grazes_does_not_touch_for_ever(
 ) -> None:
     """Oracle: a contact of two springs has few events. These took a million, touching and leaving."""
     given = Body(*body), ContactLaw(*law), Slope(*slope), np.array([launch])
-    batch = simulate_batch(*given, max_rebounds=1, max_time=0.3)
+    batch = simulate_batch(*given, Settings(max_rebounds=1, max_time=0.3))
     assert batch.status[0] == "log_full"
     assert batch.outcomes["steps"][0] < 40
 
@@ -564,7 +564,7 @@ def test_descents_side_by_side_are_those_alone_bit_for_bit(solver: Solver) -> No
     touched = 0
     for _ in range(6):
         body, laws, slopes, launches = random_lanes(rng, 25, near=True)
-        batch = simulate_batch(body, laws, slopes, launches, solver=solver, keep_rebounds=True, **OPTIONS)
+        batch = simulate_batch(body, laws, slopes, launches, Settings(solver=solver, **OPTIONS), keep_rebounds=True)
         for i, (law, slope, launch) in enumerate(zip(laws, slopes, launches, strict=True)):
             one = simulate(body, ContactLaw(*law), Slope(*slope), State(*launch), solver=solver, **OPTIONS)
             same_bits(one.outcome, batch.outcomes[i])
@@ -585,7 +585,9 @@ def test_the_mirror_image_descends_as_the_mirror_image_bit_for_bit(solver: Solve
         slopes[:, 1] = math.inf
         image = slopes * [-1.0, 1.0, 1.0]
         one, other = (
-            simulate_batch(body, laws, at, of, solver=solver, keep_rebounds=True, max_time=6.0, max_rebounds=200)
+            simulate_batch(
+                body, laws, at, of, Settings(solver=solver, max_time=6.0, max_rebounds=200), keep_rebounds=True
+            )
             for at, of in ((slopes, launches), (image, launches * mirror))
         )
         assert np.array_equal(one.outcomes["status"], other.outcomes["status"])

@@ -12,7 +12,7 @@ import pytest
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import DescentBatch
-from sledenv.simulation.settings import TOLERANCE
+from sledenv.simulation.settings import TOLERANCE, Settings
 from sledenv.simulation.simulate import simulate_batch
 from sledenv.simulation.support import arms, feature_at
 from tests import extrapolation
@@ -86,7 +86,7 @@ def followed(contacts: Contacts, tolerance: float = TOLERANCE) -> DescentBatch:
     """Each contact up to its separation, to rest, or to the end of the time."""
     body, laws, slopes, states, _, max_time = contacts
     return simulate_batch(
-        body, laws, slopes, states, max_time=max_time, max_rebounds=1, keep_rebounds=True, tolerance=tolerance
+        body, laws, slopes, states, Settings(max_time=max_time, max_rebounds=1, tolerance=tolerance), keep_rebounds=True
     )
 
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sledenv.compiler import roots
 from sledenv.compiler.entries import entry
 from sledenv.compiler.rows import TERMS, WIDTH
+from sledenv.kernel import roots
 
 first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
 

@@ -462,7 +462,7 @@ def test_ugly_descents_are_drawn(name: str) -> None:
 def test_growth_is_drawn_over_the_rebounds() -> None:
     """Oracle: the singular values and distances of the result, the latter in its natural units."""
     body = Body(1.0, 0.1, 0.05, 7.5e-3)
-    found = sledenv.sensitivity(body, ICE, HILL, State(0.0, 0.6, 0.7, 1.0, 0.0, 2.0), max_rebounds=4)
+    found = sledenv.sensitivity(body, ICE, HILL, State(0.0, 0.6, 0.7, 1.0, 0.0, 2.0), sledenv.Settings(max_rebounds=4))
     figure = plot.plot_growth(found)
     above, below = figure.axes
     assert above.get_yscale() == below.get_yscale() == "log"
@@ -478,7 +478,11 @@ def test_growth_is_drawn_over_the_rebounds() -> None:
 def test_growth_of_ugly_descents_is_drawn_or_refused() -> None:
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
     still = sledenv.sensitivity(
-        Body(1.0, 0.5, 0.0, 0.1), law, Slope(0.0), State(0.0, 1.0, 0.0), solver="rigid", max_rebounds=2
+        Body(1.0, 0.5, 0.0, 0.1),
+        law,
+        Slope(0.0),
+        State(0.0, 1.0, 0.0),
+        sledenv.Settings(solver="rigid", max_rebounds=2),
     )
     assert np.isnan(still.growth).all()
     plot.plot_growth(still).savefig(io.BytesIO(), dpi=40)

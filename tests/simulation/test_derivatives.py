@@ -23,6 +23,7 @@ from sledenv.simulation.derivatives import (
     sensitivity,
 )
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.oracles import (
@@ -52,9 +53,13 @@ def law_of(restitution: float, friction: float = 0.0, arm: float = 0.0) -> Conta
 def reference(solver: Any, **options: Any) -> Sensitivity:
     body, state = reference_doubles()
     return sensitivity(
-        Body(*body[:4]), ContactLaw(*body[4:8]), Slope(body.slope, math.inf, body.gravity), State(*state),
-        solver=solver, max_rebounds=5, **options,
-    )  # fmt: skip
+        Body(*body[:4]),
+        ContactLaw(*body[4:8]),
+        Slope(body.slope, math.inf, body.gravity),
+        State(*state),
+        Settings(solver, max_rebounds=5),
+        **options,
+    )
 
 
 def assert_near_digits(found: Sensitivity, digits: dict[str, list[Any]], worst: float) -> None:
@@ -127,9 +132,12 @@ def test_a_bouncing_wheel_has_the_derivatives_of_its_closed_form(restitution: fl
     """Oracle: v_n = e^n v_0, v_0 = sqrt(2 g d), t_n = v_0/g (1 + 2 (e + ... + e^(n-1))), flat ground, no friction."""
     drop, u = 0.5, 2.0
     found = sensitivity(
-        WHEEL, law_of(restitution), Slope(0.0), State(0.0, 0.5 + drop, 0.3, u, 0.0, 1.0),
-        solver="rigid", max_rebounds=5,
-    )  # fmt: skip
+        WHEEL,
+        law_of(restitution),
+        Slope(0.0),
+        State(0.0, 0.5 + drop, 0.3, u, 0.0, 1.0),
+        Settings(solver="rigid", max_rebounds=5),
+    )
     n, e, v = np.arange(1, 6), restitution, math.sqrt(2.0 * G * drop)
     powers = np.array([sum(e**k for k in range(1, m)) for m in n])
     slopes = np.array([sum(k * e ** (k - 1) for k in range(1, m)) for m in n])
@@ -194,7 +202,12 @@ def test_the_reward_has_the_derivative_of_the_energy_that_it_is_made_of() -> Non
 def test_gravity_and_stiffness_together_set_the_pace_of_what_is_dropped_at_rest(solver: Any) -> None:
     """Oracle: dimensions. With both c times as large, times are c^-1/2 as long, speeds c^1/2, places the same."""
     found = sensitivity(
-        DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.7), parameters=["gravity", "stiffness"], solver=solver, max_rebounds=3
+        DISC,
+        LAW,
+        Slope(0.1),
+        State(0.0, 0.6, 0.7),
+        Settings(solver=solver, max_rebounds=3),
+        parameters=["gravity", "stiffness"],
     )
     rows = found.descent.rebounds
     for name, power in (("t", -0.5), ("v_after", 0.5), ("omega_after", 0.5), ("x", 0.0), ("phi", 0.0)):
@@ -216,7 +229,13 @@ def test_the_mirror_image_has_the_mirrored_derivatives(
     """Oracle: on the level, x, phi, u, omega change their signs, and so do derivatives of one by the others."""
     y = 0.3 + support_height(body, phi)
     one, other = (
-        sensitivity(body, LAW, Slope(0.0), State(0.0, y, s * phi, s * u, 0.0, s * omega), solver=solver, max_rebounds=4)
+        sensitivity(
+            body,
+            LAW,
+            Slope(0.0),
+            State(0.0, y, s * phi, s * u, 0.0, s * omega),
+            Settings(solver=solver, max_rebounds=4),
+        )
         for s in (1.0, -1.0)
     )
     odd = {"x", "phi", "u", "omega", "x_contact", "u_before", "omega_before", "u_after", "omega_after", "angle"}
@@ -236,7 +255,7 @@ def test_the_mirror_image_has_the_mirrored_derivatives(
 def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
     """Oracle: phi and phi - 2 pi are one launch; steps across the half turn must not jump."""
     one, other = (
-        sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, phi, 1.0, 0.0, 2.0), max_rebounds=3)
+        sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, phi, 1.0, 0.0, 2.0), Settings(max_rebounds=3))
         for phi in (math.pi, -math.pi)
     )
     np.testing.assert_allclose(one.rebounds, other.rebounds, rtol=1e-7, atol=1e-9)
@@ -246,7 +265,7 @@ def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
 def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
     """Oracle: the descent of a launch that differs in everything by little, to first order."""
     launch = State(0.0, 0.6, 0.7, 1.0, -0.2, 2.0)
-    found = sensitivity(SEGMENT, LAW, Slope(0.2), launch, max_rebounds=3)
+    found = sensitivity(SEGMENT, LAW, Slope(0.2), launch, Settings(max_rebounds=3))
     change = 1e-7 * np.array([1.0, -2.0, 0.5, 1.0, 3.0, -1.0])
     moved = simulate(SEGMENT, LAW, Slope(0.2), State(*(np.array(launch) + change)), max_rebounds=3).rebounds
     columns = [found.parameters.index(name) for name in LAUNCH]
@@ -260,7 +279,7 @@ def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
 
 def fingerprints(body: Body, law: ContactLaw, slope: Slope, launches: np.ndarray, rebounds: int) -> list[bytes]:
     """What a batch tells of the events of each descent."""
-    batch = simulate_batch(body, law, slope, launches, max_rebounds=rebounds, keep_rebounds=True)
+    batch = simulate_batch(body, law, slope, launches, Settings(max_rebounds=rebounds), keep_rebounds=True)
     table = np.stack([batch.rebounds[name] for name in ("feature", "mode", "sequence")], axis=-1)
     return [row.tobytes() for row in table]
 
@@ -270,7 +289,7 @@ def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
     """Oracle: 20,001 launches side by side."""
     launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
     slope = Slope(0.2)
-    found = sensitivity(SEGMENT, LAW, slope, launch, parameters=[name], max_rebounds=3)
+    found = sensitivity(SEGMENT, LAW, slope, launch, Settings(max_rebounds=3), parameters=[name])
     below, above = found.distances[-1, 0]
     assert math.isfinite(below) or math.isfinite(above)
     for sign, distance in ((-1.0, below), (1.0, above)):
@@ -293,10 +312,10 @@ def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
 def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_tells() -> None:
     """Oracle: the change that was found; a launch that lies 1e-6 before it."""
     launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
-    far = sensitivity(SEGMENT, LAW, Slope(0.2), launch, parameters=["phi"], max_rebounds=2)
+    far = sensitivity(SEGMENT, LAW, Slope(0.2), launch, Settings(max_rebounds=2), parameters=["phi"])
     distance = far.distances[-1, 0, 1]
     near_launch = launch._replace(phi=launch.phi + distance - 1e-6)
-    near = sensitivity(SEGMENT, LAW, Slope(0.2), near_launch, parameters=["phi"], max_rebounds=2)
+    near = sensitivity(SEGMENT, LAW, Slope(0.2), near_launch, Settings(max_rebounds=2), parameters=["phi"])
     assert near.distances[-1, 0, 1] == pytest.approx(1e-6, abs=1e-7 * distance)
     assert near.sides[-1, 0] == 0
     before, after = (
@@ -306,7 +325,12 @@ def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_
     slopes = (after["omega_after"] - before["omega_after"]) / 1e-6
     assert near.of_rebounds("omega_after", "phi") == pytest.approx(slopes, rel=1e-4)
     beyond = sensitivity(
-        SEGMENT, LAW, Slope(0.2), launch._replace(phi=launch.phi + distance + 1e-6), parameters=["phi"], max_rebounds=2
+        SEGMENT,
+        LAW,
+        Slope(0.2),
+        launch._replace(phi=launch.phi + distance + 1e-6),
+        Settings(max_rebounds=2),
+        parameters=["phi"],
     )
     assert beyond.distances[-1, 0, 0] == pytest.approx(1e-6, abs=1e-7 * distance)
 
@@ -315,12 +339,14 @@ def test_on_a_change_of_sequence_the_derivative_is_one_sided_and_says_so() -> No
     """Oracle: a wheel without spin on rough ground: rolling resistance opposes either spin, so the spin has a kink."""
     law = law_of(0.5, friction=0.3, arm=0.01)
     launch = State(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
-    found = sensitivity(WHEEL, law, Slope(0.0), launch, parameters=["u", "omega"], solver="rigid", max_rebounds=1)
+    found = sensitivity(
+        WHEEL, law, Slope(0.0), launch, Settings(solver="rigid", max_rebounds=1), parameters=["u", "omega"]
+    )
     assert found.distances.max() == 0.0  # it stops nothing where it stands
     assert (found.sides == 0).all()
     assert np.isnan(found.rebounds).all()
     sliding = launch._replace(u=2.0)
-    found = sensitivity(WHEEL, law, Slope(0.0), sliding, parameters=["omega"], solver="rigid", max_rebounds=1)
+    found = sensitivity(WHEEL, law, Slope(0.0), sliding, Settings(solver="rigid", max_rebounds=1), parameters=["omega"])
     (side,) = found.sides[0]
     step = 1e-4 * side
     moved = simulate(WHEEL, law, Slope(0.0), sliding._replace(omega=step), solver="rigid", max_rebounds=1)
@@ -332,7 +358,7 @@ def test_on_a_change_of_sequence_the_derivative_is_one_sided_and_says_so() -> No
 
 def test_how_a_descent_ends_counts_as_an_event() -> None:
     """Oracle: it times out in flight at 0.2 s; falling from higher up it still does, from 5 cm less it has touched."""
-    found = sensitivity(WHEEL, law_of(0.5), Slope(0.0), State(0.0, 0.75, 0.0, 1.0), max_time=0.2)
+    found = sensitivity(WHEEL, law_of(0.5), Slope(0.0), State(0.0, 0.75, 0.0, 1.0), Settings(max_time=0.2))
     drop = 0.25 - 0.5 * G * 0.2**2
     assert found.descent.status == "timeout"
     assert found.distances[-1, found.parameters.index("y"), 0] == pytest.approx(drop, rel=1e-7)
@@ -360,7 +386,7 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
 )
 def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, launch: State) -> None:
     """NaN just where no side holds; errors where there are values; distances not negative."""
-    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, rebounds=4, solver=solver, max_time=3.0)
+    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, Settings(solver=solver, max_time=3.0), rebounds=4)
     count, width = min(4, len(found.descent.rebounds)), len(found.parameters)
     assert found.rebounds.shape == found.rebound_errors.shape == (count, len(REBOUND_QUANTITIES), width)
     assert found.end.shape == found.end_errors.shape == (len(END_QUANTITIES), width)
@@ -378,7 +404,7 @@ def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, 
 def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None:
     """Oracle: tan(0.1) < 0.9: it rests at once; nothing but its place depends on anything."""
     launch = State(0.0, support_height(SEGMENT, math.pi), math.pi)
-    found = sensitivity(SEGMENT, law_of(0.3, 0.9), Slope(0.1, 3.0), launch, solver="rigid")
+    found = sensitivity(SEGMENT, law_of(0.3, 0.9), Slope(0.1, 3.0), launch, Settings(solver="rigid"))
     assert found.descent.status == "jammed"
     assert found.of_end("x", "friction") == 0.0
     assert found.of_end("x", "x") == 1.0
@@ -395,11 +421,10 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"parameters": ["length"]}, ValueError, "the slope is endless"),
         ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),
         ({"rebounds": 2.5}, TypeError, "rebounds = 2.5"),
-        ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),
         ({"launch": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, ValueError, "lies below the surface"),
         ({"law": (1e6, 0.5, -0.1, 0.0, 0.0)}, ValueError, "ContactLaw.friction = -0.1"),
-        ({"max_time": 0.0}, ValueError, "Limits.max_time = 0.0"),
     ],
 )
 def test_bad_input_is_named(bad: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -410,7 +435,7 @@ def test_bad_input_is_named(bad: dict[str, Any], error: type[Exception], message
 
 
 def test_names_that_are_not_there_are_refused() -> None:
-    found = sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), parameters=["x", "mass"], max_rebounds=1)
+    found = sensitivity(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), Settings(max_rebounds=1), parameters=["x", "mass"])
     with pytest.raises(ValueError, match="quantity = 'colour'"):
         found.of_rebounds("colour", "x")
     with pytest.raises(ValueError, match="parameter = 'phi': must be one of 'x', 'mass'"):
@@ -426,7 +451,11 @@ def test_the_growth_of_a_wheel_without_friction_is_that_of_its_matrix() -> None:
     """Oracle: singular values of the closed-form derivatives of a first rebound, in natural units."""
     drop, e, u, omega = 0.5, 0.6, 2.0, 1.0
     found = sensitivity(
-        WHEEL, law_of(e), Slope(0.0), State(0.0, 0.5 + drop, 0.3, u, 0.0, omega), solver="rigid", max_rebounds=1
+        WHEEL,
+        law_of(e),
+        Slope(0.0),
+        State(0.0, 0.5 + drop, 0.3, u, 0.0, omega),
+        Settings(solver="rigid", max_rebounds=1),
     )
     v = math.sqrt(2.0 * G * drop)
     t, by_y, by_v = v / G, 1.0 / v, 1.0 / G  # of the fall, and how it changes

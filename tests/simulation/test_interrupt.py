@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Ride, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import Body, ContactLaw, Ride, Settings, Slope, State, circular_segment, simulate, simulate_batch
 from sledenv.kernel.records import Feature
 from sledenv.simulation import ride as ride_module
+from sledenv.simulation import settings as settings_module
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.outcomes import Descent
 
@@ -51,9 +52,8 @@ def same(one: Descent, other: Descent) -> None:
 
 def set_work(monkeypatch: pytest.MonkeyPatch, work: float) -> None:
     """Set what one call of the kernel does."""
-    monkeypatch.setattr(simulate_module, "WORK", work)
-    monkeypatch.setattr(simulate_module, "_EULER_STEPS", work)
-    monkeypatch.setattr(ride_module, "WORK", work)
+    monkeypatch.setattr(settings_module, "WORK", work)
+    monkeypatch.setattr(settings_module, "EULER_WORK", work)
 
 
 def counted(monkeypatch: pytest.MonkeyPatch, loop: str) -> list[tuple[int, int]]:
@@ -130,10 +130,10 @@ def test_rows_without_room_are_counted_at_once(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: simulate; a ride that is interrupted in a hop stands where that began, and goes on as if nothing were."""
-    options: dict[str, Any] = {"solver": solver, "record": "trajectory", "sample_interval": 2e-4}
-    whole = simulate(*CASES["chord"], **options)
+    settings = Settings(solver, sample_interval=2e-4)
+    whole = simulate(*CASES["chord"], settings, record="trajectory")
     set_work(monkeypatch, 5.0)
-    ride = Ride(*CASES["chord"], **options)
+    ride = Ride(*CASES["chord"], settings, record="trajectory")
     ride.hop()
     before = ride.descent()
     hop, calls = ride_module.run_descent, 0
@@ -158,9 +158,9 @@ def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.M
     """Oracle: the batch in one call, bit for bit, with its logs; a call does not end it."""
     launches = np.tile(LAUNCH, (200, 1))
     launches[:, 5] += np.linspace(-1.0, 1.0, 200)
-    options: dict[str, Any] = {"solver": solver, "max_rebounds": 12, "keep_rebounds": True}
+    settings = Settings(solver, max_rebounds=12)
     set_work(monkeypatch, 1e18)
-    whole = simulate_batch(DISC, LAW, INCLINE, launches, **options)
+    whole = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
     simulated, calls = simulate_module.run_batch, 0
 
     def count(*arguments: Any) -> None:
@@ -172,7 +172,7 @@ def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.M
     for work in (1.0, 30.0, 1000.0):
         set_work(monkeypatch, work)
         calls = 0
-        batch = simulate_batch(DISC, LAW, INCLINE, launches, **options)
+        batch = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
         for rows in ("outcomes", "rebounds"):
             mine, theirs = getattr(batch, rows), getattr(whole, rows)
             for name in mine.dtype.names:

@@ -15,6 +15,7 @@ from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE,
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.jam import descent_jam, rebound_jam
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 
@@ -250,7 +251,7 @@ def test_the_pose_at_launch_is_not_a_source_of_energy() -> None:
         State(0.0, support_height(SEGMENT, p) + 0.01, p, 1.0, 0.0, w)
         for p, w in zip(phi, rng.uniform(-5, 5, 300), strict=True)
     ]
-    batch = simulate_batch(SEGMENT, slick, Slope(0.15, 3.0), states, max_time=20.0)
+    batch = simulate_batch(SEGMENT, slick, Slope(0.15, 3.0), states, Settings(max_time=20.0))
     finished = batch.status == "finish"
     assert finished.sum() > 50
     kept = 0.5 * SEGMENT.mass * batch.outcomes["u"] ** 2

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, simulate, simulate_batch, simulate_blocks
+from sledenv import Body, ContactLaw, Ride, RideBatch, Settings, Slope, State, simulate, simulate_batch, simulate_blocks
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation import memory
 
@@ -33,7 +33,7 @@ def test_what_does_not_fit_is_named() -> None:
     lanes = np.tile(LAUNCH, (1000, 1))
     for run in (simulate, Ride):
         with pytest.raises(MemoryError) as caught:
-            run(*GIVEN, LAUNCH, max_rebounds=10**6)
+            run(*GIVEN, LAUNCH, Settings(max_rebounds=10**6))
         assert str(caught.value) == f"max_rebounds = 1000000: as many records take {log}lower it"
     for batch in (simulate_batch, simulate_blocks, RideBatch):
         with pytest.raises(MemoryError) as caught:
@@ -49,11 +49,11 @@ def test_a_trajectory_that_does_not_fit_is_named() -> None:
     """Oracle: the message, with the number of rows that the flight alone takes: 1.1 times what fits."""
     longest = 0.19  # [s] before the first touch
     interval = longest * TRAJECTORY.itemsize / 1e8 / 1.1
-    given: dict[str, Any] = {"record": "trajectory", "max_time": longest}
-    assert len(simulate(*GIVEN, HIGH, **given, sample_interval=1.2 * interval).trajectory) > 9e7 / TRAJECTORY.itemsize
+    fits, does_not = (Settings(max_time=longest, sample_interval=step) for step in (1.2 * interval, interval))
+    assert len(simulate(*GIVEN, HIGH, fits, record="trajectory").trajectory) > 9e7 / TRAJECTORY.itemsize
     for run in (simulate, lambda *given, **options: Ride(*given, **options).run()):
         with pytest.raises(MemoryError) as caught:
-            run(*GIVEN, HIGH, **given, sample_interval=interval)
+            run(*GIVEN, HIGH, does_not, record="trajectory")
         told = re.fullmatch(
             r"sample_interval = (.*): the (.*) rows of this trajectory take (.*) GB, and there are 0.1 GB; make it .*",
             str(caught.value),
@@ -70,7 +70,7 @@ def test_what_fits_is_simulated() -> None:
     lanes = np.tile(LAUNCH, (1000, 1))
     assert simulate(*GIVEN, LAUNCH, max_rebounds=int(0.99e8 / REBOUND.itemsize)).status == "finish"
     assert simulate(*GIVEN, LAUNCH, max_time=1e300, record="trajectory").status == "finish"
-    assert (simulate_batch(*GIVEN, lanes, max_rebounds=10**6).status == "finish").all()
+    assert (simulate_batch(*GIVEN, lanes, Settings(max_rebounds=10**6)).status == "finish").all()
     assert len(list(simulate_blocks(*GIVEN, lanes, block=500))) == 2
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from sledenv import (
     Ride,
     RideBatch,
     ScenarioError,
+    Settings,
     load_scenario,
     simulate,
     simulate_batch,
@@ -85,13 +85,13 @@ def test_batches_blocks_and_rides_end_on_the_chord_as_single_descents_do(solver:
     singles = descents(solver, end_on_chord)
     expected = np.array([single.outcome for single in singles])
     options: dict[str, Any] = {"solver": solver, "end_on_chord": end_on_chord}
-    batch = simulate_batch(BODY, LAWS, SLOPE, LAUNCHES, **options)
+    batch = simulate_batch(BODY, LAWS, SLOPE, LAUNCHES, Settings(**options))
     assert np.array_equal(batch.outcomes, expected)
-    parts = list(simulate_blocks(BODY, LAWS, SLOPE, LAUNCHES, block=7, **options))
+    parts = list(simulate_blocks(BODY, LAWS, SLOPE, LAUNCHES, Settings(**options), block=7))
     assert np.array_equal(np.concatenate([part.outcomes for part in parts]), expected)
-    ridden = [Ride(BODY, law, SLOPE, launch, **options).run() for law, launch in PROBLEMS]
+    ridden = [Ride(BODY, law, SLOPE, launch, Settings(**options)).run() for law, launch in PROBLEMS]
     assert np.array_equal([ride.outcome for ride in ridden], expected)
-    rides = RideBatch(BODY, LAWS, SLOPE, LAUNCHES, **options)
+    rides = RideBatch(BODY, LAWS, SLOPE, LAUNCHES, Settings(**options))
     while (rides.outcomes()["status"] == RUNNING).any():
         rides.hop(np.zeros(len(PROBLEMS)))
     assert np.array_equal(rides.outcomes(), expected)
@@ -107,27 +107,6 @@ def test_the_words_say_since_when_a_body_lies_on_its_chord() -> None:
     time, x = on_chord[False].on_chord or (0.0, 0.0)
     assert f"first lay on it, settled, after {time:.4f} s at x = {x:.4f} m" in summary(on_chord[False])
     assert "settled" not in summary(on_chord[True])
-
-
-CALLS: dict[str, Callable[..., Any]] = {
-    "simulate": lambda **given: simulate(BODY, LAWS[0], SLOPE, LAUNCHES[0], **given),
-    "simulate_batch": lambda **given: simulate_batch(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
-    "simulate_blocks": lambda **given: simulate_blocks(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
-    "Ride": lambda **given: Ride(BODY, LAWS[0], SLOPE, LAUNCHES[0], **given),
-    "RideBatch": lambda **given: RideBatch(BODY, LAWS[0], SLOPE, LAUNCHES, **given),
-}
-
-
-@pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("wrong", [1, 0.0, None, "yes"])
-def test_whether_to_end_on_the_chord_is_a_bool(name: str, wrong: object) -> None:
-    with pytest.raises(TypeError, match=rf"end_on_chord = {wrong!r}: must be True or False"):
-        CALLS[name](end_on_chord=wrong)
-
-
-def test_euler_cannot_end_on_the_chord() -> None:
-    with pytest.raises(ValueError, match="end_on_chord = True: solver='euler' cannot tell when a body has settled"):
-        CALLS["simulate"](solver="euler", end_on_chord=True)
 
 
 # --- scenarios --------------------------------------------------------------------------------------------------------
@@ -184,10 +163,9 @@ def test_environments_end_an_episode_on_the_chord_where_the_scenario_says_so(sol
             _, info = launch.reset(seed=7)
             context = Context(**info["context"])
             _, reward, terminated, _, after = launch.step(action)
-            state = State(*launch.task.launches(np.array([context]), np.array([action], float))[0].tolist())
-            limits: dict[str, Any] = {"max_time": 60.0, "max_rebounds": 200, "end_on_chord": scenario is ruled}
+            state = launch.task.launch(np.array([context]), np.array([action], float))
             problem = scenario.body(), scenario.law(context), scenario.slope(context), state
-            descent = simulate(*problem, solver=solver, **limits)
+            descent = simulate(*problem, Settings(solver, 60.0, 200, end_on_chord=scenario is ruled))
             assert reward == descent.jam.reward
             assert STATUS_OF_CODE[after["descent"]["status"]] == abreast[i] == descent.status
             if i % 5 == 0:

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Ride, RideBatch, ScenarioError, State, Status, load_scenario, simulate, simulate_batch
+from sledenv import Ride, RideBatch, ScenarioError, Settings, State, Status, load_scenario, simulate, simulate_batch
 from sledenv.kernel.records import RUNNING
-from sledenv.simulation.scene import ContactLaw
 
 SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
 SOLVERS = ("compliant", "rigid")
@@ -43,9 +42,9 @@ def test_a_ride_without_trims_is_the_descent_bit_for_bit_whatever_it_is_interrup
     """Oracle: simulate(); copies and pickles are made at random rebounds, and trimming a copy changes nothing."""
     rng = np.random.default_rng(0)
     for seed in range(40):
-        options = {"solver": solver, "record": record, "sample_interval": 0.001, "max_rebounds": 60}
-        whole = simulate(*problem(name, seed), **options)
-        ride = Ride(*problem(name, seed), rotor_inertia=ROTOR, **options)
+        settings = Settings(solver, sample_interval=0.001, max_rebounds=60)
+        whole = simulate(*problem(name, seed), settings, record=record)
+        ride = Ride(*problem(name, seed), settings, record=record, rotor_inertia=ROTOR)
         while ride.status == Status.RUNNING:
             if rng.random() < 0.5:
                 other = ride.copy()
@@ -63,7 +62,7 @@ def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
     rng = np.random.default_rng(1)
     trimmed = 0
     for seed in range(60):
-        ride = Ride(*problem(name, seed), solver=solver, max_rebounds=200, rotor_inertia=ROTOR)
+        ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=200), rotor_inertia=ROTOR)
         body = ride.body
         ride.hop()
         while ride.status == Status.RUNNING:
@@ -143,7 +142,7 @@ def test_hops_find_an_end_in_flight_and_limits_where_they_are():
     """Oracle: simulate() of the same limits."""
     for seed in range(20):
         for limits in ({"max_time": 0.05}, {"max_time": 0.9}, {"max_rebounds": 1}, {"max_rebounds": 3}):
-            ride = Ride(*problem("brake_mat", seed), **limits)
+            ride = Ride(*problem("brake_mat", seed), Settings(**limits))
             assert_same(ride.run(), simulate(*problem("brake_mat", seed), **limits))
 
 
@@ -161,10 +160,10 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
     problems = [problem(name, seed) for seed in range(200)]
-    options = {"solver": solver, "max_rebounds": 50}
+    settings = Settings(solver, max_rebounds=50)
     trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
     for trimmed in (False, True):
-        rides = batch(problems, keep_rebounds=True, rotor_inertia=ROTOR, **options)
+        rides = batch(problems, settings=settings, keep_rebounds=True, rotor_inertia=ROTOR)
         hops = 0
         while (running := rides.outcomes()["status"] == RUNNING).any():
             ended = np.flatnonzero(~running)
@@ -174,7 +173,7 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
             hops += 1
         found = rides.descents()
         if trimmed:
-            singles = [Ride(*p, rotor_inertia=ROTOR, **options) for p in problems]
+            singles = [Ride(*p, settings, rotor_inertia=ROTOR) for p in problems]
             for i, ride in enumerate(singles):
                 ride.hop()
                 for j in range(1, hops):
@@ -186,7 +185,7 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
             assert found.jam.reward.tolist() == [float(descent.jam.reward) for descent in whole]
             logs = [descent.rebounds for descent in whole]
         else:
-            expected = simulate_batch(problems[0][0], *columns(problems), keep_rebounds=True, **options)
+            expected = simulate_batch(problems[0][0], *columns(problems), settings, keep_rebounds=True)
             assert np.array_equal(found.outcomes, expected.outcomes)
             counts = expected.outcomes["rebounds"].tolist()
             logs = [log[:count] for log, count in zip(expected.rebounds, counts, strict=True)]
@@ -198,7 +197,7 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
 def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
     """Oracle: batches of their own; a pickle made on the way."""
     first, second = ([problem("ice_drop", seed) for seed in seeds] for seeds in (range(20), range(100, 120)))
-    options = {"solver": solver, "keep_rebounds": True}
+    options = {"settings": Settings(solver), "keep_rebounds": True}
     rides, one, other = batch(first, **options), batch(first, **options), batch(second, **options)
     still = np.zeros(20)
     for _ in range(3):
@@ -261,7 +260,7 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
 )
 @settings(max_examples=60, deadline=None)
 def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, solver, trims):
-    ride = Ride(*problem(name, seed), solver=solver, max_rebounds=100, rotor_inertia=ROTOR)
+    ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=100), rotor_inertia=ROTOR)
     for spin in trims:
         if ride.status == Status.RUNNING:
             ride.trim(spin)
@@ -302,9 +301,8 @@ def test_misuse_is_named_and_leaves_the_ride_as_it_is():
         Ride(*problem("ice_drop", 2)).trim(1.0)
     body, law, slope, launch = problem("ice_drop", 2)
     for bad, error, message in (
-        ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"rotor_inertia": 0.0}, ValueError, r"Ride.rotor_inertia = 0.0: must be in \(0, inf\)"),
-        ({"max_rebounds": 0}, ValueError, "max_rebounds = 0"),
         ({"record": "all"}, ValueError, "record = 'all'"),
     ):
         with pytest.raises(error, match=message):
@@ -312,7 +310,7 @@ def test_misuse_is_named_and_leaves_the_ride_as_it_is():
     with pytest.raises(ValueError, match="below the surface"):
         Ride(body, law, slope, launch._replace(y=0.0))
     with pytest.raises(ValueError, match=r"ContactLaw.friction = -1.0"):
-        Ride(body, tuple.__new__(ContactLaw, (*law[:2], -1.0, *law[3:])), slope, launch)
+        Ride(body, (*law[:2], -1.0, *law[3:]), slope, launch)
 
 
 def test_a_rider_in_a_scenario_is_checked_and_counts_in_its_hash():

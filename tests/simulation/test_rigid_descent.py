@@ -9,7 +9,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sledenv import Body, ContactLaw, Feature, Slope, State, circular_segment, rigid_impact, simulate, simulate_batch
+from sledenv import (
+    Body,
+    ContactLaw,
+    Feature,
+    Settings,
+    Slope,
+    State,
+    circular_segment,
+    rigid_impact,
+    simulate,
+    simulate_batch,
+)
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
 
@@ -267,7 +278,9 @@ def random_launches(count, seed):
 
 def check_books(solver, count, seed, max_time):
     for body, laws, slopes, launches in random_launches(count, seed):
-        batch = simulate_batch(body, laws, slopes, launches, solver=solver, max_time=max_time, max_rebounds=2000)
+        batch = simulate_batch(
+            body, laws, slopes, launches, Settings(solver=solver, max_time=max_time, max_rebounds=2000)
+        )
         outcome = batch.outcomes
         assert np.isin(batch.status, ["finish", "jammed", "timeout", "log_full"]).all(), np.unique(batch.status)
         residual = (

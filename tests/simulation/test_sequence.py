@@ -11,6 +11,7 @@ import pytest
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
@@ -28,7 +29,9 @@ def launches(count: int) -> np.ndarray:
 @pytest.mark.parametrize("body", [DISC, SEGMENT], ids=["disc", "segment"])
 def test_first_rigid_rebounds_have_the_same_code_just_when_their_impacts_have_the_same_phases(body: Body) -> None:
     """Oracle: rigid_impact's own list of phases, of a launch that has fallen on one point."""
-    batch = simulate_batch(body, LAW, INCLINE, launches(300), solver="rigid", max_rebounds=1, keep_rebounds=True)
+    batch = simulate_batch(
+        body, LAW, INCLINE, launches(300), Settings(solver="rigid", max_rebounds=1), keep_rebounds=True
+    )
     seen: dict[tuple[Any, ...], set[int]] = {}
     for row in batch.rebounds[:, 0]:
         if row["t"] > row["t_touchdown"]:
@@ -68,7 +71,7 @@ def test_compliant_rebounds_with_the_same_code_went_the_same_way() -> None:
 @pytest.mark.parametrize("body", [DISC, SEGMENT], ids=["disc", "segment"])
 def test_a_lane_of_a_batch_has_the_codes_of_its_descent(body: Body, solver: Any) -> None:
     given = launches(40)
-    batch = simulate_batch(body, LAW, INCLINE, given, solver=solver, max_rebounds=8, keep_rebounds=True)
+    batch = simulate_batch(body, LAW, INCLINE, given, Settings(solver=solver, max_rebounds=8), keep_rebounds=True)
     for launch, log in zip(given, batch.rebounds, strict=True):
         alone = simulate(body, LAW, INCLINE, State(*launch), solver=solver, max_rebounds=8).rebounds
         assert alone["sequence"].tolist() == log["sequence"][: len(alone)].tolist()

@@ -15,12 +15,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv import RideBatch
-from sledenv.envs.task import FIELDS, Task
+from sledenv import RideBatch, Settings
+from sledenv.envs.inputs import FIELDS
+from sledenv.envs.task import Task
 from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenarios.scenario import load_scenario, scenario_names
-from sledenv.simulation import params
+from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.checks import checked_lanes, checked_law
@@ -370,7 +371,7 @@ def test_whole_turns_at_the_launch_cost_no_accuracy(phi: float) -> None:
         assert abs(descent.energy.residual) <= 1e-12 * turnover(descent)
         assert descent.launch.phi == turned
         assert_same(descent, simulate(DISC, ICE, INCLINE, launch._replace(phi=turned), solver=solver))  # type: ignore[arg-type]
-        batch = simulate_batch(DISC, ICE, INCLINE, [launch], solver=solver)  # type: ignore[arg-type]
+        batch = simulate_batch(DISC, ICE, INCLINE, [launch], Settings(solver=solver))  # type: ignore[arg-type]
         assert batch.outcomes[0] == descent.outcome
 
 
@@ -572,9 +573,7 @@ def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
         [scenario.law(c) for c in contexts],
         [scenario.slope(c) for c in contexts],
         states,
-        max_time=scenario.limits.max_time_s,
-        max_rebounds=scenario.limits.max_rebounds,
-        end_on_chord=scenario.ends.on_chord,
+        scenario.settings(),
         keep_rebounds=True,
     )
 
@@ -613,7 +612,7 @@ def mixed_lanes(count: int = 24) -> tuple[list[ContactLaw], list[Slope], np.ndar
 def test_lane_i_is_the_descent_of_state_i_bit_for_bit() -> None:
     """Oracle: simulate, one after the other; laws and slopes differ from lane to lane."""
     laws, slopes, states = mixed_lanes()
-    batch = simulate_batch(SEGMENT, laws, slopes, states, max_time=5.0, max_rebounds=40, keep_rebounds=True)
+    batch = simulate_batch(SEGMENT, laws, slopes, states, Settings(max_time=5.0, max_rebounds=40), keep_rebounds=True)
     assert len(set(batch.status.tolist())) > 2
     for i, state in enumerate(states):
         one = simulate(SEGMENT, laws[i], slopes[i], State(*state), max_time=5.0, max_rebounds=40)
@@ -631,15 +630,15 @@ def test_a_batch_depends_neither_on_threads_nor_on_neighbours() -> None:
     laws, slopes, states = mixed_lanes()
     options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40}
     threads = numba.get_num_threads()
-    whole = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+    whole = simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True)
     try:
         numba.set_num_threads(1)
-        alone = simulate_batch(SEGMENT, laws, slopes, states, keep_rebounds=True, **options)
+        alone = simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True)
     finally:
         numba.set_num_threads(threads)
     assert np.array_equal(whole.outcomes, alone.outcomes)
     assert np.array_equal(whole.rebounds, alone.rebounds)
-    half = simulate_batch(SEGMENT, laws[::2], slopes[::2], states[::2], **options)
+    half = simulate_batch(SEGMENT, laws[::2], slopes[::2], states[::2], Settings(**options))
     assert half.rebounds.shape == (0, 0)
     assert np.array_equal(half.outcomes, whole.outcomes[::2])
 
@@ -654,21 +653,21 @@ def assert_same_batch(one: DescentBatch, other: DescentBatch) -> None:
 def test_blocks_put_together_are_the_batch(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: simulate_batch in one block; laws and slopes differ from lane to lane."""
     laws, slopes, states = mixed_lanes()
-    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40, "keep_rebounds": True}
-    whole = simulate_batch(SEGMENT, laws, slopes, states, **options)
-    parts = list(simulate_blocks(SEGMENT, laws, slopes, states, block=block, **options))
+    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40}
+    whole = simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True)
+    parts = list(simulate_blocks(SEGMENT, laws, slopes, states, Settings(**options), block=block))
     assert [len(part.outcomes) for part in parts] == [min(block, 24 - i) for i in range(0, 24, block)]
     outcomes, rebounds = (np.concatenate([getattr(p, name) for p in parts]) for name in ("outcomes", "rebounds"))
     assert_same_batch(whole, DescentBatch(outcomes, rebounds, DescentJam(*np.hstack([p.jam for p in parts]))))
     monkeypatch.setattr(simulate_module, "_BLOCK", block)
-    assert_same_batch(whole, simulate_batch(SEGMENT, laws, slopes, states, **options))
+    assert_same_batch(whole, simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True))
 
 
 def test_blocks_share_no_memory_and_may_be_left_in_the_middle() -> None:
     """Oracle: the batch of the lanes that were taken; the input may change meanwhile."""
     _, _, states = mixed_lanes()
-    whole = simulate_batch(SEGMENT, LAW, INCLINE, states[:16], max_rebounds=10, keep_rebounds=True)
-    blocks = simulate_blocks(SEGMENT, LAW, INCLINE, states, block=8, max_rebounds=10)
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states[:16], Settings(max_rebounds=10), keep_rebounds=True)
+    blocks = simulate_blocks(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), block=8)
     states[:] = np.nan
     taken = [next(blocks), next(blocks)]
     blocks.close()  # type: ignore[attr-defined]
@@ -683,7 +682,7 @@ def test_an_interrupt_takes_effect_between_blocks(
 ) -> None:
     """Oracle: the number of blocks run; those handed out before are whole, and a batch is not handed out at all."""
     _, _, states = mixed_lanes()
-    whole = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    whole = simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10))
     runs = 0
 
     def interrupted(*arguments: Any) -> None:
@@ -699,12 +698,14 @@ def test_an_interrupt_takes_effect_between_blocks(
     request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     with pytest.raises(KeyboardInterrupt):
-        simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+        simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10))
     assert runs == 3
     runs, taken = 0, []
 
     def take_all() -> None:
-        for part in simulate_blocks(SEGMENT, LAW, INCLINE, states, block=4, max_rebounds=10, keep_rebounds=False):
+        for part in simulate_blocks(
+            SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), block=4, keep_rebounds=False
+        ):
             taken.append(part.outcomes)  # noqa: PERF401  # a comprehension would lose them
 
     with pytest.raises(KeyboardInterrupt):
@@ -728,9 +729,9 @@ def test_progress_shows_a_bar_or_says_what_is_missing(
     """Oracle: what tqdm writes; without it nothing is simulated."""
     _, _, states = mixed_lanes()
     monkeypatch.setattr(simulate_module, "_BLOCK", 10)
-    quiet = simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10)
+    quiet = simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10))
     assert capsys.readouterr().err == ""
-    assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, max_rebounds=10, progress=True))
+    assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), progress=True))
     assert "24.0/24.0" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "tqdm", None)
     monkeypatch.setattr(simulate_module, "run_batch", None)
@@ -919,22 +920,9 @@ def test_a_nearly_stuck_rebound_is_marked() -> None:
 # --- input ------------------------------------------------------------------------------------------------------------
 
 REFUSED = [
-    ({"solver": "magic"}, ValueError, "solver = 'magic': must be one of 'compliant', "),
     ({"record": "all"}, ValueError, "record = 'all': must be one of 'rebounds', 'trajectory'"),
-    ({"friction_sign": "up"}, ValueError, "friction_sign = 'up': must be one of 'dissipative', 'printed'"),
-    ({"friction_sign": "printed"}, ValueError, "friction_sign = 'printed': only solver='euler'"),
-    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
-    ({"max_rebounds": -3}, ValueError, "max_rebounds = -3: must be an integer >= 1"),
-    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
-    ({"max_rebounds": True}, TypeError, "max_rebounds = True: must be an integer >= 1"),
-    ({"max_time": 0.0}, ValueError, "max_time = 0.0: must be in (0, inf)"),
-    ({"max_time": math.nan}, ValueError, "max_time = nan: must be in (0, inf)"),
-    ({"max_time": math.inf}, ValueError, "max_time = inf: must be in (0, inf)"),
-    ({"tolerance": 1.0}, ValueError, "tolerance = 1.0: must be in [1e-18, 1e-3]"),
-    ({"sample_interval": 0.0}, ValueError, "sample_interval = 0.0: must be in [1e-12, inf) s"),
-    ({"sample_interval": 1e-300}, ValueError, "sample_interval = 1e-300: must be in [1e-12, inf) s"),
-    ({"settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
-    ({"settle_speed": "slow"}, TypeError, "settle_speed = 'slow': must be a number in [0, inf) m/s"),
+    ({"max_rebounds": 0}, ValueError, "Settings.max_rebounds = 0: must be an integer >= 1"),
+    ({"settings": "rigid"}, TypeError, "settings = 'rigid': must be Settings, such as Settings(solver='rigid')"),
     ({"launch": LAUNCH[:5]}, TypeError, "must be a State, or as many numbers: x, y, phi, u, v, omega"),
     ({"launch": INCLINE}, TypeError, "launch = Slope(angle="),
     ({"launch": None}, TypeError, "launch = None: must be a State"),
@@ -944,14 +932,13 @@ REFUSED = [
     ({"body": [DISC] * 2}, TypeError, "must be a Body, or as many numbers: mass, radius, eccentricity, inertia"),
     ({"law": (1.0, 2.0)}, TypeError, "law = (1.0, 2.0): must be a ContactLaw"),
     ({"slope": 3}, TypeError, "slope = 3: must be a Slope, or as many numbers: angle, length, gravity"),
-    ({"step": -1.0}, ValueError, "step = -1.0: must be in (0, inf)"),
     ({"launch": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
     ({"launch": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
-    ({"launch": LAUNCH._replace(u=math.nan)}, ValueError, "State.u = nan: must be a finite number"),
-    ({"launch": LAUNCH._replace(omega=math.inf)}, ValueError, "State.omega = inf: must be a finite number"),
-    ({"body": DISC._replace(mass=-1.0)}, ValueError, "Body.mass = -1.0: must be in (0, inf)"),
-    ({"law": LAW._replace(asymmetry=1.0)}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
-    ({"slope": INCLINE._replace(length=math.nan)}, ValueError, "Slope.length = nan: must be in (0, inf]"),
+    ({"launch": (*LAUNCH[:3], math.nan, *LAUNCH[4:])}, ValueError, "State.u = nan: must be a finite number"),
+    ({"launch": tuple.__new__(State, (*LAUNCH[:5], math.inf))}, ValueError, "State.omega = inf: must be a finite"),
+    ({"body": kernel_params.Body(-1.0, *DISC[1:])}, ValueError, "Body.mass = -1.0: must be in (0, inf)"),
+    ({"law": (*LAW[:1], 1.0, *LAW[2:])}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
+    ({"slope": [0.1, math.nan, 9.81]}, ValueError, "Slope.length = nan: must be in (0, inf]"),
 ]
 
 
@@ -985,7 +972,8 @@ def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error:
 
 
 BAD_BATCHES = [
-    ({"settle_speed": math.nan}, ValueError, "settle_speed = nan: must be in [0, inf) m/s"),
+    ({"settings": Settings("euler")}, ValueError, "Settings.solver = 'euler': must be one of 'compliant', 'rigid'"),
+    ({"settings": {"solver": "rigid"}}, TypeError, "settings = {'solver': 'rigid'}: must be Settings, such as"),
     ({"keep_rebounds": "yes"}, TypeError, "keep_rebounds = 'yes': must be True or False"),
     ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
     ({"launches": np.zeros((2, 3, 6))}, ValueError, "launches has shape (2, 3, 6): must be (N, 6)"),
@@ -1004,28 +992,22 @@ BAD_BATCHES = [
     ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 launches; give one or one a launch"),
     ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
     ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
-    ({"law": [LAW, LAW._replace(friction=-1.0)]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
-    ({"law": LAW._replace(friction=-1.0)}, ValueError, "ContactLaw.friction = -1.0: must be in [0, inf)"),
+    ({"law": [LAW, (*LAW[:2], -1.0, *LAW[3:])]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
     ({"law": [LAW, LAW[:3]]}, TypeError, "law holds object: must hold numbers, columns stiffness, asymmetry"),
     ({"law": [LAW[:4]] * 2}, ValueError, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
     ({"slope": [INCLINE, ("steep", 1.0, 9.81)]}, TypeError, "slope holds <U"),
     (
-        {"slope": [INCLINE._replace(angle=-2.0), INCLINE]},
+        {"slope": [(-2.0, *INCLINE[1:]), INCLINE]},
         ValueError,
         "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
     ),
-    ({"solver": "rigid", "settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
-    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
-    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
-    ({"max_time": -1.0}, ValueError, "max_time = -1.0: must be in (0, inf)"),
-    ({"body": DISC._replace(radius=-0.1)}, ValueError, "Body.radius = -0.1: must be in [0, inf)"),
     ({"body": [DISC]}, ValueError, "body: 1 given for 2 launches; give one or one a launch"),
     ({"body": np.array([DISC] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
     ({"body": tuple(DISC)}, TypeError, "must be a Body or a sequence of them"),
     ({"body": [DISC, DISC[:4]]}, TypeError, "body holds object: must hold numbers, columns mass, radius"),
-    ({"body": [DISC, DISC._replace(half_angle=4.0)]}, ValueError, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
+    ({"body": [DISC, (*DISC[:4], 4.0)]}, ValueError, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
     (
-        {"body": [DISC, DISC._replace(eccentricity=1.0)]},
+        {"body": [DISC, (*DISC[:2], 1.0, *DISC[3:])]},
         ValueError,
         "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",
     ),
@@ -1061,11 +1043,11 @@ class OtherLaw(kernel_params.ContactLaw):
 @pytest.mark.usefixtures("nothing_runs")
 def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the kind; the message where it does not fit, for there is a rigid limit of ContactLaw alone."""
-    monkeypatch.setattr(params, "LAWS", (ContactLaw, OtherLaw))
+    monkeypatch.setattr(scene, "LAWS", (ContactLaw, OtherLaw))
     other, lane = OtherLaw(*LAW), np.array([LAUNCH])
-    assert [params.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
+    assert [scene.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
     for law, kind in ((other, OtherLaw), ([other], OtherLaw), (LAW, ContactLaw), (np.array([LAW]), ContactLaw)):
-        assert checked_lanes(DISC, law, INCLINE, lane, "compliant", None).kind is kind
+        assert checked_lanes(DISC, law, INCLINE, lane, Settings()).kind is kind
     assert type(checked_law(other)) is OtherLaw
     with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
         simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
@@ -1073,7 +1055,7 @@ def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -
         with pytest.raises(TypeError, match=f"law is of the kind OtherLaw: solver = '{solver}' needs a ContactLaw"):
             simulate(DISC, other, INCLINE, LAUNCH, solver=solver)
     with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
-        simulate_batch(DISC, other, INCLINE, lane, solver="rigid")
+        simulate_batch(DISC, other, INCLINE, lane, Settings(solver="rigid"))
     rides = RideBatch(DISC, LAW, INCLINE, lane)
     with pytest.raises(TypeError, match="law is of the kind OtherLaw: the rides have a ContactLaw"):
         rides.launch(np.arange(1), other, INCLINE, lane)
@@ -1092,7 +1074,7 @@ def test_a_wrong_block_is_named() -> None:
 def test_a_lane_that_is_not_finite_is_named() -> None:
     """Oracle: the message: lane, field and value."""
     with pytest.raises(ValueError, match=r"launches\[1\]\.u = nan: must be a finite number"):
-        simulate_batch(DISC, LAW, INCLINE, [LAUNCH, LAUNCH._replace(u=math.nan)])
+        simulate_batch(DISC, LAW, INCLINE, [LAUNCH, (*LAUNCH[:3], math.nan, *LAUNCH[4:])])
 
 
 def test_a_launch_on_the_surface_up_to_rounding_is_accepted() -> None:

@@ -18,7 +18,7 @@ import yaml
 from scipy import stats
 
 import sledenv
-from sledenv import simulate, simulate_batch
+from sledenv import Settings, simulate, simulate_batch
 from sledenv.machine.workers import Call
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -191,7 +191,7 @@ def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     study = pushed.study
     values = study.values(run.draws(study))
     lanes = study.lanes(values)
-    batch = simulate_batch(*lanes, max_time=60.0, max_rebounds=200, end_on_chord=True)
+    batch = simulate_batch(*lanes, Settings(max_time=60.0, max_rebounds=200, end_on_chord=True))
     table = pushed.read()
     assert np.array_equal(table[list(study.parameters)], values)
     assert (table["status"].astype(str) == batch.status).all()

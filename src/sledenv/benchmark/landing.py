@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.scenarios.scenario import Context
 from sledenv.simulation.support import support_heights
 

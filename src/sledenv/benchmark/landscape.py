@@ -15,7 +15,7 @@ from sledenv.benchmark.figures import label, look, style
 from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.plot.style import INK
 from sledenv.scenarios.scenario import Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS

@@ -21,13 +21,14 @@ from sledenv.benchmark.landscape import load_choosers, marked, physical, plain_m
 from sledenv.benchmark.oracle import grid_axes
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.benchmark.runs import TRAINED, read_config
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
 from sledenv.pages.html import filled
 from sledenv.pages.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
 from sledenv.plot.shapes import body_outline, heavy_side, reach
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.scene import State
 
 MOST_SEEDS: Final = 24  # contexts of a page
 DESCENTS: Final = 36_000  # that a page holds: the grid is coarser where contexts are many
@@ -191,7 +192,7 @@ def _recorded(
     launches = problem.task.launches(np.repeat(context, len(actions), axis=0), actions)
     frames, rows = [], []
     for i in range(len(launches)):
-        descent = problem.task.descend(context, launches[i : i + 1], "trajectory")
+        descent = problem.task.descend(context, State(*launches[i].tolist()), "trajectory")
         frames.append(keyframes(descent))
         end, jam = descent.outcome, descent.jam
         counts = int(end["status"]), len(descent.rebounds)

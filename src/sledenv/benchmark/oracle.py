@@ -17,7 +17,7 @@ from scipy.stats import qmc
 
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import TREMBLE, TREMBLES, Problem
-from sledenv.envs.task import Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.machine.files import replacing
 from sledenv.scenarios.scenario import Context, Split
 from sledenv.scenarios.sections import CONTROLS

@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.task import FIELDS, FLIGHT, Contexts, Solver, Task, checked_actions
+from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
+from sledenv.envs.task import FLIGHT, Task
 from sledenv.kernel.records import RUNNING
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.settings import BatchSolver
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
@@ -95,7 +97,7 @@ class Problem:
         environment: Environment = "launch",
         control: str | None = None,
         *,
-        solver: Solver = "compliant",
+        solver: BatchSolver = "compliant",
     ) -> None:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))

@@ -19,12 +19,14 @@ from sledenv.benchmark.problem import TREMBLE, TREMBLES, TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.compiler.entries import FINGERPRINT
-from sledenv.envs.task import FIELDS, Contexts, Solver, Task
+from sledenv.envs.inputs import FIELDS, Contexts
+from sledenv.envs.task import Task
 from sledenv.kernel.records import LOSSES
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.settings import BatchSolver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
@@ -85,7 +87,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
 
 def _warm_up(job: Job) -> None:
     """Compile the kernels once, or every worker would."""
-    for solver in get_args(Solver):
+    for solver in get_args(BatchSolver):
         task = Task(job.scenario, solver=solver)
         contexts = task.scenario.contexts(np.zeros((1, FIELDS)))
         task.descend_batch(contexts, task.scenario.launches(contexts))

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from sledenv.simulation.bodies import Body
     from sledenv.simulation.outcomes import Descent, Record
     from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.settings import Settings
 
 PICTURES: Final = ("strobe.png", "series.png")
 _DPI = 150
@@ -203,7 +204,7 @@ def sensitivity(
         picture = out and _place(places, "--out", replacing(out, ".png"))
         asked = _asked(scenario, launch, solver)
         with working("sensitivity"):
-            found = derivatives.sensitivity(*asked.given, rebounds=rebounds, solver=solver, **asked.limits)
+            found = derivatives.sensitivity(*asked.given, asked.settings, rebounds=rebounds)
         if picture:
             from sledenv.plot import plot_growth
 
@@ -640,7 +641,7 @@ class _Asked(NamedTuple):
 
     named: dict[str, Any]
     given: tuple[Body, ContactLaw, Slope, State]
-    limits: dict[str, Any]
+    settings: Settings
 
     @property
     def title(self) -> str:
@@ -664,11 +665,7 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
     return _Asked(
         {"scenario": scenario.id, "seed": chosen.seed, "solver": solver},
         (scenario.body(), scenario.law(context), scenario.slope(context), launch),
-        {
-            "max_time": scenario.limits.max_time_s,
-            "max_rebounds": scenario.limits.max_rebounds,
-            "end_on_chord": scenario.ends.on_chord,
-        },
+        scenario.settings(solver),
     )
 
 
@@ -676,7 +673,7 @@ def _descend(asked: _Asked, record: Record) -> Descent:
     from sledenv.simulation.simulate import simulate
 
     with working("descent"):
-        return simulate(*asked.given, **asked.limits, solver=asked.named["solver"], record=record)
+        return simulate(*asked.given, asked.settings, record=record)
 
 
 def _draw(descent: Descent, folder: Path) -> None:

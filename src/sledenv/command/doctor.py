@@ -19,10 +19,10 @@ import numpy as np
 
 from sledenv.compiler.entries import cache_folder, entries
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import BatchSolver, Solver
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.rigid_impact import rigid_impact, velocities_after
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import BatchSolver, Settings, Solver
 from sledenv.simulation.simulate import simulate, simulate_batch
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
@@ -153,15 +153,15 @@ def _made() -> tuple[int, set[str]]:
 
 
 def _descent(solver: Solver) -> None:
-    simulate(_BODY, _LAW, _SLOPE, _LAUNCH, solver=solver, max_time=0.4, step=1e-5)
+    simulate(_BODY, _LAW, _SLOPE, _LAUNCH, Settings(solver, max_time=0.4, step=1e-5))
 
 
 def _lanes(solver: BatchSolver) -> None:
-    simulate_batch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], solver=solver, max_rebounds=5)
+    simulate_batch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], Settings(solver, max_rebounds=5))
 
 
 def _ride(solver: BatchSolver) -> None:
-    ride = Ride(_BODY, _LAW, _SLOPE, _LAUNCH, solver=solver, max_rebounds=5, rotor_inertia=_ROTOR)
+    ride = Ride(_BODY, _LAW, _SLOPE, _LAUNCH, Settings(solver, max_rebounds=5), rotor_inertia=_ROTOR)
     ride.hop()
     ride.trim(1.0)
     ride.run()
@@ -204,8 +204,9 @@ def _impact() -> str:
 def _agreement() -> str:
     """Compare a batch with single descents."""
     for solver in get_args(BatchSolver):
-        one = simulate(_BODY, _LAW, _SLOPE, _LAUNCH, solver=solver, max_rebounds=5).outcome
-        both = simulate_batch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], solver=solver, max_rebounds=5).outcomes
+        settings = Settings(solver, max_rebounds=5)
+        one = simulate(_BODY, _LAW, _SLOPE, _LAUNCH, settings).outcome
+        both = simulate_batch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], settings).outcomes
         if not (both == one).all():
             return f"a lane differs from simulate with solver = {solver!r}"
     return ""

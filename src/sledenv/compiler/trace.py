@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -156,10 +156,15 @@ class _Interpreted:
             self._record[name] = np.concatenate(value) if isinstance(value, list) else value
 
 
+def _tuple(kind: type[Any], numbers: Iterable[Any]) -> Any:
+    """Return a named tuple of what a program computes with; the kind itself may take plain floats alone."""
+    return tuple.__new__(kind, numbers)
+
+
 def _as_it_stands(given: Any) -> Any:
     """What a program that runs as it stands gets for an argument."""
     if hasattr(given, "_make"):
-        return given._make(map(np.float64, given))
+        return _tuple(type(given), map(np.float64, given))
     return _Interpreted(given) if isinstance(given, np.void) else given
 
 
@@ -170,7 +175,7 @@ def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int)
     if hasattr(kind, "instance_class"):
         numbers = (builder.extract_value(argument, i) for i in range(len(kind)))
         doubles = (builder.sitofp(n, DOUBLE) if isinstance(n.type, ir.IntType) else n for n in numbers)
-        return kind.instance_class._make(Value(builder, number) for number in doubles)
+        return _tuple(kind.instance_class, (Value(builder, number) for number in doubles))
     if isinstance(kind, types.Array):
         return Series(builder, context.make_array(kind)(context, builder, argument).data)
     return Value(builder, argument)
@@ -187,7 +192,7 @@ def _unknown(kind: Any) -> Any:
     """What a program that only tells how many answers it has gets for an argument."""
     number = _Unknown(math.nan)
     if hasattr(kind, "instance_class"):
-        return kind.instance_class._make([number] * len(kind))
+        return _tuple(kind.instance_class, [number] * len(kind))
     return np.full(_ROOM, number) if isinstance(kind, types.Array) else number
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from sledenv.envs.info import INFO_KEYS, episode_info, only_lane
+from sledenv.envs.inputs import Contexts, checked_actions
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import FLIGHT, INFO_KEYS, Contexts, Solver, checked_actions, only_lane
+from sledenv.envs.task import FLIGHT, TaskOptions
 from sledenv.kernel.records import Status
-from sledenv.scenarios.scenario import Scenario, Split
+from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 
@@ -53,14 +55,10 @@ class SledDescent(SledLaunch):
         control: str | None = None,
         render_mode: str | None = None,
         *,
-        solver: Solver = "compliant",
-        split: Split | None = None,
-        launch_noise: tuple[float, float] | None = None,
         info: Sequence[str] = INFO_KEYS,
+        **task: Unpack[TaskOptions],
     ) -> None:
-        super().__init__(
-            scenario, control, render_mode, solver=solver, split=split, launch_noise=launch_noise, info=info
-        )
+        super().__init__(scenario, control, render_mode, info=info, **task)
         self.observation_space = self.task.ride_observation_space
         self.action_space = self.task.ride_action_space
         self.observation_names, self.action_names = self.task.ride_observation_names, self.task.ride_action_names
@@ -92,7 +90,7 @@ class SledDescent(SledLaunch):
             raise ResetNeeded("call reset before step: there is no descent under way")
         chosen = checked_actions(self.action_space, [action], 1)
         if self._ride is None:
-            launch = self.task.launches(self._context, chosen[:, :-1])
+            launch = self.task.launch(self._context, chosen[:, :-1])
             ride = self.task.ride(self._context, launch, record="trajectory" if self.render_mode else "rebounds")
             ride.hop()
             self._launch, self._ride = launch, ride
@@ -107,7 +105,7 @@ class SledDescent(SledLaunch):
         batch = descent.as_batch()
         rewards, terminated, truncated = self.task.verdict(batch)
         observation = np.append(self.task.observe(self._context)[0], self.task.observe_flights(batch.outcomes)[0])
-        info = only_lane(self.task.info(self._context, batch, self.info_keys))
+        info = only_lane(episode_info(self._context, batch, self.info_keys))
         return observation, rewards.item(), terminated.item(), truncated.item(), info
 
     def _recorded(self) -> Descent:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -14,11 +14,14 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from sledenv.envs.info import INFO_KEYS, checked_info, context_info, episode_info, only_lane
+from sledenv.envs.inputs import Contexts, checked_actions, read_options
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import INFO_KEYS, Contexts, Solver, Task, checked_actions, checked_info, only_lane
+from sledenv.envs.task import Task, TaskOptions
 from sledenv.pages.words import setting, story
-from sledenv.scenarios.scenario import Context, Scenario, Split
+from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import State
 
 _NOTHING = -1.0  # [s] before any time of a film
 
@@ -98,7 +101,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     # Attributes that make up a snapshot, and what each may be.
     _episode: dict[str, tuple[type, ...]] = {
         "_context": (np.ndarray,),
-        "_launch": (np.ndarray, type(None)),
+        "_launch": (State, type(None)),
         "_seen": (float,),
     }
 
@@ -108,14 +111,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         control: str | None = None,
         render_mode: str | None = None,
         *,
-        solver: Solver = "compliant",
-        split: Split | None = None,
-        launch_noise: tuple[float, float] | None = None,
         info: Sequence[str] = INFO_KEYS,
+        **task: Unpack[TaskOptions],
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode = {render_mode!r}: must be one of {self.metadata['render_modes']}")
-        self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
+        self.task = Task(scenario, control, **task)
         self.observation_space = self.task.observation_space
         self.action_space = self.task.action_space
         self.observation_names: tuple[str, ...] = self.task.observation_names
@@ -124,7 +125,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self._renderer: DescentRenderer | None = None
         self._context: Contexts | None = None  # one lane
-        self._launch: NDArray[np.float64] | None = None  # of the last step; None while a launch is awaited
+        self._launch: State | None = None  # of the last step; None while a launch is awaited
         self._seen = _NOTHING  # time [s] up to which the film has been shown
 
     def reset(
@@ -137,19 +138,19 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         seed : int, optional
             Of the random stream, which goes on without.
         options : dict, optional
-            ``context`` and ``split``: what is fixed of the context, see :meth:`Task.given`. The random stream stays
-            where it is if nothing is left to be drawn.
+            ``context`` and ``split``: what is fixed of the context, see :func:`sledenv.envs.inputs.read_options`. The
+            random stream stays where it is if nothing is left to be drawn.
 
         Raises
         ------
         TypeError, ValueError
             For an unknown option, or naming the field of a context that cannot be simulated; the episode goes on.
         """
-        given = self.task.given(options)
+        given = read_options(options, self.task.split)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         context = self.task.begin(given, lambda drawn: self.np_random.random((len(drawn), self.task.draws)))
         self.enter(context)
-        info = {"context": self.task.context_info(context)} if "context" in self.info_keys else {}
+        info = {"context": context_info(context)} if "context" in self.info_keys else {}
         return self.task.observe(context)[0], only_lane(info)
 
     def enter(self, context: Contexts) -> None:
@@ -172,12 +173,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._context is None or self._launch is not None:
             raise ResetNeeded("call reset before step: an episode has one step")
-        launch = self.task.launches(self._context, checked_actions(self.action_space, [action], 1))
+        launch = self.task.launch(self._context, checked_actions(self.action_space, [action], 1))
         descent = self.task.descend(self._context, launch)
         self._launch = launch
         if self.render_mode == "human":
             self._drawing().play(self._unseen())
-        info = self.task.info(self._context, descent.as_batch(), self.info_keys)
+        info = episode_info(self._context, descent.as_batch(), self.info_keys)
         return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

@@ -1,4 +1,4 @@
-"""What every environment shares: contexts, their observation, launch of an action, reward and info.
+"""What every environment shares: contexts, their observation, launch of an action, reward.
 
 Contexts, observations, actions and launches are arrays with one row a lane; the scalar environments have one lane.
 """
@@ -7,57 +7,38 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, Literal, NamedTuple, get_args
+from collections.abc import Callable, Sequence
+from typing import Final, TypedDict, get_args
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from sledenv.kernel.records import (
-    FINISH,
-    LEDGER_FIELDS,
-    LOG_FULL,
-    REBOUND,
-    RUNNING,
-    STATUS_OF_CODE,
-    STEP_BUDGET,
-    TIMEOUT,
-)
+from sledenv.envs.inputs import FIELDS, Contexts, Given
+from sledenv.kernel.records import LOG_FULL, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.ride import Ride, RideBatch
-from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_rows
+from sledenv.simulation.rules import NOT_NEGATIVE, checked
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import BatchSolver
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import directions, support_heights
 
-Solver = Literal["compliant", "rigid"]
-# (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
-Contexts = NDArray[np.float64]
-
-FIELDS: Final = len(Context._fields)
 FLIGHT: Final = ("progress", "sine", "cosine", "u", "v", "omega", "trim", "time", "rebounds")
-INFO_KEYS: Final = ("context", "rebounds", "jam", "is_success", "descent")
 
 _DISTURBED = [Context._fields.index(name) for name in NOISY]
 _TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
-_SLACK = 1e-6  # by which an action may lie outside the box: a few units in the last place of its float32
 
 
-class Given(NamedTuple):
-    """What a user fixes of episodes that begin."""
+class TaskOptions(TypedDict, total=False):
+    """Keywords of :class:`Task` that environments hand on."""
 
-    fixed: NDArray[np.float64]  # (n, 8), columns as in Context; NaN where a field is to be drawn
-    split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
-
-    def of(self, rows: NDArray[np.intp]) -> Given:
-        """Return what is given of some of the episodes."""
-        split = tuple(self.split[i] for i in rows.tolist()) if isinstance(self.split, tuple) else self.split
-        return Given(self.fixed[rows], split)
+    solver: BatchSolver
+    split: Split | None
+    launch_noise: tuple[float, float] | None
 
 
 class Task:
@@ -86,6 +67,8 @@ class Task:
         The first word for it, so that tasks with the same choice have the same.
     bounds : dict of ndarray, shape (2,)
         Lowest and highest value of all that an agent may choose here, in the units of a context.
+    settings : Settings
+        How descents are simulated, those of the scenario with the solver of the task.
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
     observation_space, action_space : Box
@@ -108,7 +91,7 @@ class Task:
         scenario: str | os.PathLike[str] | Scenario,
         control: str | None = None,
         *,
-        solver: Solver = "compliant",
+        solver: BatchSolver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
     ) -> None:
@@ -121,7 +104,7 @@ class Task:
         bounds = {name: np.array(pair) for name, pair in self.scenario.control_bounds.items()}
         bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
         words = control_words(bounds)
-        for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(Solver))):
+        for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(BatchSolver))):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
         if split is not None:
@@ -137,18 +120,15 @@ class Task:
         self.split = split
         self.draws = FIELDS + 2 * bool(self.noise.any())
         self.body = self.scenario.body()
-        self._followed: dict[str, Any] = {  # how descents are, by all that simulate them
-            "solver": solver,
-            "max_time": self.scenario.limits.max_time_s,
-            "max_rebounds": self.scenario.limits.max_rebounds,
-            "end_on_chord": self.scenario.ends.on_chord,
-        }
+        self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
         self._chosen = [Context._fields.index(name) for name in self.controlled]
         self._width = self._context_high - self._context_low
         self._width[self._chosen] = 0.0  # as if it did not vary
         self.varies: NDArray[np.bool_] = self._width > 0.0
-        self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
+        self._divisor = np.where(self.varies, self._width, 1.0)
+        self._chosen_bounds = [bounds[name].tolist() for name in self.controlled]
+        self._action_low, self._action_high = np.array(self._chosen_bounds).T.copy()
         self._speed, self._spin = self._scales(bounds)
         self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
@@ -156,41 +136,6 @@ class Task:
         self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
         self.observation_names, self.ride_observation_names = Context._fields, (*Context._fields, *FLIGHT)
         self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
-
-    def given(self, options: Mapping[str, Any] | None, lanes: int = 1, also: tuple[str, ...] = ()) -> Given:
-        """Read the options of a reset.
-
-        Parameters
-        ----------
-        options : mapping, optional
-            ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-            an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8); or a list of one a
-            lane, each a mapping, a whole context or None.
-            ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
-        lanes : int
-        also : tuple of str
-            Options that the caller has taken out, for the message.
-
-        Raises
-        ------
-        TypeError, ValueError
-            For an unknown option or field, or a wrong shape, or naming the field, its value and the allowed range.
-        """
-        if not isinstance(options, Mapping | None):
-            raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
-        given = dict(options or {})
-        context, split = given.pop("context", None), given.pop("split", self.split)
-        if given:
-            known = ", ".join(map(repr, ("context", "split", *also)))
-            raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
-        splits = tuple(split) if isinstance(split, list | tuple) else (split,)
-        if len(splits) not in (1, lanes):
-            raise ValueError(f"split has {len(splits)} entries: must be one, or one a lane, {lanes}")
-        for one in splits:
-            if one is not None:
-                check_split(one)
-        fixed = _fixed(context, lanes)
-        return Given(fixed, splits if len(set(splits)) > 1 else splits[0])
 
     def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Contexts:
         """Return the contexts of new episodes.
@@ -237,8 +182,8 @@ class Task:
 
         What does not vary and what the agent controls reads 0.
         """
-        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / np.where(self.varies, self._width, 1.0) - 1.0
-        return np.where(self.varies, np.clip(centred, -1.0, 1.0), 0.0).astype(np.float32)
+        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / self._divisor - 1.0
+        return np.where(self.varies, np.minimum(np.maximum(centred, -1.0), 1.0), 0.0).astype(np.float32)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations of shape (n, 8) or (n, 17), up to the rounding of float32.
@@ -334,28 +279,29 @@ class Task:
             chosen[:, _DISTURBED] += contexts[:, FIELDS:]
         return self.scenario.launches(chosen)
 
-    def descend(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Descent:
-        """Simulate the one descent of contexts and launches with one row."""
-        return simulate(
-            *self._scene(contexts, launches),
-            **self._followed,
-            record=record,
-        )
+    def launch(self, contexts: Contexts, actions: NDArray[np.float64]) -> State:
+        """Return the state at launch of the one row of contexts and actions, that of :meth:`launches` bit for bit."""
+        row, (action,) = contexts[0].tolist(), actions.tolist()
+        for i, number, (low, high) in zip(self._chosen, action, self._chosen_bounds, strict=True):
+            row[i] = low + 0.5 * (number + 1.0) * (high - low)
+        for i, noise in zip(_DISTURBED, row[FIELDS:], strict=False):  # without noise there is none
+            row[i] += noise
+        return self.scenario.launch(Context(*row[:FIELDS]))
 
-    def ride(self, contexts: Contexts, launches: NDArray[np.float64], record: Record = "rebounds") -> Ride:
+    def descend(self, contexts: Contexts, launch: State, record: Record = "rebounds") -> Descent:
+        """Simulate the one descent of a launch in contexts with one row."""
+        return simulate(*self._scene(contexts), launch, self.settings, record=record)
+
+    def ride(self, contexts: Contexts, launch: State, record: Record = "rebounds") -> Ride:
         """Return the descent that :meth:`descend` simulates at its launch, to be followed hop by hop."""
         rider = self.scenario.rider
-        return Ride(
-            *self._scene(contexts, launches),
-            **self._followed,
-            record=record,
-            rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
-        )
+        inertia = None if rider is None else rider.rotor_inertia_kg_m2
+        return Ride(*self._scene(contexts), launch, self.settings, record=record, rotor_inertia=inertia)
 
-    def _scene(self, contexts: Contexts, launches: NDArray[np.float64]) -> tuple[Body, ContactLaw, Slope, State]:
-        """Return what the first row of contexts and launches is a descent of."""
-        (law,), (slope,) = self.scenario.laws(contexts[:1]).tolist(), self.scenario.slopes(contexts[:1]).tolist()
-        return self.body, ContactLaw._make(law), Slope._make(slope), State._make(launches[0].tolist())
+    def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
+        """Return what the first row of contexts is a descent of."""
+        context = self.context(contexts)
+        return self.body, self.scenario.law(context), self.scenario.slope(context)
 
     def descend_batch(
         self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False
@@ -366,7 +312,7 @@ class Task:
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
             launches,
-            **self._followed,
+            self.settings,
             keep_rebounds=keep_rebounds,
         )
 
@@ -378,7 +324,7 @@ class Task:
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
             launches,
-            **self._followed,
+            self.settings,
             keep_rebounds=keep_rebounds,
             rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
         )
@@ -398,165 +344,3 @@ class Task:
         ended = status != RUNNING
         truncated = _TRUNCATED[status]
         return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
-
-    def info(self, contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
-        """Everything about descents that an agent may not see but its user wants to.
-
-        Parameters
-        ----------
-        contexts : ndarray, shape (n, 8)
-        batch : DescentBatch
-            Of n descents; with their logs, if "rebounds" is among the keys.
-        keys : iterable of str
-            Which of ``INFO_KEYS`` to give.
-
-        Returns
-        -------
-        dict
-            Arrays of shape (n,), in dicts. The status is a code, an index of ``sledenv.STATUS_OF_CODE``. Columns of
-            rebounds are arrays of lists, because logs differ in length.
-        """
-        outcomes, jam = batch.outcomes, batch.jam
-        info: dict[str, Any] = {}
-        for key in keys:
-            match key:
-                case "context":
-                    info[key] = self.context_info(contexts)
-                case "rebounds":
-                    info[key] = _lists(batch)
-                case "jam":
-                    info[key] = jam._asdict() | {"jam_index": jam.jam_index}
-                    del info[key]["reward"]  # which the step returns
-                case "is_success":
-                    info[key] = outcomes["status"] == FINISH
-                case "descent":
-                    energy = {name: outcomes[name].copy() for name in LEDGER_FIELDS}
-                    info[key] = {
-                        "status": outcomes["status"].astype(np.int64),
-                        "time": outcomes["t"].copy(),
-                        "energy": energy,
-                    }
-        return info
-
-    @staticmethod
-    def context_info(contexts: Contexts) -> dict[str, Any]:
-        """Return the fields of contexts, arrays of shape (n,)."""
-        return dict(zip(Context._fields, contexts[:, :FIELDS].T.copy(), strict=True))
-
-
-def checked_actions(
-    space: spaces.Box, actions: Any, lanes: int, acting: slice | NDArray[np.intp] = slice(None)
-) -> NDArray[np.float64]:
-    """Return actions as numbers, shape (lanes, k).
-
-    Parameters
-    ----------
-    space : Box
-        Of one lane, shape (k,).
-    actions : array_like, shape (lanes, k)
-    lanes : int
-    acting : ndarray of int, optional
-        Lanes whose actions count; all by default.
-
-    Returns
-    -------
-    ndarray
-        What lies outside the box by rounding, at most 1e-6, is on its bound.
-
-    Raises
-    ------
-    gymnasium.error.InvalidAction
-        If they have another shape, or naming the first that is not a number or lies outside the box.
-    """
-    shape = (lanes, *space.shape)
-    try:
-        given = np.asarray(actions)
-    except (TypeError, ValueError) as error:  # rows of different lengths
-        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}") from error
-    if given.dtype.kind not in "iuf":
-        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}")
-    given = given.astype(np.float64)
-    if given.shape[:1] != shape[:1]:
-        raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
-    if given.shape != shape:
-        raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
-    within = (given >= space.low - _SLACK) & (given <= space.high + _SLACK)  # NaN is not
-    inside = np.ones(lanes, np.bool_)
-    inside[acting] = within[acting].all(axis=1)
-    if not inside.all():
-        lane = int(np.argmin(inside))
-        name = "action" if lanes == 1 else f"actions[{lane}]"
-        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
-    clipped: NDArray[np.float64] = np.clip(given, space.low, space.high)
-    return clipped
-
-
-def checked_info(info: Sequence[str]) -> tuple[str, ...]:
-    """Return which entries of info are to be given, or raise ValueError."""
-    listed = not isinstance(info, str) and isinstance(info, Iterable)
-    if not listed or not set(info) <= set(INFO_KEYS):
-        raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
-    return tuple(info)
-
-
-def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
-    """Fields of contexts that a user fixes, shape (lanes, 8), NaN where one is to be drawn: see :meth:`Task.given`."""
-    if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
-        if len(context) != lanes:
-            raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
-        return np.concatenate([_fixed(one, 1) for one in context])
-    fixed = np.full((lanes, FIELDS), np.nan)
-    if isinstance(context, Mapping):
-        for name, value in context.items():
-            if name not in Context._fields:
-                raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
-            i = Context._fields.index(name)
-            column = _array(f"context.{name}", value)
-            if column.shape not in ((), (lanes,)):
-                raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
-            for number in column.reshape(-1).tolist():
-                checked("context", name, number, Context.rules[i])
-            fixed[:, i] = column
-    elif context is not None:
-        shape = (lanes, FIELDS)
-        rows = _array("context", context)
-        if rows.shape not in (shape, shape[1:]):
-            raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
-        owner = "context" if rows.ndim == 1 else "context[{lane}]"
-        checked_rows(owner, Context, np.atleast_2d(rows))
-        fixed[:] = rows
-    return fixed
-
-
-def _array(name: str, value: Any) -> NDArray[np.float64]:
-    """Return numbers as an array of floats, or raise TypeError."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
-    if array.dtype.kind not in "biuf":
-        raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
-    return np.asarray(array, np.float64)
-
-
-def only_lane(columns: dict[str, Any]) -> dict[str, Any]:
-    """Return plain values in place of arrays of one lane, in a dict of dicts and arrays."""
-    return {key: only_lane(value) if isinstance(value, dict) else value.item() for key, value in columns.items()}
-
-
-def _lists(batch: DescentBatch) -> dict[str, np.ndarray]:
-    """Fields of the rebounds of many descents: arrays of lists, because logs differ in length."""
-    counts = batch.outcomes["rebounds"]
-    rows = batch.rebounds[np.arange(batch.rebounds.shape[1]) < counts[:, np.newaxis]]
-    ends = np.cumsum(counts).tolist()
-    return {name: _split(rows[name].tolist(), ends) for name in REBOUND.names or ()}
-
-
-def _split(values: list[float], ends: list[int]) -> np.ndarray:
-    """Return an array of lists, each of which ends where ``ends`` says."""
-    lists = np.empty(len(ends), dtype=object)
-    start = 0
-    for i, end in enumerate(ends):
-        lists[i] = values[start:end]
-        start = end
-    return lists

@@ -6,22 +6,24 @@ import copy
 import os
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from sledenv.envs.descent import SledDescent
+from sledenv.envs.info import INFO_KEYS, checked_info, context_info, episode_info
+from sledenv.envs.inputs import FIELDS, Contexts, Given, checked_actions, read_options
 from sledenv.envs.launch import SledLaunch, Snapshot, check_snapshot
-from sledenv.envs.task import FIELDS, INFO_KEYS, Contexts, Given, Solver, Task, checked_actions, checked_info
-from sledenv.scenarios.scenario import Scenario, Split
+from sledenv.envs.streams import Floats, Lanes, Streams
+from sledenv.envs.task import Task, TaskOptions
+from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.memory import check_room
 from sledenv.simulation.ride import RideBatch
 from sledenv.simulation.rules import checked_count
@@ -29,56 +31,7 @@ from sledenv.simulation.rules import checked_count
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
 _LANE = 1024  # bytes that a lane takes at least
-_BLOCK = 16  # contexts that a lane draws ahead: one call of its generator costs as much as several of them
-
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Lanes = NDArray[np.intp]  # numbers of lanes
-
-
-class Streams:
-    """One random stream a lane, each that of a scalar environment with the same seed.
-
-    A generator gives the same doubles whether it is asked for them once or in portions, so lanes draw ahead in blocks.
-
-    Parameters
-    ----------
-    lanes : int
-        Number of streams.
-    draws : int
-        Doubles that an episode takes.
-    """
-
-    def __init__(self, lanes: int, draws: int) -> None:
-        self.generators: list[np.random.Generator | None] = [None] * lanes
-        self.seeds: list[int | None] = [None] * lanes
-        self._block = np.empty((lanes, _BLOCK, draws))
-        self._next = np.full(lanes, _BLOCK)
-
-    def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
-        """Start streams anew where there is a seed, and from fresh entropy where there was none before.
-
-        Raises
-        ------
-        gymnasium.error.Error
-            For a seed that is not an integer >= 0; no stream has changed then.
-        """
-        pairs = zip(lanes.tolist(), seeds, strict=True)
-        fresh = [(i, seeding.np_random(s)) for i, s in pairs if s is not None or self.generators[i] is None]
-        for i, (generator, seed) in fresh:
-            self.generators[i], self.seeds[i] = generator, seed
-            self._next[i] = _BLOCK
-
-    def take(self, lanes: Lanes) -> Floats:
-        """Return the doubles of the next episode of each lane, shape (len(lanes), draws)."""
-        for i in lanes[self._next[lanes] == _BLOCK].tolist():
-            generator = self.generators[i]
-            assert generator is not None  # seeded before
-            generator.random(out=self._block[i])
-            self._next[i] = 0
-        taken: Floats = self._block[lanes, self._next[lanes]]
-        self._next[lanes] += 1
-        return taken
 
 
 class Advance(NamedTuple):
@@ -144,10 +97,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         info: Sequence[str] = CHEAP_INFO,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
-        *,
-        solver: Solver = "compliant",
-        split: Split | None = None,
-        launch_noise: tuple[float, float] | None = None,
+        **task: Unpack[TaskOptions],
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")
@@ -160,7 +110,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         except ValueError:
             modes = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
-        self.task = Task(scenario, control, solver=solver, split=split, launch_noise=launch_noise)
+        self.task = Task(scenario, control, **task)
         self.num_envs = int(num_envs)
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_names, self.action_names = self._names()
@@ -173,9 +123,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self._drawn: list[SledLaunch] = []  # each repeats a lane
         if render_mode is not None:
             for _ in range(self.num_envs):
-                lane = self._single(
-                    self.task.scenario, control, render_mode, solver=solver, launch_noise=launch_noise, info=()
-                )
+                lane = self._single(self.task.scenario, control, render_mode, info=(), **task)
                 self._drawn.append(lane)
         self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
@@ -205,7 +153,8 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         seed : int or sequence of int or None, optional
             Lane i is seeded with ``seed + i``, or with an entry of its own; a lane without goes on with its stream.
         options : dict, optional
-            ``context``, ``split``: what is fixed of the contexts of all lanes, see :meth:`Task.given`.
+            ``context``, ``split``: what is fixed of the contexts of all lanes, see
+            :func:`sledenv.envs.inputs.read_options`.
             ``reset_mask``: bool array of shape (num_envs,), the lanes to reset; all by default.
 
         Returns
@@ -229,7 +178,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self._contexts is None and len(lanes) < self.num_envs:
             raise ResetNeeded("the first reset must be one of all lanes")
         seeds = self._checked_seeds(seed, lanes)
-        fixed = self.task.given(given, self.num_envs, ("reset_mask",))
+        fixed = read_options(given, self.task.split, self.num_envs, ("reset_mask",))
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
         self._restart(lanes, info, fixed.of(lanes))
@@ -376,7 +325,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     def _restart(self, lanes: Lanes, info: dict[str, Any], given: Given | None = None) -> None:
         """Begin an episode in lanes, in contexts of which something may be given, and add its info."""
         if given is None:
-            given = self.task.given(None, len(lanes))
+            given = read_options(None, self.task.split, len(lanes))
         contexts = self.task.begin(given, lambda drawn: self._streams.take(lanes[drawn]))
         if self._contexts is None:
             self._contexts = np.empty((self.num_envs, contexts.shape[1]))
@@ -389,7 +338,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             for row, i in enumerate(lanes.tolist()):
                 self._drawn[i].enter(contexts[row : row + 1])
         if "context" in self.info_keys:
-            self._add_infos(info, {"context": self.task.context_info(contexts)}, lanes)
+            self._add_infos(info, {"context": context_info(contexts)}, lanes)
 
     def _add_infos(self, infos: dict[str, Any], columns: dict[str, Any], lanes: Lanes) -> None:
         """Add the info of many lanes: what ``VectorEnv._add_info`` does for one.
@@ -431,7 +380,7 @@ class SledLaunchVector(SledVectorEnv):
         contexts = self._contexts[lanes]
         launches = self.task.launches(contexts, actions)
         batch = self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
-        info = self.task.info(contexts, batch, self.info_keys)
+        info = episode_info(contexts, batch, self.info_keys)
         return Advance(batch.jam.reward, np.ones(len(lanes), np.bool_), np.zeros(len(lanes), np.bool_), info)
 
 
@@ -458,7 +407,7 @@ class SledDescentVector(SledVectorEnv):
         rides.hop(trims)  # the other lanes have ended
         batch = rides.descents(lanes if len(lanes) < self.num_envs else None)
         self._seen[lanes, FIELDS:] = self.task.observe_flights(batch.outcomes)
-        return Advance(*self.task.verdict(batch), self.task.info(self._contexts[lanes], batch, self.info_keys))
+        return Advance(*self.task.verdict(batch), episode_info(self._contexts[lanes], batch, self.info_keys))
 
     def _launch(self, lanes: Lanes, actions: Floats) -> RideBatch:
         """Return the rides of all lanes, those of some begun anew."""

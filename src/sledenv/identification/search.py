@@ -26,10 +26,10 @@ from sledenv.identification.flights import (
 )
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import BatchSolver
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.settings import BatchSolver
 from sledenv.simulation.simulate import simulate
 
 STIFFNESS = "log10_stiffness"

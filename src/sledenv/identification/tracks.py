@@ -19,10 +19,10 @@ from sledenv.pages.replay import Ghost
 from sledenv.pages.words import TRAJECTORY_COLUMNS
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import BatchSolver
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import BatchSolver
 
 TIME = TRAJECTORY_COLUMNS["t"]
 POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))

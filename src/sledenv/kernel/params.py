@@ -1,6 +1,6 @@
 """What kernels are given: body, contact law, slope, launch state and limits, as tuples of floats.
 
-Python makes them with the classes of the same names in :mod:`sledenv.simulation.params`, which check every field.
+Python makes them with the classes of the same names in :mod:`sledenv.simulation`, which check every field.
 """
 
 from __future__ import annotations

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, circular_segment
-from sledenv.simulation.checks import Solver
-from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.simulate import FrictionSign, simulate, simulate_batch
+from sledenv.simulation.settings import FrictionSign, Settings, Solver
+from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,8 @@ def worked_example() -> Example:
 def disc_impact(u0: float) -> Descent:
     """Compute one impact of the wheel that arrives with ``u0`` [m/s] along the plane, with its trajectory."""
     touch = State(0.0, DISC.radius, 0.0, u0, PRINTED_SPEED, 0.0)
-    return simulate(DISC, EXAMPLE_LAW, NO_GRAVITY, touch, max_rebounds=1, record="trajectory", sample_interval=2e-5)
+    settings = Settings(max_rebounds=1, sample_interval=2e-5)
+    return simulate(DISC, EXAMPLE_LAW, NO_GRAVITY, touch, settings, record="trajectory")
 
 
 def jam_map(friction: float) -> DescentBatch:
@@ -111,18 +112,10 @@ def fall(
     record: bool = True,
 ) -> Descent:
     """Compute the worked example with one solver."""
-    return simulate(
-        EXAMPLE_BODY,
-        EXAMPLE_LAW._replace(asymmetry=asymmetry),
-        NO_GRAVITY,
-        EXAMPLE_LAUNCH,
-        solver=solver,
-        friction_sign=sign,
-        max_time=end,
-        step=step,
-        sample_interval=5e-5,
-        record="trajectory" if record else "rebounds",
-    )
+    settings = Settings(solver=solver, friction_sign=sign, max_time=end, step=step, sample_interval=5e-5)
+    law = EXAMPLE_LAW._replace(asymmetry=asymmetry)
+    what: Record = "trajectory" if record else "rebounds"
+    return simulate(EXAMPLE_BODY, law, NO_GRAVITY, EXAMPLE_LAUNCH, settings, record=what)
 
 
 def force_series(descent: Descent, sign: FrictionSign = "dissipative") -> np.ndarray:

@@ -26,7 +26,8 @@ from sledenv.reproduce import cases
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import State
-from sledenv.simulation.simulate import FrictionSign, simulate
+from sledenv.simulation.settings import FrictionSign
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 
 _DPI = 150

@@ -14,7 +14,7 @@ from sledenv.reproduce import cases
 from sledenv.reproduce.cases import Floats
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rigid_impact import rigid_impact
-from sledenv.simulation.simulate import FrictionSign
+from sledenv.simulation.settings import FrictionSign
 
 _SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")
 

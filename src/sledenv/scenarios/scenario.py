@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, get_args
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from sledenv.kernel import params
 from sledenv.scenarios.configuration import Document, Pair
 from sledenv.scenarios.sections import (
     AnyBody,
@@ -27,7 +29,8 @@ from sledenv.scenarios.sections import (
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
-from sledenv.simulation.support import support_heights, within_a_turn
+from sledenv.simulation.settings import Settings, Solver
+from sledenv.simulation.support import support_height, support_heights, within_a_turn
 
 Split = Literal["train", "validation", "test"]
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
@@ -163,15 +166,17 @@ class Scenario(Document):
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
-        return ContactLaw(*self.laws(np.array([made("context", Context, context)]))[0].tolist())
+        context = made("context", Context, context)
+        return ContactLaw._make(map(float, self._law(context.friction, context.restitution)))
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the contact laws of contexts of shape (N, 8): columns are the fields of ContactLaw, shape (N, 5)."""
-        _, friction, restitution, *_ = contexts.T
+        return _rows(len(contexts), self._law(contexts[:, 1], contexts[:, 2]))
+
+    def _law(self, friction: Any, restitution: Any) -> params.ContactLaw:
+        """Contact law, of numbers or of columns."""
         law = self.contact
-        return _rows(
-            ContactLaw,
-            len(contexts),
+        return params.ContactLaw(
             stiffness=law.stiffness_n_m,
             asymmetry=asymmetry_of(restitution),
             friction=friction,
@@ -181,13 +186,25 @@ class Scenario(Document):
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context."""
-        return Slope(*self.slopes(np.array([made("context", Context, context)]))[0].tolist())
+        return Slope(*self._slope(made("context", Context, context).angle))
 
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the slopes of contexts of shape (N, 8): columns are the fields of Slope."""
+        return _rows(len(contexts), self._slope(contexts[:, 0]))
+
+    def _slope(self, angle: Any) -> params.Slope:
+        """Slope, of a number or of a column."""
         section = self.slope_section
-        slope = Slope(0.0, section.length_m, section.gravity_m_s2)
-        return _rows(Slope, len(contexts), **slope._asdict() | {"angle": contexts[:, 0]})
+        return params.Slope(angle, section.length_m, section.gravity_m_s2)
+
+    def settings(self, solver: Solver = "compliant") -> Settings:
+        """Return how its descents are simulated."""
+        return Settings(
+            solver=solver,
+            max_time=self.limits.max_time_s,
+            max_rebounds=self.limits.max_rebounds,
+            end_on_chord=self.ends.on_chord,
+        )
 
     def launch(
         self,
@@ -223,8 +240,8 @@ class Scenario(Document):
         phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
         omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
         u = context.speed if speed is None else checked("State", "u", speed, FINITE)
-        launches = self.launches(np.array([context._replace(orientation=phi, spin=omega, speed=u)]))
-        return State(*launches[0].tolist())
+        y = context.drop + support_height(self.body(), float(within_a_turn(np.array(phi))))
+        return State(0.0, y, phi, u, 0.0 - context.fall, omega)
 
     def launches(
         self, contexts: NDArray[np.float64], bodies: Body | NDArray[np.float64] | None = None
@@ -234,8 +251,8 @@ class Scenario(Document):
         ``bodies`` takes the place of the scenario's body: one, or the fields of one a context, shape (N, 5).
         """
         *_, speed, drop, fall, orientation, spin = contexts.T
-        height = drop + support_heights(self.body() if bodies is None else bodies, within_a_turn(orientation))
-        return _rows(State, len(contexts), x=0.0, y=height, phi=orientation, u=speed, v=0.0 - fall, omega=spin)
+        y = drop + support_heights(self.body() if bodies is None else bodies, within_a_turn(orientation))
+        return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
 
 def check_split(split: str) -> None:
@@ -279,11 +296,11 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
     return (cell + (i + 0.5 * within) / 3.0) / _CELLS
 
 
-def _rows(kind: type[Any], rows: int, **fields: Any) -> NDArray[np.float64]:
-    """Return tuples of a kind as the rows of a table; each field is a number or an array of shape (rows,)."""
+def _rows(rows: int, fields: Sequence[Any]) -> NDArray[np.float64]:
+    """Return tuples as the rows of a table; each field is a number or an array of shape (rows,)."""
     table = np.empty((rows, len(fields)))
-    for name, field in fields.items():
-        table[:, kind._fields.index(name)] = field
+    for i, field in enumerate(fields):
+        table[:, i] = field
     return table
 
 

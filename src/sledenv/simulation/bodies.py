@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from sledenv.kernel import params
-from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_fields, checked_rows
+from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Checked, Rule, checked, checked_fields, checked_rows
 
 _HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
@@ -25,7 +25,7 @@ def holds_its_mass_centre(radius: float, eccentricity: float, half_angle: float)
     return least_eccentricity(radius, half_angle) - _ON_CHORD * radius <= eccentricity <= radius
 
 
-class Body(params.Body):
+class Body(Checked, params.Body):
     """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1.
 
     Parameters

@@ -2,49 +2,60 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sledenv.kernel import params
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
 from sledenv.simulation.bodies import Body, check_bodies
-from sledenv.simulation.rules import NOT_NEGATIVE, Rule, checked, checked_choice, checked_rows, made
+from sledenv.simulation.rules import checked_rows, made
 from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, kind_of, restitution_of
-from sledenv.simulation.support import support_heights, within_a_turn
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.support import support_height, support_heights, within_a_turn
 
-Solver = Literal["compliant", "rigid", "euler"]
-BatchSolver = Literal["compliant", "rigid"]
 Bodies = Body | Sequence[Body] | np.ndarray
 Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
-_SETTLE_SPEED: Rule = (NOT_NEGATIVE[0], "in [0, inf) m/s")
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
 
 
-def launched(body: Body, slope: Slope, state: State) -> State:
-    """Return one launch as :func:`_admit` does many."""
-    launches = np.array([state])
-    _admit("State", np.array([body]), np.array([slope]), launches)
-    return State._make(launches[0].tolist())
+class CheckedDescent(NamedTuple):
+    """What one descent is of."""
+
+    body: Body
+    law: AnyLaw  # as it was given
+    slope: Slope
+    launch: State
+    touching: Law  # as the kernel follows it
+
+
+def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settings: Settings) -> CheckedDescent:
+    """Check what one descent is given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or its field, the value and the allowed range.
+    """
+    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+    launch = _admitted(body, slope, made("launch", State, launch))
+    _check_solver(type(law), settings.solver)
+    touching: Law = law
+    if settings.solver == "rigid":
+        touching = RigidLaw._make(map(float, _stiff_limit(body, law, slope, settings.settle_speed)))
+    return CheckedDescent(body, law, slope, launch, touching)
 
 
 def checked_law(law: AnyLaw) -> AnyLaw:
     """Return a contact law whose fields have been checked, or raise TypeError or ValueError."""
     return made("law", kind_of(law), law)
-
-
-def touching_law(body: Body, law: AnyLaw, slope: Slope, solver: Solver, settle_speed: float | None) -> Law:
-    """Return the law that the kernel follows."""
-    _check_solver(kind_of(law), solver)
-    _checked_settle_speed(settle_speed)
-    if solver != "rigid":
-        return law
-    return RigidLaw(*_rigid(np.array([body]), np.array([law]), np.array([slope]), settle_speed)[0].tolist())
 
 
 class CheckedLanes(NamedTuple):
@@ -66,8 +77,7 @@ def checked_lanes(
     law: Laws,
     slope: Slopes,
     given: ArrayLike,
-    solver: str,
-    settle_speed: float | None,
+    settings: Settings,
 ) -> CheckedLanes:
     """Check what N lanes are given.
 
@@ -77,16 +87,15 @@ def checked_lanes(
         Naming the argument or the lane, the value and the allowed range.
     """
     launches = checked_table("launches", given, State._fields)
-    checked_choice("solver", solver, get_args(BatchSolver))
     kind = _kind_of_all(law)
-    _check_solver(kind, solver)
-    _checked_settle_speed(settle_speed)
+    _check_solver(kind, settings.solver)
     bodies = _rows("body", Body, body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
-    rigid = solver == "rigid"
+    rigid = settings.solver == "rigid"
     if rigid:
-        laws = _rigid(bodies, laws, slopes, settle_speed)
+        columns = params.Body._make(bodies.T), params.ContactLaw._make(laws.T), params.Slope._make(slopes.T)
+        laws = np.stack(np.broadcast_arrays(*_stiff_limit(*columns, settings.settle_speed)), axis=-1)
     checked_rows("launches[{lane}]", State, launches)
     _admit("launches[{lane}]", bodies, slopes, launches)
     return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches)
@@ -140,34 +149,40 @@ def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: objec
     return rows
 
 
-def _rigid(bodies: np.ndarray, laws: np.ndarray, slopes: np.ndarray, settle_speed: float | None) -> np.ndarray:
-    """Stiff limits of contact laws, rows of a table or one for all lanes: fields of RigidLaw."""
-    law = ContactLaw._make(laws.T)  # of columns
-    settle: Any
-    if settle_speed is None:
-        settle = _SETTLE * np.sqrt(slopes[:, 2] * _sizes(bodies))
-    else:
-        settle = np.array([settle_speed], dtype=float)
-    limit = RigidLaw(
+def _stiff_limit(body: Any, law: Any, slope: Any, settle_speed: float | None) -> RigidLaw:
+    """Stiff limit of a contact law, or of the columns of a table of them."""
+    settle: Any = settle_speed
+    if settle is None:
+        settle = _SETTLE * np.sqrt(slope.gravity * _size(body))
+    return RigidLaw(
         restitution=restitution_of(law.asymmetry),
         friction=law.friction,
         rolling_arm=law.rolling_arm,
         corner_rolling_arm=law.corner_rolling_arm,
         settle_speed=settle,
     )
-    return np.stack(np.broadcast_arrays(*limit), axis=-1)
 
 
-def _checked_settle_speed(settle_speed: float | None) -> None:
-    """Raise TypeError or ValueError for a speed that no solver takes, whether or not the one at hand does."""
-    if settle_speed is not None:
-        checked("simulate", "settle_speed", settle_speed, _SETTLE_SPEED)
+def _size(body: Any) -> Any:
+    """Greatest distance [m] from the mass centre of a body, or of the columns of a table of them."""
+    return body.radius + body.eccentricity
 
 
-def _sizes(bodies: np.ndarray) -> Any:
-    """Greatest distances [m] from the mass centres of bodies, one a row."""
-    _, radius, eccentricity, *_ = bodies.T
-    return radius + eccentricity
+def _admitted(body: Body, slope: Slope, launch: State) -> State:
+    """Return one launch as :func:`_admit` does many."""
+    if not math.isfinite(sum(launch)):  # as that of an outcome may be
+        launch = State(*launch)
+    x, y, phi, *rates = launch
+    if abs(phi) > math.pi:
+        phi = float(within_a_turn(np.array(phi)))
+    lowest = support_height(body, phi)
+    if y - lowest < -_SURFACE * _size(body):
+        raise _below("State", y, phi, lowest)
+    if x >= slope.length:
+        raise _beyond("State", x, slope.length)
+    if y >= lowest and phi == launch.phi:
+        return launch
+    return State(x, y if y >= lowest else lowest, phi, *rates)
 
 
 def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndarray) -> None:
@@ -184,16 +199,23 @@ def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndar
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
     lowest = support_heights(bodies, phi)
-    below = y - lowest < -_SURFACE * _sizes(bodies)
+    below = y - lowest < -_SURFACE * _size(params.Body._make(bodies.T))
     if below.any():
         i = int(np.argmax(below))
-        raise ValueError(
-            f"{owner.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at phi = "
-            f"{float(phi[i])!r} rad the mass centre must be at y >= {float(lowest[i])!r} m"
-        )
+        raise _below(owner.format(lane=i), float(y[i]), float(phi[i]), float(lowest[i]))
     beyond = x >= slopes[:, 1]
     if beyond.any():
         i = int(np.argmax(beyond))
-        length = float(slopes[i if len(slopes) > 1 else 0, 1])
-        raise ValueError(f"{owner.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
-    np.maximum(y, lowest, out=y)
+        raise _beyond(owner.format(lane=i), float(x[i]), float(slopes[i if len(slopes) > 1 else 0, 1]))
+    y[:] = np.where(y >= lowest, y, lowest)
+
+
+def _below(owner: str, y: float, phi: float, lowest: float) -> ValueError:
+    return ValueError(
+        f"{owner}.y = {y!r}: the launch lies below the surface; at phi = {phi!r} rad the mass centre must be at "
+        f"y >= {lowest!r} m"
+    )
+
+
+def _beyond(owner: str, x: float, length: float) -> ValueError:
+    return ValueError(f"{owner}.x = {x!r}: must be < Slope.length = {length!r} m")

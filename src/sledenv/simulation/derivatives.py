@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, get_args
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, holds_its_mass_centre
-from sledenv.simulation.checks import BatchSolver, checked_law
+from sledenv.simulation.checks import checked_law
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import RESTITUTION, checked_choice, checked_count, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
-from sledenv.simulation.settings import TOLERANCE
+from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate, simulate_blocks
 from sledenv.simulation.support import has_corners, support_heights, within_a_turn
 
@@ -162,15 +162,10 @@ def sensitivity(
     law: ContactLaw,
     slope: Slope,
     launch: State,
+    settings: Settings | None = None,
     *,
     parameters: Sequence[str] | None = None,
     rebounds: int = 10,
-    solver: BatchSolver = "compliant",
-    max_time: float = 60.0,
-    max_rebounds: int = 1000,
-    tolerance: float = TOLERANCE,
-    settle_speed: float | None = None,
-    end_on_chord: bool = False,
 ) -> Sensitivity:
     """Differentiate a descent with respect to its launch, law, slope and body.
 
@@ -181,8 +176,10 @@ def sensitivity(
 
     Parameters
     ----------
-    body, law, slope, launch, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
-        As for :func:`sledenv.simulate`, but for the Euler solver.
+    body, law, slope, launch
+        As for :func:`sledenv.simulate`.
+    settings : Settings, optional
+        How it is simulated, with another solver than "euler"; the default ones otherwise.
     parameters : sequence of str, optional
         Which, of ``sledenv.simulation.derivatives.PARAMETERS``; by default all that play a part. All others stay as
         they are while one is varied: ``y`` and ``phi`` with the radius, the mean stiffness with the restitution.
@@ -199,21 +196,14 @@ def sensitivity(
         Naming the argument, its value and the allowed range; nothing is simulated then.
     """
     rebounds = checked_count("rebounds", rebounds)
-    checked_choice("solver", solver, get_args(BatchSolver))
+    settings = checked_settings(settings)
     body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
-    names = _checked_parameters(parameters, body, slope, solver)
-    options: dict[str, Any] = {
-        "solver": solver,
-        "max_time": max_time,
-        "tolerance": tolerance,
-        "settle_speed": settle_speed,
-        "end_on_chord": end_on_chord,
-    }
-    descent = simulate(body, law, slope, launch, max_rebounds=max_rebounds, **options)
+    names = _checked_parameters(parameters, body, slope, settings.solver)
+    descent = simulate(body, law, slope, launch, settings)
     # A neighbour with more rebounds has another sequence; how it goes on does not matter.
-    options["max_rebounds"] = min(max_rebounds, len(descent.rebounds) + 1)
+    settings = replace(settings, max_rebounds=min(settings.max_rebounds, len(descent.rebounds) + 1))
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):  # where a descent is not finite
-        return _differentiated(_Family(descent, names, options), min(rebounds, len(descent.rebounds)))
+        return _differentiated(_Family(descent, names, settings), min(rebounds, len(descent.rebounds)))
 
 
 def _differentiated(family: _Family, kept: int) -> Sensitivity:
@@ -282,9 +272,9 @@ class _Runs(NamedTuple):
 class _Family:
     """The descents around one, each of which differs from it in one parameter."""
 
-    def __init__(self, descent: Descent, names: tuple[str, ...], options: dict[str, Any]) -> None:
+    def __init__(self, descent: Descent, names: tuple[str, ...], settings: Settings) -> None:
         law = descent.law
-        self.descent, self.names, self.options = descent, names, options
+        self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
         self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *descent.body])
@@ -350,8 +340,8 @@ class _Family:
     def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> _Runs:
         """Simulate descents that differ by a change of one parameter each."""
         tables = self.tables(which, changes)
-        block = max(_BLOCK_RECORDS // self.options["max_rebounds"], 1)
-        blocks = simulate_blocks(*tables, block=block, **self.options)
+        block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
+        blocks = simulate_blocks(*tables, self.settings, block=block)
         parts = [(self._agreed(batch), _values(batch.rebounds[:, :kept]), _end_of_all(batch)) for batch in blocks]
         runs = _Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         turned = tables[3][:, 2] - within_a_turn(tables[3][:, 2])  # whole turns that simulations take off

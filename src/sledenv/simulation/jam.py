@@ -67,12 +67,12 @@ def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length
     launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until the time is
     over gains nothing by it.
     """
-    finished = outcomes["status"] == FINISH
-    lost = outcomes["status"] == NON_FINITE
-    x = np.where(lost, 0.0, outcomes["x"])
+    status = outcomes["status"]
+    finished = status == FINISH
+    x = np.where(status == NON_FINITE, 0.0, outcomes["x"])
     u = np.where(finished, np.maximum(outcomes["u"], 0.0), 0.0)
     supplied = np.where(finished, outcomes["supplied"], 1.0)
-    kept = 0.5 * mass * np.square(u)
-    retention = np.clip(np.divide(kept, supplied, out=np.zeros_like(kept), where=supplied > 0.0), 0.0, 1.0)
-    progress = np.clip(x / length, 0.0, 1.0)
+    # Nothing supplied, nothing kept: the quotient is 0, not that of two zeros. (np.clip takes five times as long.)
+    retention = np.minimum(0.5 * mass * np.square(u) / np.where(supplied > 0.0, supplied, np.inf), 1.0)
+    progress = np.minimum(np.maximum(x / length, 0.0), 1.0)
     return DescentJam(progress, retention, 0.5 * progress + 0.5 * np.sqrt(retention))

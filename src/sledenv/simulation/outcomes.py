@@ -5,16 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from operator import itemgetter
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
-from sledenv.kernel.records import STATUS_OF_CODE, Energy, Status
+from sledenv.kernel.records import OUTCOME, STATUS_OF_CODE, Energy, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.simulation.scene import AnyLaw, Slope, State
 
 Record = Literal["rebounds", "trajectory"]
+RECORDS: Final = get_args(Record)
+
+_NAMES = list(OUTCOME.names or ())
+
+
+_STATUS, _TIME, _REBOUNDS, _SAMPLES = map(_NAMES.index, ("status", "t", "rebounds", "samples"))
+_STATE, _ENERGY = (itemgetter(*map(_NAMES.index, names)) for names in (State._fields, Energy._fields))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,27 +134,28 @@ def descent_of(
     trajectory: np.ndarray,
 ) -> Descent:
     """Descent out of what the kernel has written; shares no log with it."""
-    found = fields_of(outcome)
+    values: Any = outcome.item()  # one by one fields take far longer to read
     return Descent(
         body=body,
         law=law,
         slope=slope,
         launch=launch,
-        status=STATUS_OF_CODE[found["status"]],
-        time=found["t"],
-        state=state_of(found),
-        rebounds=rebounds[: found["rebounds"]].copy(),
-        trajectory=trajectory[: found["samples"]],
-        energy=Energy._make(found[name] for name in Energy._fields),
+        status=STATUS_OF_CODE[values[_STATUS]],
+        time=values[_TIME],
+        state=_state_in(values),
+        rebounds=rebounds.take(np.arange(values[_REBOUNDS])),  # a copy of whole records; a slice is copied by fields
+        trajectory=trajectory[: values[_SAMPLES]],
+        energy=Energy._make(_ENERGY(values)),
         outcome=outcome,
     )
 
 
-def fields_of(outcome: np.void) -> dict[str, Any]:
-    """Return the fields of an OUTCOME as Python numbers; one by one they take far longer to read."""
-    return dict(zip(outcome.dtype.names or (), outcome.item(), strict=True))
+def state_of(outcome: np.void) -> State:
+    """Return the state in an OUTCOME; one that is not finite is a status, not an error."""
+    values: Any = outcome.item()
+    return _state_in(values)
 
 
-def state_of(fields: dict[str, Any]) -> State:
-    """Return the state in the fields of an OUTCOME; one that is not finite is a status, not an error."""
-    return State._make(fields[name] for name in State._fields)
+def _state_in(values: tuple[Any, ...]) -> State:
+    state: State = tuple.__new__(State, _STATE(values))  # of a descent that overflowed it is not finite
+    return state

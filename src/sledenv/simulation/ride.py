@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from typing import Self, get_args
+import math
+from typing import Self
 
 import numba
 import numpy as np
@@ -15,23 +16,14 @@ from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, TAKING_OFF, new
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import (
-    BatchSolver,
-    CheckedLanes,
-    Laws,
-    Slopes,
-    checked_lanes,
-    checked_law,
-    launched,
-    touching_law,
-)
+from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
-from sledenv.simulation.outcomes import Descent, DescentBatch, Record, descent_of, fields_of, state_of
-from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_count, checked_flag, made
+from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
+from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import AnyLaw, Slope, State
-from sledenv.simulation.settings import TOLERANCE, Limits
-from sledenv.simulation.simulate import FIRST_TRAJECTORY, WORK, put_at_launch, run_batch, run_descent
+from sledenv.simulation.settings import Settings, checked_settings
+from sledenv.simulation.simulate import FIRST_TRAJECTORY, NO_ROWS, put_at_launch, run_batch, run_descent
 
 
 @entry
@@ -56,10 +48,10 @@ class Ride:
 
     Parameters
     ----------
-    body, law, slope, launch, solver, max_time, max_rebounds
-        As for :func:`sledenv.simulate`, but for the Euler solver.
-    record, sample_interval, tolerance, settle_speed, end_on_chord
+    body, law, slope, launch, record
         As for :func:`sledenv.simulate`.
+    settings : Settings, optional
+        How it is simulated, with another solver than "euler"; the default ones otherwise.
     rotor_inertia : float, optional
         Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
 
@@ -75,36 +67,20 @@ class Ride:
         law: AnyLaw,
         slope: Slope,
         launch: State,
+        settings: Settings | None = None,
         *,
-        solver: BatchSolver = "compliant",
-        max_time: float = 60.0,
-        max_rebounds: int = 1000,
         record: Record = "rebounds",
-        sample_interval: float = 0.01,
-        tolerance: float = TOLERANCE,
-        settle_speed: float | None = None,
-        end_on_chord: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
-        checked_choice("solver", solver, get_args(BatchSolver))
-        checked_choice("record", record, get_args(Record))
-        self.body, self.law, self.slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
-        self.launch = launched(self.body, self.slope, made("launch", State, launch))
+        self.settings = checked_settings(settings)
+        checked_choice("record", record, RECORDS)
+        given = checked_descent(body, law, slope, launch, self.settings)
+        self.body, self.law, self.slope, self.launch, self._touching = given
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._touching = touching_law(self.body, self.law, self.slope, solver, settle_speed)
-        max_rebounds = checked_count("max_rebounds", max_rebounds)
-        self._limits = Limits(
-            max_time=max_time,
-            tolerance=tolerance,
-            sample_interval=sample_interval,
-            max_rebounds=max_rebounds,
-            end_on_chord=checked_flag("end_on_chord", end_on_chord),
-            most_work=WORK,
-        )
-        self._rebounds = new_log(max_rebounds)
-        self._trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+        self._rebounds = new_log(self.settings.max_rebounds)
+        self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         self._flight = np.zeros(1, OUTCOME)
         _embark(self.body, self.slope, self.launch, self._flight)
 
@@ -121,7 +97,7 @@ class Ride:
     @property
     def state(self) -> State:
         """Where the body is: at the launch, at a rebound or at the end."""
-        return state_of(fields_of(self._flight[0]))
+        return state_of(self._flight[0])
 
     @property
     def lent(self) -> float:
@@ -156,7 +132,7 @@ class Ride:
         flight = self._followed()
         if len(self._trajectory) < (rows := int(flight[0]["samples"])):
             written = int(self._flight[0]["samples"])
-            longer = new_trajectory(2 * rows, self._limits.sample_interval)
+            longer = new_trajectory(2 * rows, self.settings.sample_interval)
             longer[:written] = self._trajectory[:written]
             self._trajectory = longer
             flight = self._followed()
@@ -187,7 +163,7 @@ class Ride:
 
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
-        body, slope, launch, limits = self.body, self.slope, self.launch, self._limits
+        body, slope, launch, limits = self.body, self.slope, self.launch, self.settings.limits
         log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
         while space["stage"][0] != TAKING_OFF:  # an interrupt takes effect between two calls
             run_descent(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
@@ -207,7 +183,7 @@ class RideBatch:
     ----------
     body : Body
         Shared by all lanes.
-    law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+    law, slope, launches, settings
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
         Keep the logs, N * max_rebounds records of 176 bytes.
@@ -226,28 +202,18 @@ class RideBatch:
         law: Laws,
         slope: Slopes,
         launches: ArrayLike,
+        settings: Settings | None = None,
         *,
-        solver: BatchSolver = "compliant",
-        max_time: float = 60.0,
-        max_rebounds: int = 1000,
         keep_rebounds: bool = False,
-        tolerance: float = TOLERANCE,
-        settle_speed: float | None = None,
-        end_on_chord: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
+        self.settings = checked_settings(settings)
         self.body = made("body", Body, body)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._solver: BatchSolver = solver
-        self._settle_speed = settle_speed
-        max_rebounds = checked_count("max_rebounds", max_rebounds)
-        end_on_chord = checked_flag("end_on_chord", end_on_chord)
-        self._limits = Limits(
-            max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord
-        )
-        given = checked_lanes(self.body, law, slope, launches, solver, settle_speed)
+        self._limits = self.settings.limits._replace(most_work=math.inf)  # a call is one hop of each lane
+        given = checked_lanes(self.body, law, slope, launches, self.settings)
         lanes = len(given.launches)
         self._like, self._bodies = given.like(), given.bodies
         self._laws = np.empty((lanes, given.laws.shape[1]))
@@ -255,7 +221,7 @@ class RideBatch:
         self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
-        self._rebounds = new_logs(lanes, max_rebounds) if keep_rebounds else np.zeros((0, 0), REBOUND)
+        self._rebounds = new_logs(lanes, self.settings.max_rebounds) if keep_rebounds else np.zeros((0, 0), REBOUND)
         self._begin(np.arange(lanes), given)
 
     def launch(
@@ -279,7 +245,7 @@ class RideBatch:
         TypeError, ValueError
             Naming the argument or the lane, counted in ``launches``; no lane has changed then.
         """
-        given = checked_lanes(self.body, law, slope, launches, self._solver, self._settle_speed)
+        given = checked_lanes(self.body, law, slope, launches, self.settings)
         self._begin(self._checked_numbers(lanes, len(given.launches)), given)
 
     def hop(self, trims: np.ndarray) -> None:

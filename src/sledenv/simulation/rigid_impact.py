@@ -183,7 +183,7 @@ def rigid_impact(
     if hypothesis not in get_args(Hypothesis):
         allowed = ", ".join(map(repr, get_args(Hypothesis)))
         raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
-    body, law, state = made("body", Body, body), made("law", ContactLaw, law), made("state", State, state)
+    body, law, state = made("body", Body, body), made("law", ContactLaw, law), State(*made("state", State, state))
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))

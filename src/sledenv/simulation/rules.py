@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -45,6 +45,18 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     return number
 
 
+class Checked:
+    """Base of named tuples of floats whose fields are checked in whatever way one is made: ``_replace`` uses this."""
+
+    __slots__ = ()
+
+    if not TYPE_CHECKING:  # whose named tuples allow no other
+
+        @classmethod
+        def _make(cls, iterable):
+            return cls(*iterable)
+
+
 def made(name: str, kind: type[_T], value: Any) -> _T:
     """Return an argument as the kind of tuple that it must be, every field checked.
 
@@ -55,18 +67,25 @@ def made(name: str, kind: type[_T], value: Any) -> _T:
     TypeError, ValueError
         Naming the argument or the field, its value and what is allowed.
     """
+    if type(value) is kind:
+        return value
     fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
-    own = isinstance(value, kind.__bases__)
+    own = isinstance(value, kind.__bases__[-1])  # of the kernel
     plain = type(value) in (tuple, list) or isinstance(value, np.ndarray)
     if own or (plain and np.shape(value) == np.shape(fields)):
         return kind(*value)
     raise TypeError(f"{name} = {value!r}: must be a {kind.__name__}, or as many numbers: {', '.join(fields)}")
 
 
-def checked_fields(kind: type[Any], *values: Any) -> list[float]:
+def checked_fields(kind: type[Any], *values: Any) -> tuple[float, ...]:
     """Return the fields of a named tuple of floats with ``rules``, each checked."""
+    for value, (accepts, _) in zip(values, kind.rules, strict=True):
+        if type(value) is not float or not accepts(value):
+            break
+    else:
+        return values
     columns = zip(kind._fields, values, kind.rules, strict=True)
-    return [checked(kind.__name__, field, value, rule) for field, value, rule in columns]
+    return tuple(checked(kind.__name__, field, value, rule) for field, value, rule in columns)
 
 
 def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:

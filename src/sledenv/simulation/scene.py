@@ -14,6 +14,7 @@ from sledenv.simulation.rules import (
     POSITIVE,
     RESTITUTION,
     STEEPNESS,
+    Checked,
     Rule,
     checked,
     checked_fields,
@@ -34,7 +35,7 @@ def asymmetry_of(restitution: Any) -> Any:
     return np.minimum((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
 
 
-class ContactLaw(params.ContactLaw):
+class ContactLaw(Checked, params.ContactLaw):
     """How the body touches the slope: docs/physics.md, section 5.
 
     Parameters
@@ -96,10 +97,13 @@ LAWS: tuple[type[AnyLaw], ...] = get_args(AnyLaw) or (AnyLaw,)
 
 def kind_of(law: Any) -> type[AnyLaw]:
     """Return the kind of a contact law; that of a tuple without a name is ContactLaw."""
-    return next((kind for kind in LAWS if isinstance(law, kind)), ContactLaw)
+    for kind in LAWS:
+        if isinstance(law, kind):
+            return kind
+    return ContactLaw
 
 
-class Slope(params.Slope):
+class Slope(Checked, params.Slope):
     """A straight incline: docs/physics.md, section 1.
 
     Parameters
@@ -124,7 +128,7 @@ class Slope(params.Slope):
         return super().__new__(cls, *checked_fields(cls, angle, length, gravity))
 
 
-class State(params.State):
+class State(Checked, params.State):
     """Position, orientation and velocity of the body: docs/physics.md, section 1.
 
     ``x``, ``y`` [m] locate the mass centre in the slope frame, ``phi`` [rad] is counter-clockwise (a

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numba
 import numpy as np
@@ -14,37 +14,25 @@ from sledenv.compiler.entries import entry, parallel_entry
 from sledenv.kernel.batch import descend_batch
 from sledenv.kernel.descend import SPACE, descend
 from sledenv.kernel.laws import Law
+from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import CONTACT, new
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import (
-    BatchSolver,
-    Bodies,
-    Laws,
-    Slopes,
-    Solver,
-    checked_lanes,
-    checked_law,
-    launched,
-    touching_law,
-)
+from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.euler import descend_euler
 from sledenv.simulation.jam import DescentJam, descent_jam
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
-from sledenv.simulation.outcomes import Descent, DescentBatch, Record, descent_of
-from sledenv.simulation.rules import checked_choice, checked_count, checked_flag, made
+from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
+from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import AnyLaw, Slope, State
-from sledenv.simulation.settings import TOLERANCE, Limits
+from sledenv.simulation.settings import FrictionSign, Settings, Solver, changed, checked_settings
 
 if TYPE_CHECKING:
     from tqdm import tqdm
-FrictionSign = Literal["dissipative", "printed"]
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
+NO_ROWS = np.zeros(0, TRAJECTORY)
 _BLOCK = 8192  # lanes of a batch that are simulated together
-# Of one call of the kernel, a fraction of a second: an interrupt takes effect between two of them.
-WORK = 1e5  # steps in contact, hops and rows
-_EULER_STEPS = 2e6
 
 run_descent, run_batch, _descend_euler = entry(descend), parallel_entry(descend_batch), entry(descend_euler)
 
@@ -54,17 +42,18 @@ def simulate(
     law: AnyLaw,
     slope: Slope,
     launch: State,
+    settings: Settings | None = None,
     *,
-    solver: Solver = "compliant",
-    max_time: float = 60.0,
-    max_rebounds: int = 1000,
     record: Record = "rebounds",
-    sample_interval: float = 0.01,
-    tolerance: float = TOLERANCE,
-    step: float = 2.5e-7,
-    friction_sign: FrictionSign = "dissipative",
+    solver: Solver | None = None,
+    max_time: float | None = None,
+    max_rebounds: int | None = None,
+    end_on_chord: bool | None = None,
     settle_speed: float | None = None,
-    end_on_chord: bool = False,
+    tolerance: float | None = None,
+    sample_interval: float | None = None,
+    step: float | None = None,
+    friction_sign: FrictionSign | None = None,
 ) -> Descent:
     """Simulate one descent until it finishes, jams or meets a limit.
 
@@ -77,31 +66,12 @@ def simulate(
     launch : State
         Where and how it starts; the body must not lie below the surface. Whole turns are taken off ``phi``, into
         [-pi, pi]: orientations of the result count from there, and are not wrapped.
-    solver : {"compliant", "rigid", "euler"}
-        The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
-        impulse and sustained contact (sections 4 and 6), which takes the restitution of ``law`` and ignores its
-        stiffness; or the paper's explicit Euler method.
-    max_time : float
-        Longest simulated time [s], > 0.
-    max_rebounds : int
-        Number of rebounds after which the descent ends with status "log_full".
+    settings : Settings, optional
+        How it is simulated; the default ones otherwise.
     record : {"rebounds", "trajectory"}
         "trajectory" also records positions, velocities and contact forces.
-    sample_interval : float
-        Longest time [s] between two rows of the trajectory; contacts are sampled more densely.
-    tolerance : float
-        Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
-    step : float
-        Time step [s] ("euler").
-    friction_sign : {"dissipative", "printed"}
-        "printed" gives the moment of friction the sign printed in the paper's (10), which creates energy; it exists to
-        reproduce the paper and needs ``solver="euler"``.
-    settle_speed : float, optional
-        Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
-        1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
-    end_on_chord : bool
-        End the descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
-        It goes on otherwise. Needs another solver than "euler", in which nothing settles.
+    solver, max_time, max_rebounds, end_on_chord, settle_speed, tolerance, sample_interval, step, friction_sign
+        Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
 
     Returns
     -------
@@ -115,34 +85,28 @@ def simulate(
         If ``max_rebounds`` records take more memory than there is, before anything is simulated; or if the rows of the
         trajectory do, once they have been counted and before any is kept.
     """
-    checked_choice("solver", solver, get_args(Solver))
-    checked_choice("record", record, get_args(Record))
-    checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
-    if friction_sign == "printed" and solver != "euler":
-        raise ValueError("friction_sign = 'printed': only solver='euler' reproduces the paper's printed sign")
-    if checked_flag("end_on_chord", end_on_chord) and solver == "euler":
-        raise ValueError("end_on_chord = True: solver='euler' cannot tell when a body has settled on its chord")
-    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
-    launch = launched(body, slope, made("launch", State, launch))
-    euler = solver == "euler"
-    limits = Limits(
-        max_time=max_time,
-        max_steps=1e18 if euler else 1e6,
-        tolerance=tolerance,
-        sample_interval=sample_interval,
-        step=step,
-        printed_sign=1.0 if friction_sign == "printed" else 0.0,
-        max_rebounds=checked_count("max_rebounds", max_rebounds),
-        end_on_chord=end_on_chord,
-        most_work=_EULER_STEPS if euler else WORK,
-    )
-    touching = touching_law(body, law, slope, solver, settle_speed)
-    rebounds = new_log(max_rebounds)
+    spelled = {
+        "solver": solver,
+        "max_time": max_time,
+        "max_rebounds": max_rebounds,
+        "end_on_chord": end_on_chord,
+        "settle_speed": settle_speed,
+        "tolerance": tolerance,
+        "sample_interval": sample_interval,
+        "step": step,
+        "friction_sign": friction_sign,
+    }
+    settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
+    checked_choice("record", record, RECORDS)
+    body, law, slope, launch, touching = checked_descent(body, law, slope, launch, settings)
+    limits = settings.limits
+    rebounds = new_log(settings.max_rebounds)
     outcomes = np.zeros(1, OUTCOME)
-    trajectory = np.zeros(FIRST_TRAJECTORY if record == "trajectory" else 0, TRAJECTORY)
+    trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
     outcome = outcomes[0]
 
     def run() -> None:
+        euler = settings.solver == "euler"
         space = new(CONTACT if euler else SPACE)
         follow: Any = _descend_euler if euler else run_descent
         once = () if euler else (False,)
@@ -152,8 +116,8 @@ def simulate(
                 return
 
     run()
-    if outcome["samples"] > len(trajectory):
-        trajectory = new_trajectory(int(outcome["samples"]), limits.sample_interval)
+    if record == "trajectory" and outcome["samples"] > len(trajectory):
+        trajectory = new_trajectory(int(outcome["samples"]), settings.sample_interval)
         run()
     return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
 
@@ -195,26 +159,11 @@ class _Lanes(NamedTuple):
         return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
 
 
-def _lanes(
-    body: Bodies,
-    law: Laws,
-    slope: Slopes,
-    launches: ArrayLike,
-    solver: BatchSolver,
-    max_time: float,
-    max_rebounds: int,
-    tolerance: float,
-    settle_speed: float | None,
-    end_on_chord: bool,
-) -> _Lanes:
+def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings | None) -> _Lanes:
     """Check a batch."""
-    given = checked_lanes(body, law, slope, launches, solver, settle_speed)
-    max_rebounds = checked_count("max_rebounds", max_rebounds)
-    end_on_chord = checked_flag("end_on_chord", end_on_chord)
-    limits = Limits(
-        max_time=max_time, tolerance=tolerance, max_rebounds=max_rebounds, end_on_chord=end_on_chord, most_work=WORK
-    )
-    return _Lanes(given.bodies, given.like(), given.laws, given.slopes, given.launches, limits)
+    settings = checked_settings(settings)
+    given = checked_lanes(body, law, slope, launches, settings)
+    return _Lanes(given.bodies, given.like(), given.laws, given.slopes, given.launches, settings.limits)
 
 
 def simulate_batch(
@@ -222,14 +171,9 @@ def simulate_batch(
     law: Laws,
     slope: Slopes,
     launches: ArrayLike,
+    settings: Settings | None = None,
     *,
-    solver: BatchSolver = "compliant",
-    max_time: float = 60.0,
-    max_rebounds: int = 1000,
     keep_rebounds: bool = False,
-    tolerance: float = TOLERANCE,
-    settle_speed: float | None = None,
-    end_on_chord: bool = False,
     progress: bool = False,
 ) -> DescentBatch:
     """Simulate many descents on all cores; lane i equals ``simulate`` of launch i bit for bit.
@@ -242,8 +186,8 @@ def simulate_batch(
         One for all lanes or one a lane.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
-    solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
-        As for :func:`simulate`.
+    settings : Settings, optional
+        How all of them are simulated, with another solver than "euler"; the default ones otherwise.
     keep_rebounds : bool
         Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
     progress : bool
@@ -263,7 +207,7 @@ def simulate_batch(
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
-    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
+    lanes = _lanes(body, law, slope, launches, settings)
     count = len(lanes.launches)
     rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
     outcomes = np.zeros(count, OUTCOME)
@@ -281,21 +225,16 @@ def simulate_blocks(
     law: Laws,
     slope: Slopes,
     launches: ArrayLike,
+    settings: Settings | None = None,
     *,
     block: int = 1024,
-    solver: BatchSolver = "compliant",
-    max_time: float = 60.0,
-    max_rebounds: int = 1000,
     keep_rebounds: bool = True,
-    tolerance: float = TOLERANCE,
-    settle_speed: float | None = None,
-    end_on_chord: bool = False,
 ) -> Iterator[DescentBatch]:
     """Simulate many descents block by block, for logs that memory cannot hold all at once.
 
     Parameters
     ----------
-    body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord
+    body, law, slope, launches, settings
         As for :func:`simulate_batch`.
     block : int
         Launches simulated at a time, >= 1.
@@ -314,7 +253,7 @@ def simulate_blocks(
     TypeError, ValueError, MemoryError
         As :func:`simulate_batch`, when it is called.
     """
-    lanes = _lanes(body, law, slope, launches, solver, max_time, max_rebounds, tolerance, settle_speed, end_on_chord)
+    lanes = _lanes(body, law, slope, launches, settings)
     block = checked_count("block", block)
     keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
     lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated

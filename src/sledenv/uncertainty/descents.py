@@ -11,6 +11,7 @@ from sledenv.kernel.records import FINISH, OUTCOME
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, descent_jam
 from sledenv.simulation.scene import Slope
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate_batch
 from sledenv.uncertainty.model import Lanes
 
@@ -26,7 +27,7 @@ class Passages(NamedTuple):
     kinetic: NDArray[np.float64]  # [J] of translation and rotation there
 
 
-def descend_past(lanes: Lanes, stations: NDArray[np.float64], **options: Any) -> Passages:
+def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings) -> Passages:
     """Simulate descents, and tell speed and energy where they first come to stations.
 
     On a slope that ends at a station the very same descent finishes there, exactly, be it in flight or in contact. So
@@ -38,8 +39,8 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], **options: Any) ->
         Of N descents.
     stations : ndarray, shape (K,)
         Distances [m], rising from 0, where all descents begin.
-    **options
-        As for :func:`sledenv.simulate_batch`.
+    settings : Settings
+        How they are simulated.
     """
     count = len(lanes.launches)
     outcomes = np.zeros(count, OUTCOME)
@@ -53,26 +54,24 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], **options: Any) ->
             speed[:, 0] = np.hypot(u, v)
             kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
             continue
-        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), options)
+        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), settings)
         going = going[outcomes["status"][going] == FINISH]
         there = going[lengths[going] >= station]
         speed[there, k] = np.hypot(outcomes["u"][there], outcomes["v"][there])
         kinetic[there, k] = outcomes["kinetic"][there]
         going = going[lengths[going] > station]
-    outcomes[going] = _descend(lanes, going, lengths[going], options)
+    outcomes[going] = _descend(lanes, going, lengths[going], settings)
     return Passages(outcomes, descent_jam(outcomes, _of_bodies(lanes.bodies, "mass"), lengths), speed, kinetic)
 
 
-def _descend(
-    lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64], options: dict[str, Any]
-) -> np.ndarray:
+def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64], settings: Settings) -> np.ndarray:
     """Return the outcomes of some lanes, or of none, on slopes of given lengths [m]."""
     if not len(going):
         return np.zeros(0, OUTCOME)
     slopes = lanes.slopes[going]
     slopes[:, _LENGTH] = lengths
     bodies = lanes.bodies if isinstance(lanes.bodies, Body) else lanes.bodies[going]
-    return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], **options).outcomes
+    return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], settings).outcomes
 
 
 def _of_bodies(bodies: Body | NDArray[np.float64], field: str) -> Any:

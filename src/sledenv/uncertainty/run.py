@@ -199,15 +199,8 @@ def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
 
 def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     """Simulate a block; return a row a launch."""
-    values, limits = one.values(part), one.base.limits
-    found = descend_past(
-        one.lanes(values),
-        one.stations,
-        solver=one.solver,
-        max_time=limits.max_time_s,
-        max_rebounds=limits.max_rebounds,
-        end_on_chord=one.base.ends.on_chord,
-    )
+    values = one.values(part)
+    found = descend_past(one.lanes(values), one.stations, one.base.settings(one.solver))
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
     columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])

@@ -1,0 +1,157 @@
+"""What users give environments: what is fixed of episodes that begin, and actions; checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import InvalidAction
+from numpy.typing import NDArray
+
+from sledenv.scenarios.scenario import Context, Split, check_split
+from sledenv.simulation.rules import checked, checked_rows
+
+# (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
+Contexts = NDArray[np.float64]
+
+FIELDS: Final = len(Context._fields)
+_SLACK = 1e-6  # by which an action may lie outside the box: a few units in the last place of its float32
+
+
+class Given(NamedTuple):
+    """What a user fixes of episodes that begin."""
+
+    fixed: NDArray[np.float64]  # (n, 8), columns as in Context; NaN where a field is to be drawn
+    split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
+
+    def of(self, rows: NDArray[np.intp]) -> Given:
+        """Return what is given of some of the episodes."""
+        split = tuple(self.split[i] for i in rows.tolist()) if isinstance(self.split, tuple) else self.split
+        return Given(self.fixed[rows], split)
+
+
+def checked_actions(
+    space: spaces.Box, actions: Any, lanes: int, acting: slice | NDArray[np.intp] = slice(None)
+) -> NDArray[np.float64]:
+    """Return actions as numbers, shape (lanes, k).
+
+    Parameters
+    ----------
+    space : Box
+        Of one lane, shape (k,).
+    actions : array_like, shape (lanes, k)
+    lanes : int
+    acting : ndarray of int, optional
+        Lanes whose actions count; all by default.
+
+    Returns
+    -------
+    ndarray
+        What lies outside the box by rounding, at most 1e-6, is on its bound.
+
+    Raises
+    ------
+    gymnasium.error.InvalidAction
+        If they have another shape, or naming the first that is not a number or lies outside the box.
+    """
+    shape = (lanes, *space.shape)
+    try:
+        given = np.asarray(actions)
+    except (TypeError, ValueError) as error:  # rows of different lengths
+        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}") from error
+    if given.dtype.kind not in "iuf":
+        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}")
+    given = given.astype(np.float64)
+    if given.shape[:1] != shape[:1]:
+        raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
+    if given.shape != shape:
+        raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
+    within: NDArray[np.float64] = np.minimum(np.maximum(given, space.low), space.high)
+    fine = np.abs(within - given) <= _SLACK  # NaN is not
+    if not fine[acting].all():
+        lane = int(np.arange(lanes)[acting][np.argmin(fine[acting].all(axis=1))])
+        name = "action" if lanes == 1 else f"actions[{lane}]"
+        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
+    return within
+
+
+def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
+    """Fields of contexts that a user fixes, shape (lanes, 8), NaN where one is to be drawn."""
+    if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
+        if len(context) != lanes:
+            raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
+        return np.concatenate([_fixed(one, 1) for one in context])
+    fixed = np.full((lanes, FIELDS), np.nan)
+    if isinstance(context, Mapping):
+        for name, value in context.items():
+            if name not in Context._fields:
+                raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
+            i = Context._fields.index(name)
+            column = _array(f"context.{name}", value)
+            if column.shape not in ((), (lanes,)):
+                raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
+            for number in column.reshape(-1).tolist():
+                checked("context", name, number, Context.rules[i])
+            fixed[:, i] = column
+    elif context is not None:
+        shape = (lanes, FIELDS)
+        rows = _array("context", context)
+        if rows.shape not in (shape, shape[1:]):
+            raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
+        owner = "context" if rows.ndim == 1 else "context[{lane}]"
+        checked_rows(owner, Context, np.atleast_2d(rows))
+        fixed[:] = rows
+    return fixed
+
+
+def _array(name: str, value: Any) -> NDArray[np.float64]:
+    """Return numbers as an array of floats, or raise TypeError."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
+    return np.asarray(array, np.float64)
+
+
+def read_options(
+    options: Mapping[str, Any] | None, default: Split | None, lanes: int = 1, also: tuple[str, ...] = ()
+) -> Given:
+    """Read the options of a reset.
+
+    Parameters
+    ----------
+    options : mapping, optional
+        ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
+        an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8); or a list of one a
+        lane, each a mapping, a whole context or None.
+        ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
+    default : str, optional
+        The split where the options name none.
+    lanes : int
+    also : tuple of str
+        Options that the caller has taken out, for the message.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an unknown option or field, or a wrong shape, or naming the field, its value and the allowed range.
+    """
+    if not isinstance(options, Mapping | None):
+        raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
+    given = dict(options or {})
+    context, split = given.pop("context", None), given.pop("split", default)
+    if given:
+        known = ", ".join(map(repr, ("context", "split", *also)))
+        raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
+    splits = tuple(split) if isinstance(split, list | tuple) else (split,)
+    if len(splits) not in (1, lanes):
+        raise ValueError(f"split has {len(splits)} entries: must be one, or one a lane, {lanes}")
+    for one in splits:
+        if one is not None:
+            check_split(one)
+    fixed = _fixed(context, lanes)
+    return Given(fixed, splits if len(set(splits)) > 1 else splits[0])

@@ -1,0 +1,92 @@
+"""How descents are simulated: one object, checked once, for all that simulate."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import FrozenInstanceError, fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv import Body, ContactLaw, Ride, RideBatch, Settings, Slope, State, load_scenario, sensitivity, simulate
+from sledenv.simulation.settings import DEFAULT
+
+PROBLEM: Any = (
+    Body(1.0, 0.1, 0.05, 7.5e-3),
+    ContactLaw(1e6, 0.5, 0.1, 0.001),
+    Slope(0.2, 10.0),
+    State(0.0, 1.0, 0.3, 1.0),
+)
+
+REFUSED = [
+    ({"solver": "magic"}, ValueError, "solver = 'magic': must be one of 'compliant', "),
+    ({"friction_sign": "up"}, ValueError, "friction_sign = 'up': must be one of 'dissipative', 'printed'"),
+    ({"friction_sign": "printed"}, ValueError, "friction_sign = 'printed': only solver = 'euler'"),
+    ({"max_rebounds": 0}, ValueError, "max_rebounds = 0: must be an integer >= 1"),
+    ({"max_rebounds": -3}, ValueError, "max_rebounds = -3: must be an integer >= 1"),
+    ({"max_rebounds": 1.5}, TypeError, "max_rebounds = 1.5: must be an integer >= 1"),
+    ({"max_rebounds": True}, TypeError, "max_rebounds = True: must be an integer >= 1"),
+    ({"max_time": 0.0}, ValueError, "max_time = 0.0: must be in (0, inf)"),
+    ({"max_time": math.nan}, ValueError, "max_time = nan: must be in (0, inf)"),
+    ({"max_time": math.inf}, ValueError, "max_time = inf: must be in (0, inf)"),
+    ({"tolerance": 1.0}, ValueError, "tolerance = 1.0: must be in [1e-18, 1e-3]"),
+    ({"sample_interval": 0.0}, ValueError, "sample_interval = 0.0: must be in [1e-12, inf) s"),
+    ({"sample_interval": 1e-300}, ValueError, "sample_interval = 1e-300: must be in [1e-12, inf) s"),
+    ({"settle_speed": -1.0}, ValueError, "settle_speed = -1.0: must be in [0, inf) m/s"),
+    ({"settle_speed": "slow"}, TypeError, "settle_speed = 'slow': must be a number in [0, inf) m/s"),
+    ({"end_on_chord": 1}, TypeError, "end_on_chord = 1: must be True or False"),
+    ({"end_on_chord": "yes"}, TypeError, "end_on_chord = 'yes': must be True or False"),
+    ({"end_on_chord": True, "solver": "euler"}, ValueError, "end_on_chord = True: solver = 'euler' cannot tell when"),
+    ({"step": -1.0}, ValueError, "step = -1.0: must be in (0, inf)"),
+]
+
+
+@pytest.mark.parametrize(("bad", "error", "message"), REFUSED, ids=str)
+def test_a_wrong_field_is_named(bad: dict[str, Any], error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    with pytest.raises(error) as caught:
+        Settings(**bad)
+    assert str(caught.value).startswith(f"Settings.{message}")
+
+
+def test_settings_are_plain_numbers_that_cannot_be_changed() -> None:
+    """Oracle: the types; another object with the same fields; the words that would make it."""
+    given = Settings("rigid", max_time=np.float32(2.5), max_rebounds=np.int64(7), settle_speed=0, end_on_chord=np.True_)
+    assert [type(getattr(given, field.name)) for field in fields(given)] == [str, float, int, bool, *4 * [float], str]
+    same = Settings("rigid", max_time=2.5, max_rebounds=7, settle_speed=0.0, end_on_chord=True)
+    assert given == same
+    assert hash(given) == hash(same)
+    assert eval(repr(given)) == given
+    assert pickle.loads(pickle.dumps(given)) == given
+    with pytest.raises(FrozenInstanceError):
+        given.max_time = 1.0  # type: ignore[misc]
+    with pytest.raises(ValueError, match=r"Settings.max_time = nan"):
+        replace(given, max_time=math.nan)
+
+
+def test_fields_that_are_spelled_stand_in_place_of_those_of_settings() -> None:
+    """Oracle: the same settings as one object."""
+    whole = simulate(*PROBLEM, Settings("rigid", max_rebounds=4, max_time=9.0))
+    assert simulate(*PROBLEM, Settings("rigid", max_rebounds=4), max_time=9.0).outcome == whole.outcome
+    assert simulate(*PROBLEM, Settings(max_rebounds=5), solver="rigid", max_rebounds=4).outcome == whole.outcome
+    assert simulate(*PROBLEM).outcome == simulate(*PROBLEM, DEFAULT).outcome != whole.outcome
+
+
+@pytest.mark.parametrize("run", [Ride, sensitivity, lambda *given: RideBatch(*given[:3], [given[3]], given[4])])
+def test_what_follows_events_refuses_the_method_that_has_none(run: Any) -> None:
+    """Oracle: the message; simulate_batch and simulate_blocks are asked in test_simulate.py."""
+    for bad, error, message in (
+        (Settings("euler"), ValueError, r"Settings.solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ("rigid", TypeError, r"settings = 'rigid': must be Settings"),
+    ):
+        with pytest.raises(error, match=message):
+            run(*PROBLEM, bad)
+
+
+def test_those_of_a_scenario_are_its_limits_and_rules() -> None:
+    """Oracle: the file's sections."""
+    scenario = load_scenario("sled_snow")
+    limits = {"max_time": scenario.limits.max_time_s, "max_rebounds": scenario.limits.max_rebounds}
+    assert scenario.settings("rigid") == Settings("rigid", end_on_chord=scenario.ends.on_chord, **limits)
