@@ -88,7 +88,7 @@ def descended(problem: Problem, seed: int, chosen: dict[str, float]) -> Descent:
     """Simulate a launch, told in the units of the scenario, without the page and what made it."""
     context = problem.scenario.sample(np.random.default_rng(seed))
     in_radians = {name: np.radians(value) if CONTROLS[name].unit == "deg" else value for name, value in chosen.items()}
-    launch = np.array([problem.scenario.launch(context, **in_radians)])
+    launch = problem.scenario.launch(context, **in_radians)
     return problem.task.descend(np.array([context]), launch, "trajectory")
 
 

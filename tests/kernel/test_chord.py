@@ -15,7 +15,7 @@ from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import TOLERANCE, Settings
+from sledenv.simulation.settings import DEFAULT, Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.two_springs import Result, follow, random_contacts
@@ -506,7 +506,7 @@ def test_flat_contacts_do_not_stall(
         assert descents.outcomes["steps"][0] == descents.outcomes["steps"][1]
 
 
-@pytest.mark.parametrize("tolerance", [TOLERANCE, 1e-12, 1e-10])
+@pytest.mark.parametrize("tolerance", [DEFAULT.tolerance, 1e-12, 1e-10])
 def test_a_corner_that_has_just_left_is_not_down_again(tolerance: float) -> None:
     """Oracle: the same contact with shorter steps. With the longest the height of the first corner is least exact."""
     body = Body(

@@ -16,7 +16,7 @@ from sledenv.kernel.records import Feature, Mode, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import Limits
+from sledenv.simulation.settings import DEFAULT
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
@@ -44,9 +44,11 @@ exactly = partial(simulate, tolerance=TIGHT)
 def replay(record: dict[str, Any], rebounds: list[dict[str, str]], tolerance: float = TIGHT) -> Descent:
     """Simulate a descent of the data file; the end of a rod is a corner, a quarter turn from the arc."""
     given, state = record["parameters"], State(**record["state"])
-    body = Body(1.0, 0.0, 0.0, 1.0)._replace(**{name: given[name] for name in Body._fields[:4]})
-    if body.radius == 0.0:
-        body = rod(body.mass, body.eccentricity, body.inertia)
+    mass, radius, eccentricity, inertia = (given[name] for name in Body._fields[:4])
+    if radius > 0.0:
+        body = Body(mass, radius, eccentricity, inertia)
+    else:
+        body = rod(mass, eccentricity, inertia)
         state = state._replace(phi=state.phi - 0.5 * math.pi)
     arm = given["rolling_arm"]
     return simulate(
@@ -92,7 +94,7 @@ def test_the_reference_descent_is_that_of_extended_precision() -> None:
     assert max(errors(replay(record, rebounds), rebounds)) < 1e-12
 
 
-@pytest.mark.parametrize(("tolerance", "error"), [(Limits().tolerance, 1e-9), (1e-13, 1e-11)])
+@pytest.mark.parametrize(("tolerance", "error"), [(DEFAULT.tolerance, 1e-9), (1e-13, 1e-11)])
 def test_the_tolerance_bounds_the_error_of_the_reference_descent(tolerance: float, error: float) -> None:
     """Oracle: extended precision, after 20 rebounds."""
     record = REFERENCE["reference"]

@@ -12,7 +12,7 @@ import pytest
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import DescentBatch
-from sledenv.simulation.settings import TOLERANCE, Settings
+from sledenv.simulation.settings import DEFAULT, Settings
 from sledenv.simulation.simulate import simulate_batch
 from sledenv.simulation.support import arms, feature_at
 from tests import extrapolation
@@ -82,7 +82,7 @@ def random_contacts(n: int, lanes: int, seed: int) -> Iterator[Contacts]:
         yield Contacts(body, laws, slopes, states, speeds, 20.0 * math.pi / math.sqrt(per_mass))
 
 
-def followed(contacts: Contacts, tolerance: float = TOLERANCE) -> DescentBatch:
+def followed(contacts: Contacts, tolerance: float = DEFAULT.tolerance) -> DescentBatch:
     """Each contact up to its separation, to rest, or to the end of the time."""
     body, laws, slopes, states, _, max_time = contacts
     return simulate_batch(
@@ -90,7 +90,7 @@ def followed(contacts: Contacts, tolerance: float = TOLERANCE) -> DescentBatch:
     )
 
 
-def outcomes(contacts: Contacts, tolerance: float = TOLERANCE) -> np.ndarray:
+def outcomes(contacts: Contacts, tolerance: float = DEFAULT.tolerance) -> np.ndarray:
     return followed(contacts, tolerance).outcomes
 
 
@@ -150,7 +150,7 @@ SURVEYS = [(50, 100), pytest.param(1000, 1000, marks=[pytest.mark.slow, pytest.m
 def test_every_contact_ends(bodies: int, lanes: int) -> None:
     """Oracle: no status is that of a failure."""
     for contacts in random_contacts(bodies * lanes, lanes, seed=2):
-        for tolerance in (TOLERANCE, LOOSE):
+        for tolerance in (DEFAULT.tolerance, LOOSE):
             assert not np.isin(outcomes(contacts, tolerance)["status"], (STEP_BUDGET, NON_FINITE)).any()
 
 

@@ -347,12 +347,12 @@ def test_lanes_side_by_side_are_the_descents_of_their_states_bit_for_bit(body, c
     for phi in rng.uniform(-4.0, 4.0, count):
         drop, spin = rng.choice([0.0, 0.01, 0.7]), rng.choice([0.0, -6.0, 40.0, -2000.0])
         states.append(State(0.0, support_height(body, phi) + drop, phi, rng.uniform(-2.0, 4.0), -0.5, spin))
-    options = {"solver": "rigid", "max_time": 3.0, "max_rebounds": 60}
-    batch = simulate_batch(body, laws, slopes, states, keep_rebounds=True, **options)
-    bare = simulate_batch(body, laws, slopes, states, **options)
+    settings = Settings("rigid", max_time=3.0, max_rebounds=60)
+    batch = simulate_batch(body, laws, slopes, states, settings, keep_rebounds=True)
+    bare = simulate_batch(body, laws, slopes, states, settings)
     assert np.array_equal(batch.outcomes, bare.outcomes)
     for lane, problem in enumerate(zip(laws, slopes, states, strict=True)):
-        one = simulate(body, *problem, **options)
+        one = simulate(body, *problem, settings)
         assert batch.outcomes[lane] == one.outcome
         assert np.array_equal(batch.rebounds[lane, : len(one.rebounds)], one.rebounds)
     if count == 150:

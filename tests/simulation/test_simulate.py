@@ -720,7 +720,7 @@ def test_logs_that_do_not_fit_are_refused(nothing_runs: None) -> None:
         with pytest.raises(
             MemoryError, match=r"1000000000, take 1.76e\+08 GB, and there are .* GB; lower max_rebounds"
         ):
-            run(DISC, LAW, INCLINE, states, max_rebounds=10**9, keep_rebounds=True)
+            run(DISC, LAW, INCLINE, states, Settings(max_rebounds=10**9), keep_rebounds=True)
 
 
 def test_progress_shows_a_bar_or_says_what_is_missing(
