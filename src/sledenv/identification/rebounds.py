@@ -14,7 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sledenv.identification.fitting import Fit, Floats, Interval, Loss, Parameter, Problem, profiled, solve
+from sledenv.identification.fitting import Fit, profiled, solve
+from sledenv.identification.intervals import Interval
+from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.kernel.records import ARC
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after

@@ -11,8 +11,10 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 
-from sledenv.identification.fitting import Fit, Interval, Loss
-from sledenv.identification.flights import FEWEST, LAW, Floats, Noise, Recording, law_of
+from sledenv.identification.fitting import Fit
+from sledenv.identification.flights import FEWEST, LAW, Noise, Recording, law_of
+from sledenv.identification.intervals import Interval
+from sledenv.identification.objective import Floats, Loss
 from sledenv.identification.rebounds import numbers
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
 from sledenv.pages.replay import Ghost
@@ -72,7 +74,7 @@ def identify_tracks(
         Standard deviations of a position [m] and of an orientation [rad]. Estimated from the third differences of
         poses by default, by their median so that rebounds and wrong poses hardly count.
     loss : {"soft_l1", "linear"}
-        As for :class:`~sledenv.identification.fitting.Problem`; ``"soft_l1"`` bears wrong poses.
+        As for :class:`~sledenv.identification.objective.Problem`; ``"soft_l1"`` bears wrong poses.
     seed : int
         Of the laws and launches that are drawn where none of those that were followed explains what comes next.
 
