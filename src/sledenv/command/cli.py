@@ -546,7 +546,7 @@ def identify(
         Write tables and figures into this folder.
     """
     from sledenv.identification.choice import holds_tracks
-    from sledenv.identification.rebounds import read_table
+    from sledenv.identification.recorded_tables import read_table
     from sledenv.machine.files import publish
 
     table = read_table(file)
@@ -569,7 +569,7 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
-    from sledenv.identification.rebounds import identify
+    from sledenv.identification.rebound_fit import identify
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
     body = None if shape.radius is None else shape.body(1.0)

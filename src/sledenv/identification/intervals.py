@@ -22,6 +22,12 @@ class Interval(NamedTuple):
     low_on_bound: bool
     high_on_bound: bool
 
+    @property
+    def note(self) -> str:
+        """Which of its ends are bounds, in words; "" if none is."""
+        ends = (("low", self.low_on_bound), ("high", self.high_on_bound))
+        return ", ".join(f"{end} end is its bound" for end, on_bound in ends if on_bound)
+
 
 class LocalMinimumError(RuntimeError):
     """A fit turns out to be no global minimum.
