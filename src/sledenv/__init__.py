@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, circular_segment, sled
-    from sledenv.simulation.derivatives import Sensitivity, sensitivity
+    from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.sensitivity import sensitivity
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
@@ -75,7 +76,8 @@ __all__ = [
 
 # Loaded where they are first asked for, so that `import sledenv` is quick: what each module has.
 _MODULES = {
-    "sledenv.simulation.derivatives": ("Sensitivity", "sensitivity"),
+    "sledenv.simulation.derivatives": ("Sensitivity",),
+    "sledenv.simulation.sensitivity": ("sensitivity",),
     "sledenv.simulation.simulate": ("Descent", "DescentBatch", "simulate", "simulate_batch", "simulate_blocks"),
     "sledenv.identification.choice": ("identify",),
     "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),

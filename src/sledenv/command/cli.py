@@ -197,13 +197,13 @@ def sensitivity(
     from sledenv.machine.files import replacing
     from sledenv.pages.as_json import plain_sensitivity, plain_setting
     from sledenv.pages.words import sensitivity_table, setting
-    from sledenv.simulation import derivatives
+    from sledenv.simulation.sensitivity import sensitivity as differentiate
 
     with ExitStack() as places:
         picture = out and _place(places, "--out", replacing(out, ".png"))
         asked = _asked(scenario, launch, solver)
         with working("sensitivity"):
-            found = derivatives.sensitivity(*asked.given, rebounds=rebounds, solver=solver, **asked.limits)
+            found = differentiate(*asked.given, rebounds=rebounds, solver=solver, **asked.limits)
         if picture:
             from sledenv.plot import plot_growth
 
