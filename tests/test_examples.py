@@ -38,7 +38,7 @@ def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, c
     assert {file.name for file in tmp_path.iterdir()} == {"rebounds.csv", *(f"{name}.png" for name in figures)}
     assert names["descent"].status == "finish"
     assert len((tmp_path / "rebounds.csv").read_text().splitlines()) == 1 + len(names["descent"].rebounds)
-    assert names["theory"].static_jam(names["body"], names["sticky"], names["slope"], 0.0).shape == ()
+    assert names["static_jam"](names["body"], names["sticky"], names["slope"], 0.0).shape == ()
     assert "finish" in names["batch"].status
     assert "SLIDE" in capsys.readouterr().out
 

@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, circular_segment, sled
-    from sledenv.simulation.derivatives import Sensitivity, sensitivity
+    from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.sensitivity import sensitivity
     from sledenv.simulation.settings import Settings
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
@@ -82,7 +83,8 @@ _MODULES = {
     "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.simulation.bodies": ("Body", "circular_segment", "sled"),
-    "sledenv.simulation.derivatives": ("Sensitivity", "sensitivity"),
+    "sledenv.simulation.derivatives": ("Sensitivity",),
+    "sledenv.simulation.sensitivity": ("sensitivity",),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),
     "sledenv.simulation.ride": ("Ride", "RideBatch"),
     "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),

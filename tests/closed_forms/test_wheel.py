@@ -13,12 +13,15 @@ import pytest
 
 import sledenv
 from sledenv.closed_forms import wheel
-from sledenv.closed_forms.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck
+from sledenv.closed_forms.wheel import BRANCHES, WheelImpact, collide_wheel, is_stuck, wheel_stuck_ratio
 from sledenv.compiler.entries import entry
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.kernel.state import HOP, new
+from sledenv.simulation.rigid_impact import rigid_impact
+from sledenv.simulation.scene import ContactLaw, State
+from tests.closed_forms.make import WHEEL
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
 NO_PHASES = np.empty(0, PHASE)
@@ -490,6 +493,28 @@ def test_an_impact_that_no_number_holds_is_refused() -> None:
     """Oracle: m |v| (1 + e), the normal impulse, is larger than the largest number."""
     with pytest.raises(OverflowError, match="too large for a number"):
         collide_wheel(1e200, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, [-1.0, -1e200])
+
+
+def test_the_stuck_ratio_is_where_a_wheel_gets_stuck() -> None:
+    """Oracle: the closed form of Table 1 and the exact impact in normal impulse, 1e-9 to both sides."""
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        e, f, arm, fall = rng.uniform(0.0, 1.0), rng.uniform(0.01, 1.0), rng.uniform(1e-4, 0.1), rng.uniform(0.1, 5.0)
+        ratio = float(wheel_stuck_ratio(e, f, arm, WHEEL.radius))
+        for factor, stuck in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+            u = factor * ratio * fall
+            wheel = collide_wheel(WHEEL.mass, WHEEL.inertia, WHEEL.radius, f, arm, e, u, -fall)
+            assert (wheel.scenario == "stuck") is stuck
+            impact = rigid_impact(WHEEL, ContactLaw(1e6, 0.0, f, arm), State(0.0, 0.1, 0.0, u, -fall), restitution=e)
+            assert (impact.mode == Mode.STUCK) is stuck
+
+
+def test_the_stuck_ratio_is_vectorised_and_names_wrong_arguments() -> None:
+    assert wheel_stuck_ratio([0.0, 1.0], 0.1, 0.02, 0.1) == pytest.approx([0.1, 0.2])
+    with pytest.raises(ValueError, match=r"restitution = 1\.5: must be in \[0, 1\]"):
+        wheel_stuck_ratio(1.5, 0.1, 0.01, 0.1)
+    with pytest.raises(ValueError, match=r"radius\[1\] = 0\.0"):
+        wheel_stuck_ratio(0.5, 0.1, 0.01, [0.1, 0.0])
 
 
 def test_the_example_of_the_docstring_is_true() -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from sledenv.command.cli import PICTURES, main
 from sledenv.scenarios.scenario import load_scenario, scenario_names
-from sledenv.simulation.derivatives import sensitivity
+from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from sledenv import Body, circular_segment, rigid_impact
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, ImpactModel, read_rebounds
+from sledenv.identification.impact_model import ImpactModel
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, read_rebounds
 from sledenv.simulation.scene import ContactLaw, State
 
 GYRATION = 0.02

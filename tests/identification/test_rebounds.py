@@ -14,7 +14,8 @@ import pytest
 import sledenv
 from sledenv import Body, ContactLaw
 from sledenv.command.cli import main
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification, read_rebounds
+from sledenv.identification.rebound_fit import Identification
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, read_rebounds
 from tests.identification.rebound_tables import (
     DISC,
     ECCENTRIC,

@@ -9,7 +9,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pytest
 
-from sledenv.closed_forms import theory
+from sledenv.closed_forms import on_chord
+from sledenv.closed_forms.painleve import painleve
 from sledenv.kernel.records import Feature, Status
 from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.bodies import Body, circular_segment
@@ -124,7 +125,7 @@ def rows_on_chord(descent: Descent) -> np.ndarray:
 @pytest.mark.parametrize("arm", [0.0, 0.01])
 @pytest.mark.parametrize("case", SLIDES)
 def test_a_body_slides_on_its_chord_like_a_block(case: str, arm: float, solver: Solver) -> None:
-    """Oracle: theory.chord_slide from where it lies, and chord_finish_time."""
+    """Oracle: on_chord.chord_slide from where it lies, and chord_finish_time."""
     body, friction, beta, speed = SLIDES[case]
     law, slope = law_of(friction, arm=arm), Slope(beta, 20.0)
     descent = simulate(body, law, slope, laid(body, speed), solver=solver, record="trajectory", max_time=20.0)
@@ -136,11 +137,11 @@ def test_a_body_slides_on_its_chord_like_a_block(case: str, arm: float, solver: 
     assert (rows["v"] == 0.0).all()
     assert (rows["omega"] == 0.0).all()
     assert (rows["phi"] == first["phi"]).all()
-    moved, u = theory.chord_slide(law, slope, first["u"], rows["t"] - first["t"])
+    moved, u = on_chord.chord_slide(law, slope, first["u"], rows["t"] - first["t"])
     assert rows["x"] - first["x"] == pytest.approx(moved, abs=2e-13 * slope.length)
     assert rows["u"] == pytest.approx(u, abs=2e-13 * max(np.abs(u).max(), 1.0))
     left = slope._replace(length=slope.length - float(first["x"]))
-    finish = theory.chord_finish_time(law, left, float(first["u"]))
+    finish = on_chord.chord_finish_time(law, left, float(first["u"]))
     assert descent.status == ("finish" if finish < math.inf else "jammed")
     if finish < math.inf:
         assert descent.time - first["t"] == pytest.approx(finish, rel=1e-13)
@@ -154,9 +155,9 @@ def test_a_body_slides_on_its_chord_like_a_block(case: str, arm: float, solver: 
 @pytest.mark.parametrize("speed", [3.0, -3.0])
 @pytest.mark.parametrize("body", [SHELL, BOAT, BARREL])
 def test_the_corners_share_the_weight_as_the_moment_balance_says(body: Body, speed: float, solver: Solver) -> None:
-    """Oracle: theory.chord_loads, but for the depths of the springs; the corner ahead carries more."""
+    """Oracle: on_chord.chord_loads, but for the depths of the springs; the corner ahead carries more."""
     law, slope = law_of(0.3, stiffness=1e10), Slope(0.1)
-    expected = theory.chord_loads(body, law, slope, speed)
+    expected = on_chord.chord_loads(body, law, slope, speed)
     descent = simulate(body, law, slope, laid(body, speed), solver=solver, record="trajectory", max_time=0.1)
     row = rows_on_chord(descent)[-1]
     tail, nose = row["normal_tail"], row["normal_nose"]
@@ -171,7 +172,7 @@ def test_rolling_resistance_keeps_a_body_from_tipping(solver: Solver) -> None:
     """Oracle: tipping friction (L + delta) / H; with 0.9 L of rolling arm it slides flat at 1.8 L / H."""
     (height, half), slope = corners(BOAT), Slope(0.0)
     law = law_of(1.8 * half / height, arm=0.9 * half)
-    assert theory.chord_tipping_friction(BOAT, law) == pytest.approx(1.9 * half / height)
+    assert on_chord.chord_tipping_friction(BOAT, law) == pytest.approx(1.9 * half / height)
     descent = simulate(BOAT, law, slope, laid(BOAT, 2.0), solver=solver, record="trajectory")
     assert descent.status == "jammed"
     if solver == "rigid":  # a compliant one hops first, as friction tips it until the corner behind has load again
@@ -186,8 +187,8 @@ def test_a_body_with_more_friction_tips_over_the_corner_ahead(body: Body, speed:
     """Oracle: J domega/dt of one sliding corner; the other one lifts as its load vanishes."""
     height, half = corners(body)
     law, side = law_of(1.1 * half / height, stiffness=1e10), math.copysign(1.0, speed)
-    assert theory.chord_tipping_friction(body, law) == pytest.approx(half / height)
-    assert min(theory.chord_loads(body, law, Slope(0.0), speed)) < 0.0
+    assert on_chord.chord_tipping_friction(body, law) == pytest.approx(half / height)
+    assert min(on_chord.chord_loads(body, law, Slope(0.0), speed)) < 0.0
     descent = simulate(body, law, Slope(0.0), laid(body, speed), solver=solver, record="trajectory", max_rebounds=9)
     rows = descent.trajectory
     ahead = Feature.TAIL if speed > 0.0 else Feature.NOSE
@@ -225,7 +226,7 @@ def test_a_body_in_the_painleve_region_is_thrown_over_at_once(factor: float, sol
     """Oracle: there are no forces with which it slides flat, nor any with which it slides on the corner ahead."""
     height, half = corners(BOAT)
     law = law_of(factor * (BOAT.inertia / BOAT.mass + half**2) / (half * height), stiffness=1e10)
-    assert theory.painleve(BOAT, law, math.pi - 1e-9, 1.0, 0.0) < 0.0  # of the tail
+    assert painleve(BOAT, law, math.pi - 1e-9, 1.0, 0.0) < 0.0  # of the tail
     descent = simulate(BOAT, law, Slope(0.0), laid(BOAT, 2.0), solver=solver, max_time=2e-3)
     assert descent.state.u < 0.5  # of 2 m/s
     assert descent.state.v > 0.4
@@ -235,19 +236,19 @@ def test_a_body_in_the_painleve_region_is_thrown_over_at_once(factor: float, sol
 @pytest.mark.parametrize("limit", ["friction", "tipping"])
 @pytest.mark.parametrize("body", [BARREL, BLOCK])
 def test_it_rests_where_friction_holds_it_and_it_does_not_tip(body: Body, limit: str, solver: Solver) -> None:
-    """Oracle: theory.chord_rests, to both sides of its bound."""
+    """Oracle: on_chord.chord_rests, to both sides of its bound."""
     height, half = corners(body)
-    tipping = theory.chord_tipping_friction(body, law_of(9.0))
+    tipping = on_chord.chord_tipping_friction(body, law_of(9.0))
     assert tipping == pytest.approx(half / height)
     law = law_of(0.5 * tipping if limit == "friction" else 2.0 * tipping, stiffness=1e10, restitution=0.2)
     for side in (1.0, -1.0):
         for factor in (0.999, 1.001):
             slope = Slope(side * math.atan(factor * min(law.friction, tipping)))
-            assert theory.chord_rests(body, law, slope) == (factor < 1.0)
+            assert on_chord.chord_rests(body, law, slope) == (factor < 1.0)
             descent = simulate(body, law, slope, laid(body), solver=solver, max_time=0.5)
             assert (descent.status == "jammed") == (factor < 1.0)
             if factor > 1.0 and limit == "friction":
-                moved, _ = theory.chord_slide(law, slope, 0.0, 0.5)
+                moved, _ = on_chord.chord_slide(law, slope, 0.0, 0.5)
                 assert descent.state.x == pytest.approx(float(moved), rel=1e-9 if solver == "rigid" else 0.1)
             elif factor > 1.0:  # over the corner downhill
                 assert side * (descent.state.phi - math.pi) < -1e-4

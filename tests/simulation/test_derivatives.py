@@ -20,9 +20,9 @@ from sledenv.simulation.derivatives import (
     REBOUND_QUANTITIES,
     STATE_AFTER,
     Sensitivity,
-    sensitivity,
 )
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height

@@ -243,7 +243,6 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
         (lambda: rides.launch(np.arange(2), laws, slopes[:2], launches[:2]), "law: 3 given for 2 launches"),
         (lambda: batch(problems, settings=Settings("euler")), "solver = 'euler': must be one of 'compliant', 'rigid'"),
         (lambda: batch(problems, rotor_inertia=-1.0), r"RideBatch.rotor_inertia = -1.0: must be in \(0, inf\)"),
-        (lambda: batch(problems, max_rebounds=0), "max_rebounds = 0"),
     ):
         with pytest.raises(ValueError, match=message):
             call()

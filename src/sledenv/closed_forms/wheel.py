@@ -348,3 +348,40 @@ def is_stuck(
     )
     stuck = (v0 <= 0.0) & (np.abs(u0) <= (1.0 + e) * np.abs(v0) * np.minimum(f, delta / r))
     return bool(stuck) if stuck.ndim == 0 else stuck
+
+
+def wheel_stuck_ratio(
+    restitution: npt.ArrayLike, friction: npt.ArrayLike, rolling_arm: npt.ArrayLike, radius: npt.ArrayLike
+) -> FloatArray:
+    """Largest ``|u0 / v0|`` [-] at which a wheel without spin gets stuck, ``(1 + e) min(f, delta/r)``.
+
+    Row 4 of Table 1, docs/physics.md, section 3: ``m u0 <= f P`` and ``m r u0 <= delta P`` with ``P = m |v0| (1 + e)``.
+
+    Parameters
+    ----------
+    restitution : array_like
+        e [-] in [0, 1].
+    friction : array_like
+        f [-], >= 0.
+    rolling_arm : array_like
+        delta [m], >= 0.
+    radius : array_like
+        r [m], > 0.
+
+    Returns
+    -------
+    ndarray
+        The arguments are broadcast.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument and the allowed range.
+    """
+    e, f, delta, r = _broadcast(
+        restitution=_fraction("restitution", restitution),
+        friction=_not_negative("friction", friction),
+        rolling_arm=_not_negative("rolling_arm", rolling_arm),
+        radius=_positive("radius", radius),
+    )
+    return np.asarray((1.0 + e) * np.minimum(f, delta / r))

@@ -198,13 +198,13 @@ def sensitivity(
     from sledenv.machine.files import replacing
     from sledenv.pages.as_json import plain_sensitivity, plain_setting
     from sledenv.pages.words import sensitivity_table, setting
-    from sledenv.simulation import derivatives
+    from sledenv.simulation.sensitivity import sensitivity as differentiate
 
     with ExitStack() as places:
         picture = out and _place(places, "--out", replacing(out, ".png"))
         asked = _asked(scenario, launch, solver)
         with working("sensitivity"):
-            found = derivatives.sensitivity(*asked.given, asked.settings, rebounds=rebounds)
+            found = differentiate(*asked.given, asked.settings, rebounds=rebounds)
         if picture:
             from sledenv.plot import plot_growth
 
@@ -547,7 +547,7 @@ def identify(
         Write tables and figures into this folder.
     """
     from sledenv.identification.choice import holds_tracks
-    from sledenv.identification.rebounds import read_table
+    from sledenv.identification.recorded_tables import read_table
     from sledenv.machine.files import publish
 
     table = read_table(file)
@@ -570,7 +570,7 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
-    from sledenv.identification.rebounds import identify
+    from sledenv.identification.rebound_fit import identify
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
     body = None if shape.radius is None else shape.body(1.0)

@@ -7,8 +7,9 @@ from typing import Any
 
 import pandas as pd
 
-from sledenv.identification.rebounds import Identification, read_table
-from sledenv.identification.rebounds import identify as identify_rebounds
+from sledenv.identification.rebound_fit import Identification
+from sledenv.identification.rebound_fit import identify as identify_rebounds
+from sledenv.identification.recorded_tables import read_table
 from sledenv.identification.tracks import POSE, TIME, TrackFit, identify_tracks
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import Slope
@@ -29,7 +30,7 @@ def identify(
     table : DataFrame or path
         A CSV or Parquet file if a path. With the columns ``t_s``, ``x_m``, ``y_m`` and ``phi_rad`` it holds poses over
         time, see :func:`sledenv.identification.tracks.identify_tracks`; otherwise velocities before and after
-        rebounds, one a row, see :func:`sledenv.identification.rebounds.identify`.
+        rebounds, one a row, see :func:`sledenv.identification.rebound_fit.identify`.
     body : Body
         What was recorded; a table of rebounds may be told by arms and a ``gyration_radius`` instead.
     slope : Slope

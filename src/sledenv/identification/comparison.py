@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.identification.fitting import Floats
-from sledenv.identification.rebounds import ImpactModel, Rebounds, read_rebounds
+from sledenv.identification.impact_model import ImpactModel
+from sledenv.identification.objective import Floats
+from sledenv.identification.rebounds import Rebounds, read_rebounds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis
 from sledenv.simulation.rules import checked, checked_count

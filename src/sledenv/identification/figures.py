@@ -7,9 +7,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from sledenv.identification.comparison import Comparison
-from sledenv.identification.fitting import Floats
-from sledenv.identification.rebounds import Identification
-from sledenv.identification.tracks import POSE, RECORDING, TIME, TrackFit
+from sledenv.identification.objective import Floats
+from sledenv.identification.rebound_fit import Identification
+from sledenv.identification.recorded_tables import RECORDING
+from sledenv.identification.tracks import POSE, TIME, TrackFit
 from sledenv.plot.style import BLUE, DASHES, INK, ORANGE, WIDTH, styled
 
 _POSE_LABELS = ("x [mm]", "y [mm]", "phi [deg]")

@@ -9,18 +9,16 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sledenv.identification.fitting import Parameter, Problem, solve
+from sledenv.identification.fitting import solve
+from sledenv.identification.objective import Floats, Parameter, Problem
 from sledenv.identification.rebounds import arms_of
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import velocities_after
 from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
-
-Floats = NDArray[np.float64]
 
 LAW = ("restitution", "friction", "rolling_arm", "corner_rolling_arm")
 FEWEST = 8  # frames of a recording
@@ -245,7 +243,7 @@ def likely_laws(
         for i in range(grid.shape[axis]):
             laws, sums = np.take(grid, i, axis), np.take(costs, i, axis)
             law = dict(zip(LAW, laws[np.unravel_index(sums.argmin(), sums.shape)].tolist(), strict=True))
-            held = replace(problem, fixed={**fixed, name: law[name]})
+            held = problem.holding({name: law[name]})
             if held.free:
                 found.append(solve(held, law, starts=1))
     return [fit.values for fit in sorted(found, key=lambda fit: fit.cost)]

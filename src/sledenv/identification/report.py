@@ -9,7 +9,8 @@ import pandas as pd
 
 from sledenv.identification.comparison import Comparison
 from sledenv.identification.figures import plot_errors, plot_profiles, plot_residuals, plot_track_residuals
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Identification
+from sledenv.identification.rebound_fit import Identification
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from sledenv.identification.tracks import TrackFit
 from sledenv.pages.replay import replay_page
 from sledenv.pages.words import TRAJECTORY_COLUMNS

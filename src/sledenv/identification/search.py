@@ -9,12 +9,11 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sledenv.identification.fitting import Fit, Interval, LocalMinimumError, Loss, Parameter, Problem, profiled, solve
+from sledenv.identification.fitting import Fit, profiled, solve
 from sledenv.identification.flights import (
     FEWEST,
     LAW,
     Flight,
-    Floats,
     Recording,
     explained,
     first_guess,
@@ -24,6 +23,8 @@ from sledenv.identification.flights import (
     lifted,
     likely_laws,
 )
+from sledenv.identification.intervals import Interval, LocalMinimumError
+from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent

@@ -11,9 +11,11 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 
-from sledenv.identification.fitting import Fit, Interval, Loss
-from sledenv.identification.flights import FEWEST, LAW, Floats, Noise, Recording, law_of
-from sledenv.identification.rebounds import numbers
+from sledenv.identification.fitting import Fit
+from sledenv.identification.flights import FEWEST, LAW, Noise, Recording, law_of
+from sledenv.identification.intervals import Interval
+from sledenv.identification.objective import Floats, Loss
+from sledenv.identification.recorded_tables import RECORDING, numbers
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
 from sledenv.pages.replay import Ghost
 from sledenv.pages.words import TRAJECTORY_COLUMNS
@@ -26,7 +28,6 @@ from sledenv.simulation.settings import BatchSolver
 
 TIME = TRAJECTORY_COLUMNS["t"]
 POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))
-RECORDING = "recording"
 
 _MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
 _DRAWN = 0.01  # [s] between two rows in flight of a descent that is shown, simulate's default
@@ -72,7 +73,7 @@ def identify_tracks(
         Standard deviations of a position [m] and of an orientation [rad]. Estimated from the third differences of
         poses by default, by their median so that rebounds and wrong poses hardly count.
     loss : {"soft_l1", "linear"}
-        As for :class:`~sledenv.identification.fitting.Problem`; ``"soft_l1"`` bears wrong poses.
+        As for :class:`~sledenv.identification.objective.Problem`; ``"soft_l1"`` bears wrong poses.
     seed : int
         Of the laws and launches that are drawn where none of those that were followed explains what comes next.
 
@@ -247,9 +248,8 @@ class TrackFit:
             low = high = math.nan
             note = "not fitted"
             if name in self.intervals:
-                low, high, _, low_on_bound, high_on_bound = self.intervals[name]
-                ends = [f"{end} end is its bound" for end, on in (("low", low_on_bound), ("high", high_on_bound)) if on]
-                note = ", ".join(ends)
+                found = self.intervals[name]
+                low, high, note = found.low, found.high, found.note
             if name == STIFFNESS:
                 name, unit, (value, low, high) = "stiffness", "N/m", (10.0**value, 10.0**low, 10.0**high)
             rows.append((name, value, low, high, unit, note))

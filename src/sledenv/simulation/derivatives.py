@@ -1,24 +1,19 @@
-"""How a descent changes with its launch, law, slope and body: derivatives, and how far away its events change."""
+"""What is differentiated of a descent, by which parameters, and the derivatives: :class:`Sensitivity`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.bodies import Body, holds_its_mass_centre
-from sledenv.simulation.checks import checked_law
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
-from sledenv.simulation.outcomes import Descent, DescentBatch
-from sledenv.simulation.rules import RESTITUTION, checked_choice, checked_count, made
-from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
-from sledenv.simulation.settings import Settings, checked_settings
-from sledenv.simulation.simulate import simulate, simulate_blocks
-from sledenv.simulation.support import has_corners, support_heights, within_a_turn
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import checked_choice
+from sledenv.simulation.scene import Slope, State
 
 Floats = NDArray[np.float64]
 
@@ -58,16 +53,6 @@ END_QUANTITIES: Final = {
     **{name: PARAMETERS[name] for name in LAUNCH},
     **{name: SHOWN.get(name, Shown()).unit for name in DescentJam._fields},
 }
-
-_SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
-_COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
-_RESTITUTION = _COLUMN["restitution"]
-_SLOPE = [name for name in Slope._fields if name in PARAMETERS]  # in its order, before what is added to a slope
-_STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: differences are taken over these
-_ORDERS = 7  # times that differences are extrapolated
-_ROUNDING = 4.0 * np.finfo(float).eps
-_BISECTIONS = 24
-_BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,314 +135,15 @@ class Sensitivity:
 
         They follow from the size of the body and the square root of gravity times size; without gravity from the speed.
         """
-        return _natural(self.descent.body, self.descent.slope, self.descent.launch)
+        return natural_units(self.descent.body, self.descent.slope, self.descent.launch)
 
     def _place(self, parameter: str) -> int:
         checked_choice("parameter", parameter, self.parameters)
         return self.parameters.index(parameter)
 
 
-def sensitivity(
-    body: Body,
-    law: ContactLaw,
-    slope: Slope,
-    launch: State,
-    settings: Settings | None = None,
-    *,
-    parameters: Sequence[str] | None = None,
-    rebounds: int = 10,
-) -> Sensitivity:
-    """Differentiate a descent with respect to its launch, law, slope and body.
-
-    Derivatives are differences of exact descents that are simulated as one batch: central and one-sided ones over steps
-    that are halved again and again, extrapolated (Richardson). Of all estimates the one with the smallest estimated
-    error counts, as in C. Ridders, Advances in Engineering Software 4 (1982). A step counts for a rebound only if up to
-    there the descents of this and of all smaller steps go through the same events.
-
-    Parameters
-    ----------
-    body, law, slope, launch
-        As for :func:`sledenv.simulate`.
-    settings : Settings, optional
-        How it is simulated, with another solver than "euler"; the default ones otherwise.
-    parameters : sequence of str, optional
-        Which, of ``sledenv.simulation.derivatives.PARAMETERS``; by default all that play a part. All others stay as
-        they are while one is varied: ``y`` and ``phi`` with the radius, the mean stiffness with the restitution.
-    rebounds : int
-        How many to look at, from the first one, >= 1.
-
-    Returns
-    -------
-    Sensitivity
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range; nothing is simulated then.
-    """
-    rebounds = checked_count("rebounds", rebounds)
-    settings = checked_settings(settings)
-    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
-    names = _checked_parameters(parameters, body, slope, settings.solver)
-    descent = simulate(body, law, slope, launch, settings)
-    # A neighbour with more rebounds has another sequence; how it goes on does not matter.
-    settings = replace(settings, max_rebounds=min(settings.max_rebounds, len(descent.rebounds) + 1))
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):  # where a descent is not finite
-        return _differentiated(_Family(descent, names, settings), min(rebounds, len(descent.rebounds)))
-
-
-def _differentiated(family: _Family, kept: int) -> Sensitivity:
-    """Derivatives of the first rebounds, and of the end."""
-    descent, room = family.descent, family.room()[..., np.newaxis]
-    steps = np.minimum(family.scales[:, np.newaxis, np.newaxis] * _STEPS, room)  # (P, 2, K)
-    runs = family.run(*_places(steps), kept)
-    agreed = np.minimum.accumulate(runs.agreed.reshape(steps.shape)[..., ::-1], axis=-1)[..., ::-1]
-    needed = [*range(kept), len(descent.rebounds)]
-    fine = [(agreed > count) & (steps < room) for count in needed]  # a step that a bound has cut short is none
-    here = [*_values(descent.rebounds[:kept]), _end_of(descent)]
-    there = [*np.moveaxis(runs.rebounds, 1, 0), runs.end]
-    taken = family.rounded(steps)
-    found = [_derivatives(*given, taken) for given in zip(here, there, fine, strict=True)]
-    values, errors = zip(*found, strict=True)
-    shape = (kept, len(REBOUND_QUANTITIES), len(family.names))
-    return Sensitivity(
-        descent=descent,
-        parameters=family.names,
-        values=family.values,
-        scales=family.scales,
-        rebounds=np.array(values[:-1]).reshape(shape),
-        rebound_errors=np.array(errors[:-1]).reshape(shape),
-        end=values[-1],
-        end_errors=errors[-1],
-        sides=np.array([np.diff(each.any(axis=-1).astype(int))[:, 0] for each in fine]),
-        distances=_distances(family, steps, agreed, needed),
-    )
-
-
-def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, solver: str) -> tuple[str, ...]:
-    """Names of parameters, those that play a part by default."""
-    idle = {"stiffness"} if solver == "rigid" else set()
-    if not has_corners(body):
-        idle |= {"corner_rolling_arm", "half_angle"}
-    if math.isinf(slope.length):
-        idle.add("length")
-    if given is None:
-        return tuple(name for name in PARAMETERS if name not in idle)
-    if isinstance(given, str) or not given:
-        raise ValueError(f"parameters = {given!r}: must be a sequence of names, at least one")
-    for name in given:
-        checked_choice("parameters", name, tuple(PARAMETERS))
-    if len(set(given)) < len(given):
-        raise ValueError(f"parameters = {given!r}: must name each parameter once")
-    if "length" in given and "length" in idle:
-        raise ValueError("parameters: the slope is endless, so that its length cannot be varied")
-    return tuple(given)
-
-
-def _natural(body: Body, slope: Slope, launch: State) -> Floats:
+def natural_units(body: Body, slope: Slope, launch: State) -> Floats:
     """Units of x, y, phi, u, v and omega that suit a body."""
     size = body.radius + body.eccentricity or 1.0
     speed = math.sqrt(slope.gravity * size) or math.hypot(launch.u, launch.v, size * launch.omega) or 1.0
     return np.array([size, size, 1.0, speed, speed, speed / size])
-
-
-class _Runs(NamedTuple):
-    """What N descents that differ in one parameter have come to."""
-
-    agreed: NDArray[np.int64]  # (N,) rebounds before the first that differs from the one looked at; one more if all
-    rebounds: Floats  # (N, rebounds, quantities)
-    end: Floats  # (N, quantities)
-
-
-class _Family:
-    """The descents around one, each of which differs from it in one parameter."""
-
-    def __init__(self, descent: Descent, names: tuple[str, ...], settings: Settings) -> None:
-        law = descent.law
-        self.descent, self.names, self.settings = descent, names, settings
-        self.columns = np.array([_COLUMN[name] for name in names])
-        of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *descent.body])
-        self.values = self.centre[self.columns]
-        scales = self._scales()
-        self.scales = np.array([scales[name] for name in names])
-
-    def _scales(self) -> dict[str, float]:
-        """How much of each parameter is a great change: what is always positive need not vanish."""
-        descent = self.descent
-        natural = _natural(descent.body, descent.slope, descent.launch)
-        rates = np.maximum(natural, np.abs(descent.launch))[3:]
-        halves = ("stiffness", "length", "gravity", "mass", "inertia")
-        return {
-            **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
-            **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
-            **dict.fromkeys(("rolling_arm", "corner_rolling_arm", "radius", "eccentricity"), natural[0]),
-            **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
-        }
-
-    def rounded(self, steps: Floats) -> Floats:
-        """Steps as the values of the parameters change by them."""
-        values, signs = self.values[:, np.newaxis, np.newaxis], _SIGNS[:, np.newaxis]
-        moved: Floats = signs * ((values + signs * steps) - values)
-        return moved
-
-    def tables(self, which: NDArray[np.int64], changes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Rows of bodies, laws, slopes and launches that differ by a change of one parameter each."""
-        rows = np.tile(self.centre, (len(changes), 1))
-        rows[np.arange(len(changes)), self.columns[which]] += changes
-        launches, (restitution, friction, arm, corner_arm, stiffness) = rows[:, :6], rows[:, 6:11].T
-        own = restitution == self.centre[_RESTITUTION]
-        asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
-        laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
-        slopes = np.tile(self.descent.slope, (len(rows), 1))
-        slopes[:, : len(_SLOPE)], bodies = np.split(rows[:, 11:], [len(_SLOPE)], axis=1)
-        return bodies, laws, slopes, launches
-
-    def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
-        """Whether a simulation would take each of these changes."""
-        bodies, laws, slopes, launches = self.tables(which, changes)
-        restitution = self.centre[_RESTITUTION] + np.where(self.columns[which] == _RESTITUTION, changes, 0.0)
-        fine: NDArray[np.bool_] = RESTITUTION[0](restitution) & (launches[:, 0] < slopes[:, 1])
-        for kind, rows in ((Body, bodies), (ContactLaw, laws), (Slope, slopes)):
-            for (accepts, _), column in zip(kind.rules, rows.T, strict=True):
-                fine &= accepts(column)
-        fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
-        return fine & (launches[:, 1] >= support_heights(bodies, within_a_turn(launches[:, 2])))
-
-    def room(self) -> Floats:
-        """How far each parameter may be changed to either side, shape (P, 2); inf if by its scale."""
-        steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
-        allowed = np.minimum.accumulate(self.allowed(*_places(steps)).reshape(steps.shape)[..., ::-1], axis=-1)
-        low, high = _bracket(steps, allowed[..., ::-1])
-        bounded = np.isfinite(high)
-        index, side = np.nonzero(bounded)
-        for _ in range(64):
-            middle = 0.5 * (low[bounded] + high[bounded])
-            fine = self.allowed(index, _SIGNS[side] * middle)
-            low[bounded], high[bounded] = np.where(fine, middle, low[bounded]), np.where(fine, high[bounded], middle)
-        return np.where(bounded, low, np.inf)
-
-    def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> _Runs:
-        """Simulate descents that differ by a change of one parameter each."""
-        tables = self.tables(which, changes)
-        block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        blocks = simulate_blocks(*tables, self.settings, block=block)
-        parts = [(self._agreed(batch), _values(batch.rebounds[:, :kept]), _end_of_all(batch)) for batch in blocks]
-        runs = _Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        turned = tables[3][:, 2] - within_a_turn(tables[3][:, 2])  # whole turns that simulations take off
-        runs.rebounds[:, :, list(REBOUND_QUANTITIES).index("phi")] += turned[:, np.newaxis]
-        runs.end[:, list(END_QUANTITIES).index("phi")] += turned
-        return runs
-
-    def _agreed(self, batch: DescentBatch) -> NDArray[np.int64]:
-        """Number of leading rebounds with the events of the descent that is looked at; one more if all else agrees."""
-        own, count = self.descent.rebounds, len(self.descent.rebounds)
-        log = batch.rebounds[:, :count]
-        same = np.arange(count) < batch.outcomes["rebounds"][:, np.newaxis]
-        for name in ("feature", "mode", "sequence"):
-            same &= log[name] == own[name]
-        leading = np.cumprod(same, axis=1).sum(axis=1)
-        ends = (_way_of(batch) == _way_of(self.descent.as_batch())).all(axis=1)
-        agreed: NDArray[np.int64] = leading + (ends & (leading == count))
-        return agreed
-
-
-def _way_of(batch: DescentBatch) -> NDArray[np.int64]:
-    """How descents ended, and on which side of its kinks their reward is, shape (N, 4)."""
-    progress = batch.jam.progress
-    kinks = (progress > 0.0).astype(int) + (progress < 1.0), batch.jam.retention > 0.0
-    return np.stack([batch.outcomes["status"], batch.outcomes["rebounds"], *kinks], axis=-1)
-
-
-def _values(records: np.ndarray) -> Floats:
-    """Quantities of rebounds, on a new last axis."""
-    table: Floats = np.stack([records[name] for name in REBOUND_QUANTITIES], axis=-1)
-    return table
-
-
-def _end_of(descent: Descent) -> Floats:
-    """Quantities at the end of a descent, shape (10,)."""
-    (row,) = _end_of_all(descent.as_batch())
-    return np.asarray(row)
-
-
-def _end_of_all(batch: DescentBatch) -> Floats:
-    """Quantities at the end of descents, shape (N, 10)."""
-    table: Floats = np.column_stack([batch.time, batch.states, *batch.jam])
-    return table
-
-
-def _places(steps: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Which parameter each of the steps of shape (P, 2, K) changes, and by how much, shapes (P * 2 * K,)."""
-    which = np.broadcast_to(np.arange(len(steps))[:, np.newaxis, np.newaxis], steps.shape)
-    return which.ravel(), (steps * _SIGNS[:, np.newaxis]).ravel()
-
-
-def _bracket(steps: Floats, fine: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Largest step that is fine, or 0, and smallest that is not, or inf, of the last axis, on which steps shrink."""
-    bad = fine.shape[-1] - np.count_nonzero(fine, axis=-1, keepdims=True)  # so many come first
-    low = np.take_along_axis(np.append(steps, np.zeros((*steps.shape[:-1], 1)), axis=-1), bad, -1)
-    high = np.where(bad > 0, np.take_along_axis(steps, np.maximum(bad - 1, 0), -1), np.inf)
-    return low[..., 0], high[..., 0]
-
-
-def _derivatives(here: Floats, there: Floats, fine: NDArray[np.bool_], steps: Floats) -> tuple[Floats, Floats]:
-    """Derivatives of Q quantities, and their errors, shapes (Q, P).
-
-    Parameters
-    ----------
-    here : ndarray, shape (Q,)
-        The quantities of the descent that is looked at,
-    there : ndarray, shape (P * 2 * K, Q)
-        and of each lane.
-    fine : ndarray of bool, shape (P, 2, K)
-        Which lanes count.
-    steps : ndarray, shape (P, 2, K)
-        How much the parameter of a lane is less, or more.
-    """
-    moved = np.moveaxis((there - here).reshape(*steps.shape, -1), -1, 0)  # (Q, P, 2, K)
-    below, above = np.moveaxis(np.where(fine, moved, np.nan), 2, 0)
-    less, more = np.moveaxis(steps, 1, 0)
-    widths = np.stack([more + less, more, less])[:, np.newaxis]  # (3, 1, P, K)
-    differences = np.stack([above - below, above, -below]) / widths
-    rounding = _ROUNDING * np.abs(here)[:, np.newaxis, np.newaxis] / widths
-    return _extrapolated(differences, rounding, np.array([4.0, 2.0, 2.0])[:, np.newaxis, np.newaxis, np.newaxis])
-
-
-def _extrapolated(column: Floats, rounding: Floats, ratios: Floats) -> tuple[Floats, Floats]:
-    """Best of the estimates that follow from differences over smaller and smaller steps, and their errors.
-
-    Parameters
-    ----------
-    column : ndarray, shape (kinds, Q, P, K)
-        Differences of several kinds over steps that are halved each time.
-    rounding : ndarray, shape (kinds, Q, P, K)
-        Their rounding errors.
-    ratios : ndarray, shape (kinds, 1, 1, 1)
-        Of the leading errors of two steps in a row; those of each further term are so much larger.
-    """
-    best, least = np.full(column.shape[1:3], np.nan), np.full(column.shape[1:3], np.inf)
-    for order in range(1, _ORDERS + 1):
-        coarse, fine = column[..., :-1], column[..., 1:]
-        column = fine + (fine - coarse) / (ratios**order - 1.0)
-        errors = np.maximum(np.abs(column - fine), np.abs(column - coarse)) + rounding[..., order:]
-        for values, of_kind in zip(column, np.where(np.isnan(errors), np.inf, errors), strict=True):
-            at = of_kind.argmin(axis=-1)[..., np.newaxis]
-            error, value = (np.take_along_axis(table, at, -1)[..., 0] for table in (of_kind, values))
-            best, least = np.where(error < least, value, best), np.minimum(error, least)
-    return best, np.where(np.isnan(best), np.nan, least)
-
-
-def _distances(family: _Family, steps: Floats, agreed: NDArray[np.int64], needed: list[int]) -> Floats:
-    """Distances at which fewer rebounds agree than needed, of several needs, shape (needs, P, 2)."""
-    brackets = [_bracket(steps, agreed > count) for count in needed]
-    low, high = (np.array(ends) for ends in zip(*brackets, strict=True))
-    near = np.isfinite(high) & (low > 0.0)
-    level, which, side = np.nonzero(near)
-    signs, counts = _SIGNS[side], np.array(needed)[level]
-    for _ in range(_BISECTIONS if near.any() else 0):
-        middle = 0.5 * (low[near] + high[near])
-        tried, lanes = np.unique(np.stack([which, signs * middle]), axis=1, return_inverse=True)
-        same = family.run(tried[0].astype(int), tried[1], 0).agreed[lanes.reshape(-1)] > counts
-        low[near], high[near] = np.where(same, middle, low[near]), np.where(same, high[near], middle)
-    return np.where(low > 0.0, 0.5 * (low + high), np.where(np.isfinite(high), 0.0, np.inf))

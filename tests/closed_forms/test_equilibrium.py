@@ -1,4 +1,4 @@
-"""Jam theory against brute force and against the simulator: rest on the slope, Painlevé region, stuck wheel."""
+"""Rest on the slope against brute force and against the simulator."""
 
 from __future__ import annotations
 
@@ -8,35 +8,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sledenv.closed_forms.theory import (
-    chord_finish_time,
-    chord_loads,
-    chord_rests,
-    chord_slide,
-    chord_tipping_friction,
-    painleve,
-    painleve_threshold,
-    static_jam,
-    static_jam_angles,
-    steepest_jam,
-    wheel_stuck_ratio,
-)
-from sledenv.closed_forms.wheel import collide_wheel
-from sledenv.kernel.records import ARC, NOSE, TAIL, Mode
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.closed_forms.equilibrium import static_jam, static_jam_angles, steepest_jam
+from sledenv.kernel.records import ARC
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import arms, feature_at, support_height
-from tests.bodies import rod
+from tests.closed_forms.make import BODIES, DISC, ROD, SHELL, SLED, WHEEL
 
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
-SLED = circular_segment(100.0, 0.5, math.radians(110.0))
-SHELL = circular_segment(10.0, 0.5, math.radians(50.0))
-ROD = rod(1.0, 1.0, 1.0 / 3.0)
-WHEEL = Body(1.0, 0.1, 0.0, 0.005)
-BODIES = {"disc": DISC, "sled": SLED, "shell": SHELL, "rod": ROD, "wheel": WHEEL}
 RIGID_EPS, SETTLING_EPS = 1e-9, 1e-6
 
 # body, law, slope: every feature, both signs of the slope
@@ -114,7 +94,6 @@ def test_rest_is_mirror_symmetric(body: Body) -> None:
     there = np.array(static_jam_angles(body, law, slope)).ravel()
     back = -np.array(static_jam_angles(body, law, mirror)).ravel()[::-1]
     assert there == pytest.approx(back, abs=1e-14)
-    assert painleve(body, law, phi, 1.0, -1.0) == pytest.approx(painleve(body, law, -phi, -1.0, 1.0))
 
 
 def test_without_rolling_resistance_a_body_only_balances() -> None:
@@ -184,121 +163,11 @@ def test_a_body_laid_on_the_slope_jams_inside_and_moves_outside(
                 assert outside.time > 0.0
 
 
-@pytest.mark.parametrize("slip", [-1.0, 0.0, 1.0])
-def test_the_loads_of_the_corners_balance_weight_and_friction(slip: float) -> None:
-    """Oracle: sums of forces and of moments about the mass centre, from the places of the two corners."""
-    for body in (SLED, SHELL):
-        law, slope = ContactLaw(1e6, 0.5, 0.3, 0.01), Slope(-0.2)
-        force = -body.mass * 9.81 * (math.sin(slope.angle) if slip == 0.0 else slip * 0.3 * math.cos(slope.angle))
-        loads = chord_loads(body, law, slope, 5.0 * slip)
-        moment = 0.0
-        for normal, feature, phi in zip(loads, (TAIL, NOSE), (math.pi, -math.pi), strict=True):
-            a, b = arms(body, feature, phi)
-            moment += np.cross((-a, -b, 0.0), (0.5 * force, float(normal), 0.0))[2]
-        assert sum(loads) == pytest.approx(body.mass * 9.81 * math.cos(slope.angle))
-        assert moment == pytest.approx(0.0, abs=1e-12 * body.mass)
-
-
-def test_a_body_tips_off_its_chord_where_a_corner_has_no_load_left() -> None:
-    """Oracle: chord_loads, to both sides; rolling resistance of the corners shifts them."""
-    law, slope = ContactLaw(1e6, 0.5, 9.0, 0.0, 0.0), Slope(0.0)
-    for body in (SLED, SHELL):
-        for factor in (1.0 - 1e-9, 1.0 + 1e-9):
-            friction = factor * chord_tipping_friction(body, law)
-            assert (min(chord_loads(body, law._replace(friction=friction), slope, 1.0)) > 0.0) == (factor < 1.0)
-            assert chord_rests(body, law, Slope(math.atan(friction))) == (factor < 1.0)
-        wide = chord_tipping_friction(body, law._replace(corner_rolling_arm=0.1))
-        across = body.radius * math.sin(body.half_angle)
-        assert wide == pytest.approx(chord_tipping_friction(body, law) * (across + 0.1) / across)
-        assert not chord_rests(body, law._replace(friction=math.tan(0.1)), Slope(0.1 + 1e-9))
-    inside = Body(1.0, 0.5, 0.5 * math.cos(1.0), 0.02, 1.0)  # the mass centre lies in the chord
-    assert chord_tipping_friction(inside, law) == math.inf
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.05, 0.4])
-@pytest.mark.parametrize("angle", [-0.1, 0.0, 0.2])
-@pytest.mark.parametrize("speed", [-2.0, 0.0, 3.0])
-def test_a_block_slides_as_its_forces_say(friction: float, angle: float, speed: float) -> None:
-    """Oracle: 100,000 steps of Euler's method with the friction of each instant."""
-    law, slope = ContactLaw(1e6, 0.5, friction, 0.0), Slope(angle, 5.0)
-    time, steps = 4.0, 100_000
-    downhill, bound = 9.81 * math.sin(angle), friction * 9.81 * math.cos(angle) * time / steps
-    x, u, finish = 0.0, speed, math.inf
-    for i in range(steps):
-        u += downhill * time / steps
-        u = math.copysign(max(abs(u) - bound, 0.0), u)
-        x += u * time / steps
-        if x >= slope.length and finish == math.inf:
-            finish = (i + 1) * time / steps
-    assert [float(value) for value in chord_slide(law, slope, speed, time)] == pytest.approx([x, u], abs=2e-3)
-    if min(finish, chord_finish_time(law, slope, speed)) < 0.99 * time:
-        assert chord_finish_time(law, slope, speed) == pytest.approx(finish, abs=1e-3)
-
-
-def test_a_block_that_never_gets_there_takes_for_ever() -> None:
-    law = ContactLaw(1e6, 0.5, 0.3, 0.0)
-    assert chord_finish_time(law, Slope(0.1, 10.0), 1.0) == math.inf
-    assert chord_finish_time(law, Slope(0.1, 10.0), 0.0) == math.inf
-    assert chord_finish_time(law, Slope(0.4), 1.0) == math.inf
-    assert chord_finish_time(law._replace(friction=0.0), Slope(0.0, 10.0), -1.0) == math.inf
-
-
-@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
-@pytest.mark.parametrize("arm", [0.0, 0.01, 0.4])
-def test_the_painleve_threshold_is_where_the_region_appears(body: Body, arm: float) -> None:
-    """Oracle: the sign of the expression on a fine grid of orientations, over all signs of slip and spin."""
-    law = ContactLaw(1e6, 0.5, 0.0, arm, 0.5 * arm)
-    threshold = painleve_threshold(body, law)
-    phi = np.linspace(-math.pi, math.pi, 200_001)
-
-    def region(friction: float) -> bool:
-        tried = law._replace(friction=friction)
-        return any((painleve(body, tried, phi, s, w) < 0.0).any() for s in (-1, 1) for w in (-1, 1))
-
-    if threshold == math.inf:
-        assert not region(1e9)
-    else:
-        assert region(threshold * (1.0 + 1e-8) + 1e-8)
-        assert threshold == 0.0 or not region(threshold * (1.0 - 1e-12))
-
-
-@pytest.mark.parametrize("inertia", [0.01, 1.0 / 3.0, 2.0])
-def test_the_painleve_threshold_of_a_rod_is_the_textbook_one(inertia: float) -> None:
-    """Oracle: 2 k sqrt(k^2 + h^2) / h^2 with k^2 = J/m; 4/3 for the uniform rod of the literature."""
-    k_squared = inertia / 2.0
-    expected = 2.0 * math.sqrt(k_squared * (k_squared + 0.49)) / 0.49
-    body = rod(2.0, 0.7, inertia)
-    assert painleve_threshold(body, ContactLaw(1e6, 0.5, 0.3, 0.0)) == pytest.approx(expected, rel=1e-13)
-    assert painleve_threshold(ROD, ContactLaw(1e6, 0.5, 0.3, 0.0)) == pytest.approx(4.0 / 3.0, rel=1e-13)
-
-
-def test_a_wheel_has_no_painleve_region() -> None:
-    assert painleve_threshold(WHEEL, ContactLaw(1e6, 0.5, 0.3, 0.05)) == math.inf
-
-
-def test_the_stuck_ratio_is_where_a_wheel_gets_stuck() -> None:
-    """Oracle: the closed form of Table 1 and the exact impact in normal impulse, 1e-9 to both sides."""
-    rng = np.random.default_rng(7)
-    for _ in range(50):
-        e, f, arm, fall = rng.uniform(0.0, 1.0), rng.uniform(0.01, 1.0), rng.uniform(1e-4, 0.1), rng.uniform(0.1, 5.0)
-        ratio = float(wheel_stuck_ratio(e, f, arm, WHEEL.radius))
-        for factor, stuck in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
-            u = factor * ratio * fall
-            wheel = collide_wheel(WHEEL.mass, WHEEL.inertia, WHEEL.radius, f, arm, e, u, -fall)
-            assert (wheel.scenario == "stuck") is stuck
-            impact = rigid_impact(WHEEL, ContactLaw(1e6, 0.0, f, arm), State(0.0, 0.1, 0.0, u, -fall), restitution=e)
-            assert (impact.mode == Mode.STUCK) is stuck
-
-
-def test_theory_is_vectorised() -> None:
+def test_rest_is_vectorised() -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
     phi = np.linspace(-3.0, 3.0, 6).reshape(2, 3)
     assert static_jam(SLED, law, Slope(0.1), phi).shape == (2, 3)
     assert steepest_jam(SLED, law, phi).shape == (2, 3)
-    assert painleve(SLED, law, phi, np.ones((4, 1, 1)), -1.0).shape == (4, 2, 3)
-    assert wheel_stuck_ratio([0.0, 1.0], 0.1, 0.02, 0.1) == pytest.approx([0.1, 0.2])
-    assert chord_loads(SLED, law, Slope(0.1), phi)[0].shape == (2, 3)
-    assert chord_slide(law, Slope(0.1), phi, np.ones((4, 1, 1)))[1].shape == (4, 2, 3)
 
 
 def test_wrong_arguments_are_named() -> None:
@@ -309,15 +178,3 @@ def test_wrong_arguments_are_named() -> None:
         static_jam(DISC, law, Slope(0.1), "upright")
     with pytest.raises(ValueError, match="gravity = 0"):
         static_jam_angles(DISC, law, Slope(0.1, 1.0, 0.0))
-    with pytest.raises(ValueError, match=r"restitution = 1\.5: must be in \[0, 1\]"):
-        wheel_stuck_ratio(1.5, 0.1, 0.01, 0.1)
-    with pytest.raises(ValueError, match=r"radius = 0\.0"):
-        wheel_stuck_ratio(0.5, 0.1, 0.01, [0.1, 0.0])
-    with pytest.raises(ValueError, match="slip = nan"):
-        painleve(DISC, law, 0.0, math.nan, 1.0)
-    with pytest.raises(ValueError, match="no chord to lie on"):
-        chord_rests(DISC, law, Slope(0.1))
-    with pytest.raises(ValueError, match=r"time = -1\.0: must be in \[0, inf\) s"):
-        chord_slide(law, Slope(0.1), 1.0, -1.0)
-    with pytest.raises(ValueError, match="gravity = 0"):
-        chord_finish_time(law, Slope(0.1, 1.0, 0.0), 1.0)

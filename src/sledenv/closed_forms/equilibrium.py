@@ -1,0 +1,138 @@
+"""Where a body rests on a slope, in closed form: orientations and inclinations of static equilibrium."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sledenv.closed_forms.arguments import Floats, numbers, resting
+from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rules import made
+from sledenv.simulation.scene import ContactLaw, Slope
+
+
+def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDArray[np.bool_]:
+    """Whether the body, laid on the slope at rest, stays: docs/physics.md (6.1).
+
+    At rest N = m g cos(beta) and F = -m g sin(beta), so the moment to be borne by rolling resistance is
+    M = a N - b F. It rests if and only if ``|F| <= f N`` and ``|M| <= delta N``, that is ``tan|beta| <= f`` and
+    ``|a + b tan(beta)| <= delta`` with the arms a, b and the rolling arm delta of the feature that touches.
+
+    Parameters
+    ----------
+    body, law, slope
+        What rests, how it touches and where. Stiffness, asymmetry and the length of the slope do not matter, nor does
+        gravity as long as there is some.
+    phi : array_like
+        Orientation [rad].
+
+    Returns
+    -------
+    ndarray of bool
+        The shape of ``phi``. Lying on its chord (phi = pi) a body touches with two corners, of which one is taken alone
+        here; see :func:`chord_rests`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite or gravity is 0, where nothing holds the body down.
+    """
+    body, law, slope = resting(body, law, slope)
+    a, b, arm = arms_at(body, law, numbers("static_jam", "phi", phi, np.isfinite, "finite"))
+    steepness = math.tan(slope.angle)
+    return np.asarray((abs(steepness) <= law.friction) & (np.abs(a + b * steepness) <= arm))
+
+
+def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[float, float]]:
+    """Orientations at which the body rests on the slope, the solution set of :func:`static_jam` in closed form.
+
+    On each feature (6.1) reads ``|h sin(theta - beta) + r sin(beta)| <= delta cos(beta)`` with
+    theta = phi + shift, so its bounds are inverse sines.
+
+    Parameters
+    ----------
+    body, law, slope
+        As for :func:`static_jam`.
+
+    Returns
+    -------
+    list of (float, float)
+        Disjoint closed intervals [rad] in (-pi, pi], in order; one that contains pi is split there. Where delta = 0
+        the body can only balance, and an interval is one point. An interval of a corner that ends where the arc
+        begins does not contain that end if the arc does not rest there.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If gravity is 0.
+    """
+    body, law, slope = resting(body, law, slope)
+    if math.tan(abs(slope.angle)) > law.friction:
+        return []
+    found: list[tuple[float, float]] = []
+    for sector in sectors(body, law):
+        for low, high in _balanced(sector, slope.angle):
+            for turn in (-TURN, 0.0, TURN):
+                clipped = max(low + turn, sector.low), min(high + turn, sector.high)
+                if clipped[0] <= clipped[1] and clipped[1] > -math.pi:
+                    found.append(clipped)
+    merged: list[tuple[float, float]] = []
+    for low, high in sorted(found):
+        if merged and low <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(high, merged[-1][1])
+        else:
+            merged.append((low, high))
+    return merged
+
+
+def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
+    """Largest inclination [rad] of a slope on which the body rests at ``phi``: (6.1) solved for beta.
+
+    Parameters
+    ----------
+    body, law
+        As for :func:`static_jam`.
+    phi : array_like
+        Orientation [rad].
+
+    Returns
+    -------
+    ndarray
+        The shape of ``phi``; negative where only a slope that rises downhill of the body can hold it, NaN where none
+        can. The smallest inclination is ``-steepest_jam(body, law, -phi)``, and every one in between holds it too.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite.
+    """
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
+    a, b, arm = arms_at(body, law, numbers("steepest_jam", "phi", phi, np.isfinite, "finite"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (-arm - a) / b, (arm - a) / b
+    low = np.where(b == 0.0, np.where(np.abs(a) <= arm, -np.inf, np.inf), np.minimum(one, other))
+    high = np.where(b == 0.0, np.where(np.abs(a) <= arm, np.inf, -np.inf), np.maximum(one, other))
+    steepness = np.minimum(high, law.friction)
+    return np.where(steepness >= np.maximum(low, -law.friction), np.arctan(steepness), np.nan)
+
+
+def _balanced(sector: Sector, beta: float) -> list[tuple[float, float]]:
+    """Solve ``|h sin(phi + shift - beta) + r sin(beta)| <= delta cos(beta)`` for phi [rad], on one turn or so."""
+    offset = beta - sector.shift
+    middle, half_width = -sector.r * math.sin(beta), sector.arm * math.cos(beta)
+    below, above = middle - half_width, middle + half_width
+    if below > sector.h or above < -sector.h:
+        return []
+    if below <= -sector.h and above >= sector.h:
+        return [(offset - math.pi, offset + math.pi)]
+    if above >= sector.h:
+        first = math.asin(below / sector.h)
+        return [(offset + first, offset + math.pi - first)]
+    last = math.asin(above / sector.h)
+    if below <= -sector.h:
+        return [(offset - math.pi - last, offset + last)]
+    first = math.asin(below / sector.h)
+    return [(offset + first, offset + last), (offset + math.pi - last, offset + math.pi - first)]

@@ -1,0 +1,94 @@
+"""Where rigid contact has no unique answer: the Painlevé region, and the friction from which on there is one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sledenv.closed_forms.arguments import Floats, is_number, numbers
+from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rules import made
+from sledenv.simulation.scene import ContactLaw
+
+_GRID = 4001  # orientations from which the minima of the threshold are refined
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_REFINEMENTS = 80  # 0.618^80 = 2e-17 of a cell of the grid
+
+
+def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin: ArrayLike) -> Floats:
+    """Return ``J/m + a^2 + a (b f s_t + delta s_w)`` [m^2]; negative in the Painlevé region: docs/physics.md (4.4).
+
+    There the contact jams in motion: pressing harder makes the contact point approach faster.
+
+    Parameters
+    ----------
+    body, law
+        As for :func:`static_jam`.
+    phi : array_like
+        Orientation [rad].
+    slip, spin : array_like
+        Slip velocity [m/s] and angular velocity [rad/s], or just their signs s_t and s_w; a zero leaves its term out.
+
+    Returns
+    -------
+    ndarray
+        The arguments are broadcast.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``phi`` is not finite or a velocity is NaN.
+    """
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
+    angle = numbers("painleve", "phi", phi, np.isfinite, "finite")
+    s_t = np.sign(numbers("painleve", "slip", slip, is_number, "a number"))
+    s_w = np.sign(numbers("painleve", "spin", spin, is_number, "a number"))
+    a, b, arm = arms_at(body, law, angle)
+    return np.asarray(body.inertia / body.mass + a * a + a * (b * law.friction * s_t + arm * s_w))
+
+
+def painleve_threshold(body: Body, law: ContactLaw) -> float:
+    """Smallest friction f [-] above which the Painlevé region exists at some orientation; ``law.friction`` is not used.
+
+    It is the minimum over the orientations of ``(J/m + a^2 - |a| delta) / |a b|``, on the arc and on a corner.
+
+    Returns
+    -------
+    float
+        0 if rolling resistance alone suffices, inf if no friction does (a wheel).
+    """
+    body, law = made("body", Body, body), made("law", ContactLaw, law)
+    return min(_threshold_in(body, sector) for sector in sectors(body, law) if sector.high > 0.0)
+
+
+def _threshold_in(body: Body, sector: Sector) -> float:
+    """Painlevé threshold over the orientations phi >= 0 of one feature; the others mirror them."""
+    gyration = body.inertia / body.mass  # J/m, [m^2]
+
+    def needed(theta: Floats) -> Floats:
+        a = np.abs(sector.h * np.sin(theta))
+        b = np.abs(sector.r - sector.h * np.cos(theta))
+        borne = gyration + a * (a - sector.arm)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(borne < 0.0, 0.0, np.where(a * b > 0.0, borne / (a * b), np.inf))
+
+    theta = np.linspace(max(sector.low, 0.0), sector.high, _GRID) + sector.shift
+    # Rolling resistance counts for most at |a| = delta/2; the grid need not contain that orientation.
+    if 0.5 * sector.arm <= sector.h > 0.0:
+        best = math.asin(0.5 * sector.arm / sector.h)
+        candidates = np.array([best, math.pi - best, best - math.pi, -best, best + math.pi, TURN - best])
+        theta = np.union1d(theta, candidates[(candidates >= theta[0]) & (candidates <= theta[-1])])
+    values = needed(theta)
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    lowest = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]) & np.isfinite(values))
+    if lowest.size == 0:
+        return math.inf
+    left, right = theta[np.maximum(lowest - 1, 0)], theta[np.minimum(lowest + 1, len(theta) - 1)]
+    for _ in range(_REFINEMENTS):
+        inner, outer = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
+        keep_left = needed(inner) <= needed(outer)
+        left, right = np.where(keep_left, left, inner), np.where(keep_left, outer, right)
+    return float(min(values.min(), needed(0.5 * (left + right)).min()))

@@ -1,0 +1,74 @@
+"""Tables of what was recorded: read from a file, their columns as numbers; errors name column, row and value."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from sledenv.identification.objective import Floats
+
+RECORDING: Final = "recording"  # column that tells recordings apart
+
+
+def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
+    """Read a CSV or Parquet file, or raise OSError or ValueError."""
+    file = Path(place)
+    kind = file.suffix.lower()
+    if kind not in (".csv", ".parquet"):
+        raise ValueError(f"{file}: must end in .csv or .parquet")
+    try:
+        return _read_csv(file) if kind == ".csv" else pd.read_parquet(file)
+    except OSError as error:
+        raise OSError(f"{file} cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # of pandas and of pyarrow, whose errors are this one as well
+        raise ValueError(f"{file} is no table: {error}") from error
+
+
+def _read_csv(file: Path) -> pd.DataFrame:
+    table = pd.read_csv(file)
+    if len(table.columns) == 1:  # as spreadsheets write them where the comma is the decimal sign
+        for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+            if sign in str(table.columns[0]):
+                raise ValueError(f"{name} separate its columns: commas must, and numbers have a decimal point")
+    return table
+
+
+def numbers(table: pd.DataFrame, name: str) -> Floats:
+    """Return a column as floats, NaN where there is nothing, or raise ValueError naming column, row and value."""
+    column = table[name]
+    kinds = pd.api.types
+    text = kinds.is_object_dtype(column) or kinds.is_string_dtype(column)
+    if not text and (kinds.is_bool_dtype(column) or not kinds.is_numeric_dtype(column)):
+        raise ValueError(f"{name}: must be numbers, is of the type {column.dtype}")
+    found = pd.to_numeric(column, errors="coerce") if text else column
+    wrong = (found.isna() & column.notna()).to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(f"{name}, row {row}: is {column.iloc[row]!r}, must be a number, with a decimal point")
+    floats: Floats = found.to_numpy(float, na_value=np.nan)
+    return floats
+
+
+def columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
+    """Return columns as finite floats, shape (N, names), or raise ValueError naming column, row and value."""
+    for name in names:
+        if name not in table:
+            raise ValueError(f"{name}: there is no such column{_alike(name, table)}")
+    found = np.stack([numbers(table, name) for name in names], axis=-1)
+    if not np.isfinite(found).all():
+        row, column = (int(place[0]) for place in np.nonzero(~np.isfinite(found)))
+        raise ValueError(f"{names[column]}, row {row}: is {found[row, column]}, must be a finite number")
+    return found
+
+
+def _alike(name: str, table: pd.DataFrame) -> str:
+    """What the table has in place of a column: the same quantity without its unit or in another one."""
+    stem = name.removesuffix("_rad_s").removesuffix("_m_s").removesuffix("_rad").removesuffix("_m")
+    near = [str(other) for other in table.columns if str(other) == stem or str(other).startswith(f"{stem}_")]
+    if near:
+        return f", but {near[0]}: a column is named with its unit, and this one must be in that of {name}"
+    return f"; the table has {', '.join(map(str, table.columns))}"

@@ -1,0 +1,171 @@
+"""The descents around one, each of which differs from it in one parameter: which are allowed, what they come to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
+from sledenv.simulation.bodies import Body, holds_its_mass_centre
+from sledenv.simulation.derivatives import (
+    END_QUANTITIES,
+    LAUNCH,
+    PARAMETERS,
+    REBOUND_QUANTITIES,
+    Floats,
+    natural_units,
+)
+from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.rules import RESTITUTION
+from sledenv.simulation.scene import ContactLaw, Slope, asymmetry_of
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.simulate import simulate_blocks
+from sledenv.simulation.support import support_heights, within_a_turn
+
+SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
+_STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: changes that are looked at
+_COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
+_RESTITUTION = _COLUMN["restitution"]
+_SLOPE = [name for name in Slope._fields if name in PARAMETERS]  # in its order, before what is added to a slope
+_TO_THE_LAST_BIT = 64  # bisections
+_BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
+
+
+class Runs(NamedTuple):
+    """What N descents that differ in one parameter have come to."""
+
+    agreed: NDArray[np.int64]  # (N,) rebounds before the first that differs from the one looked at; one more if all
+    rebounds: Floats  # (N, rebounds, quantities)
+    end: Floats  # (N, quantities)
+
+
+class Neighbours:
+    """The descents around one, each of which differs from it in one parameter.
+
+    Attributes
+    ----------
+    descent : Descent
+        The one that is looked at.
+    names : tuple of str
+        The P parameters.
+    values, scales : ndarray, shape (P,)
+        Their values, and the farthest change of each that is looked at.
+    steps : ndarray, shape (P, 2, K)
+        Changes that are looked at, to both sides, each half of the one before.
+    """
+
+    def __init__(self, descent: Descent, names: tuple[str, ...], settings: Settings) -> None:
+        law = descent.law
+        self.descent, self.names, self.settings = descent, names, settings
+        self.columns = np.array([_COLUMN[name] for name in names])
+        of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
+        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *descent.body])
+        self.values = self.centre[self.columns]
+        scales = self._scales()
+        self.scales = np.array([scales[name] for name in names])
+        self.steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
+
+    def _scales(self) -> dict[str, float]:
+        """How much of each parameter is a great change: what is always positive need not vanish."""
+        descent = self.descent
+        natural = natural_units(descent.body, descent.slope, descent.launch)
+        rates = np.maximum(natural, np.abs(descent.launch))[3:]
+        halves = ("stiffness", "length", "gravity", "mass", "inertia")
+        return {
+            **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
+            **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
+            **dict.fromkeys(("rolling_arm", "corner_rolling_arm", "radius", "eccentricity"), natural[0]),
+            **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
+        }
+
+    def rounded(self, steps: Floats) -> Floats:
+        """Steps as the values of the parameters change by them."""
+        values, signs = self.values[:, np.newaxis, np.newaxis], SIGNS[:, np.newaxis]
+        moved: Floats = signs * ((values + signs * steps) - values)
+        return moved
+
+    def tables(self, which: NDArray[np.int64], changes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Rows of bodies, laws, slopes and launches that differ by a change of one parameter each."""
+        rows = np.tile(self.centre, (len(changes), 1))
+        rows[np.arange(len(changes)), self.columns[which]] += changes
+        launches, (restitution, friction, arm, corner_arm, stiffness) = rows[:, :6], rows[:, 6:11].T
+        own = restitution == self.centre[_RESTITUTION]
+        asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
+        laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
+        slopes = np.tile(self.descent.slope, (len(rows), 1))
+        slopes[:, : len(_SLOPE)], bodies = np.split(rows[:, 11:], [len(_SLOPE)], axis=1)
+        return bodies, laws, slopes, launches
+
+    def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
+        """Whether a simulation would take each of these changes."""
+        bodies, laws, slopes, launches = self.tables(which, changes)
+        restitution = self.centre[_RESTITUTION] + np.where(self.columns[which] == _RESTITUTION, changes, 0.0)
+        fine: NDArray[np.bool_] = RESTITUTION[0](restitution) & (launches[:, 0] < slopes[:, 1])
+        for kind, rows in ((Body, bodies), (ContactLaw, laws), (Slope, slopes)):
+            for (accepts, _), column in zip(kind.rules, rows.T, strict=True):
+                fine &= accepts(column)
+        fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
+        return fine & (launches[:, 1] >= support_heights(bodies, within_a_turn(launches[:, 2])))
+
+    def room(self) -> Floats:
+        """How far each parameter may be changed to either side, shape (P, 2); inf if by its scale."""
+        allowed = self.allowed(*places(self.steps)).reshape(self.steps.shape)
+        low, high = bracket(self.steps, least_of_smaller(allowed))
+        bounded = np.isfinite(high)
+        index, side = np.nonzero(bounded)
+        found = np.full(bounded.shape, np.inf)
+        found[bounded], _ = bisected(
+            low[bounded], high[bounded], lambda middle: self.allowed(index, SIGNS[side] * middle), _TO_THE_LAST_BIT
+        )
+        return found
+
+    def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> Runs:
+        """Simulate descents that differ by a change of one parameter each."""
+        tables = self.tables(which, changes)
+        block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
+        blocks = simulate_blocks(*tables, self.settings, block=block)
+        parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
+        runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        turned = tables[3][:, 2] - within_a_turn(tables[3][:, 2])  # whole turns that simulations take off
+        runs.rebounds[:, :, list(REBOUND_QUANTITIES).index("phi")] += turned[:, np.newaxis]
+        runs.end[:, list(END_QUANTITIES).index("phi")] += turned
+        return runs
+
+    def _agreed(self, batch: DescentBatch) -> NDArray[np.int64]:
+        """Number of leading rebounds with the events of the descent that is looked at; one more if all else agrees."""
+        own, count = self.descent.rebounds, len(self.descent.rebounds)
+        log = batch.rebounds[:, :count]
+        same = np.arange(count) < batch.outcomes["rebounds"][:, np.newaxis]
+        for name in ("feature", "mode", "sequence"):
+            same &= log[name] == own[name]
+        leading = np.cumprod(same, axis=1).sum(axis=1)
+        ends = (_way_of(batch) == _way_of(self.descent.as_batch())).all(axis=1)
+        agreed: NDArray[np.int64] = leading + (ends & (leading == count))
+        return agreed
+
+
+def _way_of(batch: DescentBatch) -> NDArray[np.int64]:
+    """How descents ended, and on which side of its kinks their reward is, shape (N, 4)."""
+    progress = batch.jam.progress
+    kinks = (progress > 0.0).astype(int) + (progress < 1.0), batch.jam.retention > 0.0
+    return np.stack([batch.outcomes["status"], batch.outcomes["rebounds"], *kinks], axis=-1)
+
+
+def rebound_values(records: np.ndarray) -> Floats:
+    """Quantities of rebounds, on a new last axis."""
+    table: Floats = np.stack([records[name] for name in REBOUND_QUANTITIES], axis=-1)
+    return table
+
+
+def end_values(batch: DescentBatch) -> Floats:
+    """Quantities at the end of descents, shape (N, 10)."""
+    table: Floats = np.column_stack([batch.time, batch.states, *batch.jam])
+    return table
+
+
+def places(steps: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Which parameter each of the steps of shape (P, 2, K) changes, and by how much, shapes (P * 2 * K,)."""
+    which = np.broadcast_to(np.arange(len(steps))[:, np.newaxis, np.newaxis], steps.shape)
+    return which.ravel(), (steps * SIGNS[:, np.newaxis]).ravel()
