@@ -93,7 +93,7 @@ UGLY = {
 def broken(descent: Descent) -> Descent:
     trajectory, rebounds = descent.trajectory.copy(), descent.rebounds.copy()
     trajectory["x"][40:], trajectory["omega"][60:], rebounds["u_after"][-1] = math.nan, math.inf, math.nan
-    return replace(descent, trajectory=trajectory, rebounds=rebounds, state=State._make([math.nan] * 6))
+    return replace(descent, trajectory=trajectory, rebounds=rebounds, state=State.found([math.nan] * 6))
 
 
 @pytest.mark.parametrize("name", UGLY)

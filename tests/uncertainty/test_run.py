@@ -139,7 +139,7 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     study = made(PUSH, slope__length_m=between(3.0, 9.0), body__mass_kg=between(90.0, 120.0), launches=18)
     lanes = study.lanes(study.values(run.draws(study)))
     stations = np.array([0.0, 0.01, 2.0, 6.0, 8.0])
-    found = descend_past(lanes, stations, max_rebounds=200, end_on_chord=True)
+    found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
     limits = {"max_rebounds": 200, "end_on_chord": True}
     passed = 0
     for i in range(len(lanes.launches)):
@@ -170,7 +170,7 @@ def test_passages_agree_with_the_trajectory() -> None:
     study = made(PUSH, launches=10)
     lanes = study.lanes(study.values(run.draws(study)))
     stations = np.linspace(0.0, 9.0, 7)
-    found = descend_past(lanes, stations, max_rebounds=200, end_on_chord=True)
+    found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
     compared = 0
     for i in range(len(lanes.launches)):
         law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), lanes[1:], strict=True))

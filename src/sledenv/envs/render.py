@@ -134,7 +134,7 @@ class DescentRenderer:
             raise ValueError(f"time = {time!r}: must be a number")
         rows = drawable_rows(descent)
         now = min(max(float(time), 0.0), descent.time)
-        state = State._make(states_at(rows, [now])[0].tolist())
+        state = State.found(states_at(rows, [now])[0].tolist())
         camera = self.camera(descent, now)
         canvas = _Canvas(self.size, camera)
         canvas.slope(descent.slope, self._reach)
@@ -190,10 +190,10 @@ class DescentRenderer:
         interval = float(rows["t"][-1]) / (_STROBE_POSES - 1)
         states = strobe_states(self.body, rows, interval if interval > 0.0 else 1.0)
         for i, state in enumerate(states.tolist(), start=1):
-            canvas.sled(self.body, State._make(state), 0.25 + 0.75 * (i / len(states)) ** 2)
+            canvas.sled(self.body, State.found(state), 0.25 + 0.75 * (i / len(states)) ** 2)
         canvas.path(np.stack([rows["x"], rows["y"]], axis=-1))
         canvas.contacts(contact_spans(descent))
-        return canvas.picture(_numbers(descent, descent.time, State._make(states[-1].tolist())))
+        return canvas.picture(_numbers(descent, descent.time, State.found(states[-1].tolist())))
 
     def launch_frame(self, slope: Slope, state: State) -> np.ndarray:
         """Draw the sled as it is about to be let go, before anything is simulated.
@@ -222,7 +222,7 @@ class DescentRenderer:
         follows the sled.
         """
         rows = drawable_rows(descent)
-        return self._camera(descent.slope, rows, State._make(states_at(rows, [time])[0].tolist()))
+        return self._camera(descent.slope, rows, State.found(states_at(rows, [time])[0].tolist()))
 
     def _camera(self, slope: Slope, rows: np.ndarray, state: State) -> Camera:
         whole = self._whole(slope, rows)

@@ -250,7 +250,7 @@ def push_at(descent: Descent, time: float) -> Push | None:
         return None
     rebound = log[i]
     rows = drawable_rows(descent)
-    state = State._make(states_at(rows, [time])[0].tolist())
+    state = State.found(states_at(rows, [time])[0].tolist())
     if rebound["duration"] == 0.0:
         impulses = (float(rebound["tangential_impulse"]), float(rebound["normal_impulse"]))
         place = contact_place(descent.body, state.x, state.phi, int(rebound["feature"]))

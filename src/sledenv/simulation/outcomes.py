@@ -157,5 +157,4 @@ def state_of(outcome: np.void) -> State:
 
 
 def _state_in(values: tuple[Any, ...]) -> State:
-    state: State = tuple.__new__(State, _STATE(values))  # of a descent that overflowed it is not finite
-    return state
+    return State.found(_STATE(values))

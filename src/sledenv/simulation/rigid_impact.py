@@ -194,7 +194,7 @@ def rigid_impact(
     slip, omega = hop["v_t"], hop["omega"]
     after = state
     if count > 0:
-        after = state._replace(u=slip - hop["b"] * omega, v=hop["v_n"] + hop["a"] * omega, omega=omega)
+        after = State.found((*state[:3], slip - hop["b"] * omega, hop["v_n"] + hop["a"] * omega, omega))
     phases = tuple(
         Phase(float(row["start"]), float(row["impulse"]), int(row["slip"]), int(row["spin"]), bool(row["restitution"]))
         for row in rows[:count]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
@@ -146,3 +147,8 @@ class State(Checked, params.State):
 
     def __new__(cls, x: float, y: float, phi: float, u: float = 0.0, v: float = 0.0, omega: float = 0.0) -> Self:
         return super().__new__(cls, *checked_fields(cls, x, y, phi, u, v, omega))
+
+    @classmethod
+    def found(cls, fields: Iterable[float]) -> Self:
+        """Return what a simulation has come to: one that is not finite is a result there, not an error."""
+        return tuple.__new__(cls, fields)
