@@ -107,7 +107,7 @@ lint: $(STAMP) ## check style, types and the direction of imports
 	PYTHONPATH=src $(BIN)/lint-imports --no-cache
 
 clean-cache: ## remove the compiled kernels and byte code
-	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
+	find src agents configs tests perf -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
 	rm -rf $(VENV) $(CLIENTS) build dist site jupyter_execute .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \

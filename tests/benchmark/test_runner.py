@@ -24,7 +24,7 @@ SUITE = {
     "id": "tiny",
     "title": "A test",
     "contexts": 2,
-    "settings": str(ROOT / "src" / "sledenv" / "configs" / "agents"),
+    "settings": str(ROOT / "configs" / "agents"),
     "steps": 240,
     "noise": [0.05],
     "maps": 1,
@@ -249,7 +249,7 @@ def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_p
 
 
 def test_every_shipped_suite_can_be_read_and_its_agents_imported():
-    for path in (ROOT / "src" / "sledenv" / "configs" / "suites").glob("*.yaml"):
+    for path in (ROOT / "configs" / "suites").glob("*.yaml"):
         suite = Suite.load(path.stem)
         assert suite.id == path.stem
         assert len({job.name for job in suite.jobs()}) == len(list(suite.jobs())) > 0
