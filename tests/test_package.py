@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -71,6 +72,14 @@ def test_the_version_is_told_everywhere(capsys: pytest.CaptureFixture[str]) -> N
     assert sledenv.__version__ == version
     assert main(["--version"]) == 0
     assert version in capsys.readouterr().out
+
+
+def test_a_citation_leads_where_the_package_does() -> None:
+    """Oracle: the file to cite."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    assert (told["Source"], told["Documentation"]) == (cited["repository-code"], cited["url"])
+    assert [url for url in told.values() if not url.startswith((told["Source"], told["Documentation"]))] == []
 
 
 @pytest.mark.parametrize(
