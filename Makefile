@@ -12,8 +12,11 @@ HARD = brake_mat hard ice_drop sled_brake sled_frost sled_snow spinning_entry
 NEEDLES = sled_frost sled_snow
 EASY = $(filter-out paper_impact $(HARD),$(basename $(notdir $(wildcard configs/scenarios/*.yaml))))
 
+TEMPLATES = src/sledenv/pages/templates
+STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
+
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit gymnasium-tests trial versions lint clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit gymnasium-tests trial versions lint format clean-cache clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -100,14 +103,22 @@ gymnasium-tests: $(STAMP) ## run Gymnasium's own tests with these environments (
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill array-api-compat array-api-extra
 	SDL_VIDEODRIVER=dummy $(BIN)/python -m tests.gymnasium_suite $(GYMNASIUM)
 
-lint: $(STAMP) ## check style, types and the direction of imports
+lint: $(STAMP) ## check style, types, the direction of imports, and the templates of pages
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	PYTHONPATH=src $(BIN)/lint-imports --no-cache
+	$(BIN)/djlint --quiet --lint --check $(TEMPLATES)
+	$(BIN)/oxlint --deny-warnings $(TEMPLATES)
+	$(BIN)/oxfmt --check $(STYLED)
+
+format: $(STAMP) ## write Python and templates in the one style
+	$(BIN)/ruff format
+	$(BIN)/djlint --quiet --reformat $(TEMPLATES)
+	$(BIN)/oxfmt $(STYLED)
 
 clean-cache: ## remove the compiled kernels and byte code
-	find src agents tests perf -name __pycache__ -prune -exec rm -rf {} +
+	find src agents configs tests perf -name __pycache__ -prune -exec rm -rf {} +
 
 clean: clean-cache ## remove every build product and cache, but not runs/
 	rm -rf $(VENV) $(CLIENTS) build dist site jupyter_execute .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \

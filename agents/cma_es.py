@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.agents.linear import Floats, Judge, Linear, size
 from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
+
+from .linear import Floats, Judge, Linear, size
 
 with needs("benchmark", __name__):
     import cma

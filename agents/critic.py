@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from sledenv.agents.curve import Curve
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.machine.extras import needs
+
+from .curve import Curve
 
 with needs("agents", __name__):
     import torch

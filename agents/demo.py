@@ -11,14 +11,15 @@ import matplotlib as mpl
 import numpy as np
 
 from sledenv import Descent
-from sledenv.agents.evaluate import CONTEXTS, Score, as_json, evaluate, table
-from sledenv.agents.sac import Agent as Sac
-from sledenv.agents.train import run_folder, train, trained
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
 from sledenv.command.running import Count, Seed, app, run
 from sledenv.envs.inputs import Contexts
 from sledenv.plot import plot_strobe
+
+from .evaluate import CONTEXTS, Score, as_json, evaluate, table
+from .sac import Agent as Sac
+from .train import run_folder, train, trained
 
 SCENARIO = "sled_snow"
 ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")

@@ -8,8 +8,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.agents import best_fixed
 from sledenv.benchmark.problem import Problem
+
+from . import best_fixed
 
 
 class Agent:

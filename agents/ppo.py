@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sledenv.agents.learning import Learned
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import FIELDS
 from sledenv.machine.extras import needs
+
+from .learning import Learned
 
 with needs("agents", __name__):
     import torch

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.agents.linear import Floats, Judge, Linear, size
 from sledenv.benchmark.problem import Problem
+
+from .linear import Floats, Judge, Linear, size
 
 
 class Agent(Linear):

@@ -8,8 +8,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.agents import no_trim, random_launch
 from sledenv.benchmark.problem import Problem
+
+from . import no_trim, random_launch
 
 
 class Agent:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sledenv.agents.learning import Learned
-from sledenv.agents.searching import SearchingSAC
 from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
+
+from .learning import Learned
+from .searching import SearchingSAC
 
 with needs("agents", __name__):
     from stable_baselines3 import SAC

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.agents.learning import Learned
-from sledenv.agents.searching import SearchingTD3
 from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
+
+from .learning import Learned
+from .searching import SearchingTD3
 
 with needs("agents", __name__):
     from stable_baselines3 import TD3

@@ -8,10 +8,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.agents.learning import random_rewards
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.launch import SledLaunch
+
+from .learning import random_rewards
 
 Floats = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("src", "src/sledenv/agents", "src/sledenv/configs", "perf", "tests", "examples", "docs")
+FOLDERS = ("src", "agents", "configs", "perf", "tests", "examples", "docs")
 PAGES = [
     "CONTRIBUTING.md",
     "docs/architecture.md",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -17,11 +19,15 @@ import sledenv
 from sledenv.command.cli import main
 
 ROOT = Path(__file__).parents[1]
+HOMES = {"src": "", "agents": "sledenv/agents/", "configs": "sledenv/configs/"}  # of the package: here, in a wheel
 BUILD = """
-import sys
+import os, sys, tarfile
 from setuptools import build_meta
 folder = sys.argv[1]  # setuptools changes sys.argv
-build_meta.build_sdist(folder)
+source = build_meta.build_sdist(folder)
+with tarfile.open(os.path.join(folder, source)) as archive:
+    archive.extractall(folder, filter="data")
+os.chdir(os.path.join(folder, source.removesuffix(".tar.gz")))
 build_meta.build_wheel(folder)
 """
 # Run from an empty folder: everything that is found by name is found and can be read.
@@ -55,10 +61,9 @@ print(*hashes, *studies, *suites)
 
 
 def files_below(folder: Path) -> set[str]:
-    """Paths of all files, through links too, without compiled code."""
-    walk = os.walk(folder, followlinks=True)
-    found = (Path(where, name).relative_to(folder) for where, _, names in walk for name in names)
-    return {path.as_posix() for path in found if "__pycache__" not in path.parts}
+    """Paths of all files, without compiled code and what setuptools writes."""
+    found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {path.as_posix() for path in found if not {"__pycache__", "sledenv.egg-info"} & set(path.parts)}
 
 
 def test_the_version_is_told_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,6 +72,14 @@ def test_the_version_is_told_everywhere(capsys: pytest.CaptureFixture[str]) -> N
     assert sledenv.__version__ == version
     assert main(["--version"]) == 0
     assert version in capsys.readouterr().out
+
+
+def test_a_citation_leads_where_the_package_does() -> None:
+    """Oracle: the file to cite."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    assert (told["Source"], told["Documentation"]) == (cited["repository-code"], cited["url"])
+    assert [url for url in told.values() if not url.startswith((told["Source"], told["Documentation"]))] == []
 
 
 @pytest.mark.parametrize(
@@ -91,12 +104,44 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it(missing: str, 
     assert last.endswith(f"pip install 'sledenv[{extra}]'")
 
 
+def test_nothing_in_the_package_imports_the_agents_by_the_name_they_are_installed_by() -> None:
+    """Oracle: the import statements; import-linter knows the agents by another name, that of their folder."""
+    named = set()
+    for file in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            match node:
+                case ast.Import():
+                    named |= {alias.name for alias in node.names}
+                case ast.ImportFrom(module=str(module)):
+                    named |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+    assert "sledenv.benchmark.problem" in named
+    assert [name for name in named if f"{name}.".startswith("sledenv.agents.")] == []
+
+
+def test_a_checkout_that_is_not_installed_says_what_to_do(tmp_path: Path) -> None:
+    """Oracle: a process that finds ``src`` of a copy first, whatever else is installed."""
+    shutil.copytree(ROOT / "src", tmp_path / "copy" / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    for module in ("sledenv.scenarios.configuration", "sledenv.benchmark.runs"):
+        command = [sys.executable, "-c", f"import {module}"]
+        environment = os.environ | {"PYTHONPATH": str(tmp_path / "copy" / "src")}
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        last = done.stderr.strip().splitlines()[-1]
+        assert last.startswith("ImportError: sledenv.configs is ")
+        assert last.endswith(f"pip install -e {(tmp_path / 'copy').resolve()}")
+
+
+def test_a_clone_needs_no_links() -> None:
+    """Windows makes them for developers only. Oracle: the file system."""
+    folders = (*HOMES, "docs", "examples", "perf", "tests")
+    assert [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_symlink()] == []
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the wheel, the source distribution and the tree of which they were built: a copy with its links."""
+    """Folder of the source distribution, the wheel that is built of it, and ``tree``, the copy that it is built of."""
     home = tmp_path_factory.mktemp("built")
     made = ("__pycache__", "*.egg-info", ".*_cache", ".git", ".hypothesis", ".venv*", "_build", "build", "dist", "runs")
-    shutil.copytree(ROOT, home / "tree", symlinks=True, ignore=shutil.ignore_patterns(*made))
+    shutil.copytree(ROOT, home / "tree", ignore=shutil.ignore_patterns(*made))
     subprocess.run([sys.executable, "-c", BUILD, str(home)], cwd=home / "tree", check=True, capture_output=True)
     return home
 
@@ -106,17 +151,18 @@ def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
-    expected = files_below(built / "tree" / "src" / "sledenv")
-    assert {"templates/replay.html", "templates/report.html", "agents/sac.py", "configs/suites/smoke.yaml"} <= expected
-    assert names == {f"sledenv/{name}" for name in expected} | {"sledenv_cli.py"}
+    expected = {f"{place}{name}" for folder, place in HOMES.items() for name in files_below(built / "tree" / folder)}
+    some = ("pages/templates/replay.html", "py.typed", "agents/sac.py", "configs/suites/smoke.yaml")
+    assert {f"sledenv/{name}" for name in some} <= expected
+    assert names == expected
 
 
 def test_a_source_distribution_carries_package_tests_and_docs(built: Path) -> None:
-    """Oracle: the files of the checkout; agents and configs are where the package has them."""
+    """Oracle: the files of the checkout."""
     (source,) = built.glob("*.tar.gz")
     with tarfile.open(source) as archive:
         names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
-    for folder in ("src/sledenv", "tests", "docs", "examples", "perf"):
+    for folder in (*HOMES, "tests", "docs", "examples", "perf"):
         assert {f"{folder}/{name}" for name in files_below(built / "tree" / folder)} <= names
     assert {"README.md", "CHANGELOG.md", "LICENSE", "Makefile", "constraints.txt", "pyproject.toml"} <= names
 

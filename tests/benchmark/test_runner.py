@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import time
@@ -24,7 +23,7 @@ SUITE = {
     "id": "tiny",
     "title": "A test",
     "contexts": 2,
-    "settings": str(ROOT / "src" / "sledenv" / "configs" / "agents"),
+    "settings": str(ROOT / "configs" / "agents"),
     "steps": 240,
     "noise": [0.05],
     "maps": 1,
@@ -140,7 +139,7 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
+    process.kill()
     process.wait()
     before = {path: path.stat().st_mtime_ns for path in (folder / "judged").glob("*.parquet")}
     same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
@@ -249,7 +248,7 @@ def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_p
 
 
 def test_every_shipped_suite_can_be_read_and_its_agents_imported():
-    for path in (ROOT / "src" / "sledenv" / "configs" / "suites").glob("*.yaml"):
+    for path in (ROOT / "configs" / "suites").glob("*.yaml"):
         suite = Suite.load(path.stem)
         assert suite.id == path.stem
         assert len({job.name for job in suite.jobs()}) == len(list(suite.jobs())) > 0

@@ -38,7 +38,7 @@ def cluster() -> Iterator[str]:
 def test_two_workers_of_a_cluster_give_the_numbers_of_one_process(cluster, tmp_path):
     """Oracle: one process here."""
     file = tmp_path / "tiny.yaml"
-    settings = ROOT / "src" / "sledenv" / "configs" / "agents"
+    settings = ROOT / "configs" / "agents"
     content = {"id": "tiny", "title": "A test", "contexts": 3, "settings": str(settings)}
     content |= {"steps": 200, "scenarios": ["ice_drop"], "maps": 1}
     agents = {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}

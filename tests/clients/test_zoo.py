@@ -16,7 +16,7 @@ from sledenv.envs.sb3 import make_vec_env
 
 pytest.importorskip("rl_zoo3")
 
-CONFIGS = Path(__file__).parents[2] / "src" / "sledenv" / "configs" / "agents"
+CONFIGS = Path(__file__).parents[2] / "configs" / "agents"
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of torch, which this project does not own
 
 

@@ -277,6 +277,7 @@ def test_a_killed_run_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a Unix shell")
 def test_a_reader_that_stops_early_is_no_error() -> None:
     program = f"{sys.executable} -m sledenv.command.cli simulate paper_impact"
     subprocess.run(program.split(), capture_output=True, check=True)  # which may have to say that it compiles

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from sledenv.machine.files import replacing
+from sledenv.pages import html
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.pages.words import mode_name
 from sledenv.plot.shapes import film_times, pace, push_at, states_at
@@ -28,6 +29,7 @@ from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 HILL = Slope(0.15, 10.0)
+TEMPLATES = Path(html.__file__).parent / "templates"
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None or CHROMEDRIVER is None, reason="needs chromium and chromedriver (Debian: chromium-driver)"
 )
@@ -58,6 +60,13 @@ def test_a_page_refers_to_nothing_outside(descent: Descent) -> None:
     page = replay_page(descent, "a descent")
     assert not re.search(r"https?:|//[a-z]+\.|@import|<link|\bsrc=|url\(", page)
     assert "default-src 'none'" in page
+
+
+def test_scripts_and_styles_are_no_templates() -> None:
+    """Linters read them as they are, and so must jinja, which includes them in its pages."""
+    files = [*TEMPLATES.glob("*.js"), *TEMPLATES.glob("*.css")]
+    assert len(files) > 5
+    assert [file.name for file in files if re.search("{[{%#]", file.read_text(encoding="utf-8"))] == []
 
 
 def test_a_page_holds_the_descent(descent: Descent) -> None:

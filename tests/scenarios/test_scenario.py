@@ -21,7 +21,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.support import lowest_support, support_height
 
 ROOT = Path(__file__).parents[2]
-SHIPPED = sorted(path.stem for path in (ROOT / "src" / "sledenv" / "configs" / "scenarios").glob("*.yaml"))
+SHIPPED = sorted(path.stem for path in (ROOT / "configs" / "scenarios").glob("*.yaml"))
 GOOD: dict[str, Any] = {
     "id": "example",
     "title": "An example",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
 import subprocess
 import sys
 import time
@@ -289,7 +288,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
+    process.kill()
     process.wait()
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "launches").glob("*.parquet")}
     one = sledenv.study(file, tmp_path / "out", workers=1, progress=False)

@@ -19,10 +19,11 @@ from typing import Any, Final, cast
 import yaml
 
 from sledenv.benchmark.problem import Agent, Problem
+from sledenv.machine.extras import folder_of
 from sledenv.scenarios.configuration import read_yaml
 from sledenv.scenarios.scenario import Scenario
 
-TRAINED: Final = Path(__file__).parents[1] / "agents" / "trained"  # what ships: a critic for every scenario
+TRAINED: Final = folder_of("agents") / "trained"  # what ships: a critic for every scenario
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
 _PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")

@@ -1,9 +1,11 @@
-"""Says which extra of sledenv to install where a package is missing."""
+"""Says what to install where a package is missing: an extra of sledenv, or sledenv itself."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
 
 
 @contextmanager
@@ -26,3 +28,26 @@ def needs(extra: str, who: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise ImportError(f"{who}: {error}: pip install 'sledenv[{extra}]'", name=error.name) from error
+
+
+def folder_of(package: str) -> Path:
+    """Return the folder of a package that a checkout has at its top, without importing it.
+
+    Parameters
+    ----------
+    package : str
+        Such as "configs" for ``sledenv.configs``.
+
+    Raises
+    ------
+    ImportError
+        If this sledenv is a checkout that is not installed, so that there is none, or one of another sledenv.
+    """
+    home = Path(__file__).resolve().parents[1]
+    spec = find_spec(f"sledenv.{package}")
+    folder = None if spec is None or spec.origin is None else Path(spec.origin).resolve().parent
+    if folder is None or folder not in (home / package, home.parents[1] / package):
+        found = "not found" if folder is None else f"that of another sledenv, {folder}"
+        message = f"sledenv.{package} is {found}: install this one: pip install -e {home.parents[1]}"
+        raise ImportError(message, name=f"sledenv.{package}")
+    return folder

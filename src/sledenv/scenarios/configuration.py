@@ -16,8 +16,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
+from sledenv.machine.extras import folder_of
+
 Pair = tuple[float, float]
-CONFIGS: Final = Path(__file__).parents[1] / "configs"  # all that ships as YAML: scenarios, studies, suites, settings
+CONFIGS: Final = folder_of("configs")  # all that ships as YAML: scenarios, studies, suites, settings
 
 _NUMBERS = {  # tags of YAML, and how they are written here
     "tag:yaml.org,2002:int": r"[-+]?(0|[1-9][0-9]*)$",

@@ -3,24 +3,44 @@ const $ = (id) => document.getElementById(id);
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /* Numbers and words. */
-const fixed = (value, digits, unit) => value === null ? "–"
-  : (Math.abs(value) < 1e5 ? (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits)
-    : value.toExponential(2)).replace("-", "−") + (unit ? " " + unit : "");
+const fixed = (value, digits, unit) =>
+  value === null
+    ? "–"
+    : (Math.abs(value) < 1e5
+        ? (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits)
+        : value.toExponential(2)
+      ).replace("-", "−") + (unit ? " " + unit : "");
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
-const entries = (pairs) => pairs.map(([name, value]) => `<div><dt>${escaped(name)}</dt><dd>${escaped(value)}</dd></div>`)
-  .join("");
+const entries = (pairs) =>
+  pairs.map(([name, value]) => `<div><dt>${escaped(name)}</dt><dd>${escaped(value)}</dd></div>`).join("");
 const far = (value) => clamp(value, -1e7, 1e7).toFixed(2);
 
 /* Interpolation. */
-function before(values, value) {  // index of the last entry <= value, at least 0
-  let low = 0, high = values.length;
-  while (low < high) { const middle = (low + high) >> 1; if (values[middle] <= value) low = middle + 1; else high = middle; }
+function before(values, value) {
+  // index of the last entry <= value, at least 0
+  let low = 0;
+  let high = values.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= value) low = middle + 1;
+    else high = middle;
+  }
   return Math.max(low - 1, 0);
 }
-function stateAt(rows, t) {  // positions follow the recorded velocities, which is exact in flight
-  const last = rows.t.length - 1, i = Math.min(before(rows.t, t), Math.max(last - 1, 0)), j = Math.min(i + 1, last);
-  const step = rows.t[j] - rows.t[i], s = step > 0 ? clamp((t - rows.t[i]) / step, 0, 1) : 0, state = {};
-  for (const [name, rate] of [["x", "u"], ["y", "v"], ["phi", "omega"]]) {
+
+function stateAt(rows, t) {
+  // positions follow the recorded velocities, which is exact in flight
+  const last = rows.t.length - 1;
+  const i = Math.min(before(rows.t, t), Math.max(last - 1, 0));
+  const j = Math.min(i + 1, last);
+  const step = rows.t[j] - rows.t[i];
+  const s = step > 0 ? clamp((t - rows.t[i]) / step, 0, 1) : 0;
+  const state = {};
+  for (const [name, rate] of [
+    ["x", "u"],
+    ["y", "v"],
+    ["phi", "omega"],
+  ]) {
     const bend = step * s * (1 - s) * ((1 - s) * rows[rate][i] - s * rows[rate][j]);
     state[name] = rows[name][i] + s * s * (3 - 2 * s) * (rows[name][j] - rows[name][i]) + bend;
     state[rate] = rows[rate][i] + s * (rows[rate][j] - rows[rate][i]);
@@ -30,69 +50,119 @@ function stateAt(rows, t) {  // positions follow the recorded velocities, which 
 
 /* The slope, descending to the right, and the sled: slope-frame points [m] to pixels. */
 class Scene {
-  constructor({ slope, body, size }, points, width, [lowest, highest]) {  // points: of the slope frame, to be in sight
+  constructor({ slope, body, size }, points, width, [lowest, highest]) {
+    // points: of the slope frame, to be in sight
     Object.assign(this, { slope, body, size, W: width, cosine: Math.cos(slope.angle), sine: Math.sin(slope.angle) });
-    const low = [Infinity, Infinity], top = [-Infinity, -Infinity], ends = slope.length === null ? [0] : [0, slope.length];
-    for (const point of [...points, ...ends.flatMap((x) => [[x, 0], [x, 2 * size]])])
-      this.world(...point).forEach((value, k) => { low[k] = Math.min(low[k], value); top[k] = Math.max(top[k], value); });
+    const low = [Infinity, Infinity];
+    const top = [-Infinity, -Infinity];
+    const ends = slope.length === null ? [0] : [0, slope.length];
+    for (const point of [
+      ...points,
+      ...ends.flatMap((x) => [
+        [x, 0],
+        [x, 2 * size],
+      ]),
+    ])
+      this.world(...point).forEach((value, k) => {
+        low[k] = Math.min(low[k], value);
+        top[k] = Math.max(top[k], value);
+      });
     const margin = Math.max(1.3 * size, 0.03 * (top[0] - low[0]));
-    const wide = top[0] - low[0] + 2 * margin, high = top[1] - low[1] + 2 * margin;
+    const wide = top[0] - low[0] + 2 * margin;
+    const high = top[1] - low[1] + 2 * margin;
     this.scale = Math.min(width / wide, highest / high, 90 / size);
-    this.follow = this.scale * size < 10;  // the sled would be too small to see
+    this.follow = this.scale * size < 10; // the sled would be too small to see
     if (this.follow) this.scale = 45 / size;
-    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + 24, lowest, highest);  // room for what is written below the slope
+    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + 24, lowest, highest); // room for what is written below the slope
     this.middle = this.follow ? this.world(...points[0]) : [0.5 * (low[0] + top[0]), 0.5 * (low[1] + top[1])];
   }
-  world(x, y) { return [x * this.cosine + y * this.sine, y * this.cosine - x * this.sine]; }
+
+  world(x, y) {
+    return [x * this.cosine + y * this.sine, y * this.cosine - x * this.sine];
+  }
+
   pixel(x, y) {
     const [column, row] = this.world(x, y);
     return [this.W / 2 + this.scale * (column - this.middle[0]), this.H / 2 - this.scale * (row - this.middle[1])];
   }
-  at(x, y) { return this.pixel(x, y).map(far).join(","); }
+
+  at(x, y) {
+    return this.pixel(x, y).map(far).join(",");
+  }
+
   outline(shape, x, y, phi) {
-    const c = Math.cos(phi), s = Math.sin(phi);
+    const c = Math.cos(phi);
+    const s = Math.sin(phi);
     return shape.map(([a, b]) => this.at(x + a * c - b * s, y + a * s + b * c)).join(" ");
   }
+
   sled(x, y, phi, attributes) {
-    const [column, row] = this.pixel(x, y), whole = this.outline(this.body.outline, x, y, phi);
-    return `<g ${attributes}><polygon points="${whole}" fill="#f6c7a3" stroke="#2d343c" stroke-width="1.3"/>` +
+    const [column, row] = this.pixel(x, y);
+    const whole = this.outline(this.body.outline, x, y, phi);
+    return (
+      `<g ${attributes}><polygon points="${whole}" fill="#f6c7a3" stroke="#2d343c" stroke-width="1.3"/>` +
       `<polygon points="${this.outline(this.body.heavy, x, y, phi)}" fill="#d55e00"/>` +
       `<polygon points="${whole}" fill="none" stroke="#2d343c" stroke-width="1.3"/>` +
-      `<circle cx="${column.toFixed(2)}" cy="${row.toFixed(2)}" r="3" fill="#2d343c"/></g>`;
+      `<circle cx="${column.toFixed(2)}" cy="${row.toFixed(2)}" r="3" fill="#2d343c"/></g>`
+    );
   }
-  sky() { return `<rect width="${this.W}" height="${this.H.toFixed(0)}" fill="#eef3f8"/>`; }
-  ground(left, right) {  // where a sled is between these places [m]
-    const { slope, scale, W } = this, reach = 2 * (W + this.H) / scale, parts = [];
+
+  sky() {
+    return `<rect width="${this.W}" height="${this.H.toFixed(0)}" fill="#eef3f8"/>`;
+  }
+
+  ground(left, right) {
+    // where a sled is between these places [m]
+    const { slope, scale, W } = this;
+    const reach = (2 * (W + this.H)) / scale;
+    const parts = [];
     left = Math.min(left, 0) - reach;
     right = Math.max(right, slope.length !== null && !this.follow ? slope.length : 0) + reach;
-    parts.push(`<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="#fcfdff"/>`);
-    const least = 70 / scale, power = 10 ** Math.floor(Math.log10(least));
+    parts.push(
+      `<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="#fcfdff"/>`,
+    );
+    const least = 70 / scale;
+    const power = 10 ** Math.floor(Math.log10(least));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= least);
     for (let i = Math.ceil((left + 0.5 * reach) / step), n = 0; i * step < right - 0.5 * reach && n < 2000; i++, n++) {
       const [column, row] = this.pixel(i * step, -20 / scale);
       parts.push(`<polyline points="${this.at(i * step, 0)} ${this.at(i * step, -6 / scale)}" stroke="#788a9c"/>`);
-      if (this.follow || (column > 24 && column < W - 24)) parts.push(
-        `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="#62707e">${+(i * step).toPrecision(6)} m</text>`);
+      if (this.follow || (column > 24 && column < W - 24))
+        parts.push(
+          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="#62707e">${+(i * step).toPrecision(6)} m</text>`,
+        );
     }
     parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="#788a9c" stroke-width="2"/>`);
     if (slope.length !== null) {
-      const room = (this.pixel(slope.length, 0)[1] - 24) / scale, top = this.follow ? 4 * this.size : Math.min(4 * this.size, room);
-      const [end, row] = this.pixel(slope.length, top), column = this.follow ? end : Math.min(end, W - 20);
-      parts.push(`<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="#2d343c" stroke-width="4" ` +
-        `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="#62707e">finish</text>`);
+      const room = (this.pixel(slope.length, 0)[1] - 24) / scale;
+      const top = this.follow ? 4 * this.size : Math.min(4 * this.size, room);
+      const [end, row] = this.pixel(slope.length, top);
+      const column = this.follow ? end : Math.min(end, W - 20);
+      parts.push(
+        `<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="#2d343c" stroke-width="4" ` +
+          `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="#62707e">finish</text>`,
+      );
     }
     return parts.join("");
   }
+
   contact(from, to) {
     const [w, h] = [5 / this.scale, 9 / this.scale];
-    return `<polyline points="${this.at(from, 0)} ${this.at(to, 0)}" stroke="#009e73" stroke-width="4"/>` +
-      `<polygon points="${this.at(from, 0)} ${this.at(from - w, -h)} ${this.at(from + w, -h)}" fill="#009e73"/>`;
+    return (
+      `<polyline points="${this.at(from, 0)} ${this.at(to, 0)}" stroke="#009e73" stroke-width="4"/>` +
+      `<polygon points="${this.at(from, 0)} ${this.at(from - w, -h)} ${this.at(from + w, -h)}" fill="#009e73"/>`
+    );
   }
+
   path(points) {
     return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="#0072b2" stroke-width="1.3"/>`;
   }
-  shift(x, y) {  // what moves the picture so that the sled stays in it, if it is followed
-    const [column, row] = this.pixel(x, y), [, ground] = this.pixel(x, 0), H = this.H;
+
+  shift(x, y) {
+    // what moves the picture so that the sled stays in it, if it is followed
+    const [column, row] = this.pixel(x, y);
+    const [, ground] = this.pixel(x, 0);
+    const H = this.H;
     const down = Math.max(Math.min(0.72 * H - ground, 0.85 * H - row), 0.15 * H - row);
     return this.follow ? `translate(${(this.W / 2 - column).toFixed(2)} ${down.toFixed(2)})` : "";
   }

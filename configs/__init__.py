@@ -1,0 +1,1 @@
+"""Everything that ships as YAML: scenarios, studies, suites, and settings of the agents."""
