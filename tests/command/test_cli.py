@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sledenv.command.cli import PICTURES, main
+from sledenv.command.cli import main
+from sledenv.command.simulation import PICTURES
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings

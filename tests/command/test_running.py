@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sledenv.command import cli
-from sledenv.command.running import Count, Seeds, app, positive, run, tell, within, working
+from sledenv.command import arguments, cli, identification
+from sledenv.command.arguments import Count, Seeds, positive, within
+from sledenv.command.running import app, run, tell, working
 from sledenv.scenarios.configuration import shipped
 from sledenv.simulation import checks, rigid_impact
 
@@ -138,9 +139,9 @@ def test_words_of_the_command_are_those_of_the_package(capsys: pytest.CaptureFix
     assert cli.main(["study", "--help"]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in shipped("studies"))
-    assert get_args(cli.Solver) == get_args(checks.Solver)
-    assert get_args(cli.BatchSolver) == get_args(checks.BatchSolver)
-    assert get_args(cli.Hypothesis) == get_args(rigid_impact.Hypothesis)
+    assert get_args(arguments.Solver) == get_args(checks.Solver)
+    assert get_args(arguments.BatchSolver) == get_args(checks.BatchSolver)
+    assert get_args(identification.Hypothesis) == get_args(rigid_impact.Hypothesis)
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -7,7 +7,6 @@ import pickle
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -15,7 +14,8 @@ import pygame
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.envs.render import FORCE, HEAVY, SHELL, Camera, DescentRenderer, write_film
+from sledenv.envs.canvas import FORCE, HEAVY, SHELL, Camera
+from sledenv.envs.render import DescentRenderer
 from sledenv.kernel.records import Mode, Status
 from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
 from sledenv.simulation.bodies import Body, circular_segment
@@ -369,44 +369,6 @@ def test_wrong_arguments_are_named(renderer: DescentRenderer, descent: Descent) 
         next(renderer.film(descent, speed=0.0))
     with pytest.raises(ValueError, match='record="trajectory"'):
         renderer.frame(simulate(DISC, ICE, HILL, descent.launch), 0.0)
-
-
-@pytest.mark.parametrize("ending", [".webp", ".mp4"])
-def test_a_film_is_written_picture_by_picture(ending: str, tmp_path: Path) -> None:
-    """Oracle: the number and size of the pictures in the file; no picture but the one at hand is drawn."""
-    pytest.importorskip({".webp": "PIL", ".mp4": "imageio_ffmpeg"}[ending])
-    drawn = 0
-
-    def pictures() -> Iterator[np.ndarray]:
-        nonlocal drawn
-        for shade in range(0, 200, 10):
-            drawn += 1
-            yield np.full((90, 160, 3), shade, np.uint8)
-
-    file = tmp_path / f"film{ending}"
-    write_film(pictures(), file, fps=10)
-    assert drawn == 20
-    assert [path.name for path in tmp_path.iterdir()] == [file.name]
-    if ending == ".webp":
-        from PIL import Image
-
-        with Image.open(file) as film:
-            assert (film.n_frames, film.size) == (20, (160, 90))
-    else:
-        import imageio_ffmpeg
-
-        assert imageio_ffmpeg.count_frames_and_secs(str(file)) == (20, 2.0)
-
-
-def test_what_is_no_film_is_named(tmp_path: Path) -> None:
-    picture = np.zeros((90, 160, 3), np.uint8)
-    with pytest.raises(ValueError, match=r"film.avi'?: must end in .webp or .mp4"):
-        write_film([picture], tmp_path / "film.avi")
-    with pytest.raises(ValueError, match="fps = 0: must be an integer >= 1"):
-        write_film([picture], tmp_path / "film.webp", fps=0)
-    with pytest.raises(ValueError, match="pictures: there is none"):
-        write_film([], tmp_path / "film.webp")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,18 +1,22 @@
-"""How commands are run: errors of one line, exit status, kinds of arguments, progress."""
+"""How commands are run: errors of one line, exit status, results and progress, places to write to."""
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from importlib.metadata import version
+from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from cyclopts import App, CoercionError, CycloptsError, Parameter, Token
+from cyclopts import App, CycloptsError, Parameter
+
+from sledenv.command.arguments import Count as Count  # the commands of agents/ look for them here
+from sledenv.command.arguments import Seed as Seed
+from sledenv.command.arguments import number as number
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -22,6 +26,7 @@ WRONG: Final = 2
 _INTERRUPTED = 128 + signal.SIGINT
 _BROKEN_PIPE = 141
 _WIDTH = 120  # of a table that is not printed on a terminal
+DPI: Final = 150  # of pictures
 STATUS: Final = "Exit status: 0 done, 1 failed, 2 wrong input, 130 interrupted."
 
 
@@ -91,41 +96,6 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
 
 
-def number(kind: type, words: str, accepts: Callable[[Any], bool], *, several: bool = False) -> Parameter:
-    """Return what reads a number of a kind, or several, which ``words`` tell to whoever gives another."""
-
-    def one(token: Token) -> Any:
-        try:
-            value = kind(token.value)
-        except ValueError:
-            value = math.nan
-        if not accepts(value):
-            raise CoercionError(msg=f"must be {words}: {token.value!r}", token=token)
-        return value
-
-    def read(_: Any, tokens: Sequence[Token]) -> Any:
-        return tuple(map(one, tokens)) if several else one(tokens[0])
-
-    return Parameter(converter=read, consume_multiple=(1, None) if several else None)
-
-
-def within(most: float, unit: str) -> Parameter:
-    """Return what reads a number in [-most, most]."""
-    words = f"a finite number in [-{most:g}, {most:g}] {unit}"
-    return number(float, words, lambda value: abs(value) <= most)
-
-
-def positive(unit: str) -> Parameter:
-    """Return what reads a number above 0."""
-    return number(float, f"a number > 0 {unit}", lambda value: 0.0 < value < math.inf)
-
-
-_SEED: Any = int, "an integer >= 0", lambda value: value >= 0
-Seed = Annotated[int, number(*_SEED)]
-Seeds = Annotated[tuple[int, ...], Parameter(metavar="SEED"), number(*_SEED, several=True)]
-Count = Annotated[int, Parameter(metavar="N"), number(int, "an integer >= 1", lambda value: value >= 1)]
-
-
 def tell(result: str | Table, data: Any, as_json: bool) -> None:
     """Print a result on standard output: for a reader, or as one JSON document in which what is not finite is null."""
     if as_json:
@@ -167,3 +137,11 @@ def working(words: str) -> Iterator[None]:
 def progress(name: str) -> Callable[[str], None]:
     """Return what tells on standard error what a command is about to do."""
     return lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True)
+
+
+def taken(places: ExitStack, option: str, place: AbstractContextManager[Path]) -> Path:
+    """Take a place to write to; what is wrong with it is said of the option."""
+    try:
+        return places.enter_context(place)
+    except OSError as error:
+        raise OSError(f"{option}: {error}") from error

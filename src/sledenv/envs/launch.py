@@ -208,7 +208,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def film(self) -> Iterator[NDArray[np.uint8]]:
         """Draw what "rgb_array_list" would list, one picture after the other, so that none needs to be kept.
 
-        :func:`sledenv.envs.render.write_film` makes a file of it.
+        :func:`sledenv.envs.film.write_film` makes a file of it.
 
         Raises
         ------

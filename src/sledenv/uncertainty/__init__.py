@@ -4,6 +4,7 @@ from sledenv.machine.extras import needs
 
 with needs("analysis", __name__):
     from sledenv.uncertainty.model import Study, StudyError, load_study, study_names
-    from sledenv.uncertainty.run import StudyResult, study
+    from sledenv.uncertainty.result import StudyResult
+    from sledenv.uncertainty.run import study
 
 __all__ = ["Study", "StudyError", "StudyResult", "load_study", "study", "study_names"]

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, styled
+from sledenv.uncertainty.result import StudyResult
 from sledenv.uncertainty.summary import NAMES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from sledenv.uncertainty.run import StudyResult
 
 _WAYS: Final = {"moving": SKY, "finished": BLUE, "jammed": RED, "tumbled": ORANGE, "other": POTENTIAL}
 _FANS: Final = (("speed_m_s", "speed [m/s]", 1.0), ("kinetic_j", "kinetic energy [kJ]", 1e-3))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,55 +23,13 @@ from sledenv.uncertainty.descents import descend_past
 from sledenv.uncertainty.distributions import EDGE
 from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
 from sledenv.uncertainty.model import Study, StudyError, load_study
+from sledenv.uncertainty.result import StudyResult, read_launches
 
 BLOCK: Final = 4096  # launches in a file, at most
 _DPI: Final = 150
 _LAUNCHES: Final = "launches"
 _TABLES: Final = ("shares", "quantiles", "envelopes", "sobol")
 FILES: Final = (_LAUNCHES, "study.yaml", *(f"{name}.parquet" for name in _TABLES), "envelopes.png", "sobol.png")
-
-
-@dataclass(frozen=True, eq=False)
-class StudyResult:
-    """What a study has found; all of it is also in its folder.
-
-    Attributes
-    ----------
-    study : Study
-    folder : Path
-    launches : int
-        How many there are.
-    files : tuple of Path
-        One Parquet file a block, in order: a row a launch.
-    shares : DataFrame
-        How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
-    quantiles : DataFrame
-        Of each output of a descent: ``mean``, and the quantiles ``q05``, ``q25``, ``q50``, ``q75``, ``q95``.
-    envelopes : DataFrame
-        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles of the
-        speed and of the kinetic energy of those that come there.
-    sobol : DataFrame
-        A row for each output and parameter: first order and total index, each with the half-width of its interval of
-        95 %.
-    """
-
-    study: Study
-    folder: Path
-    launches: int
-    files: tuple[Path, ...]
-    shares: pd.DataFrame
-    quantiles: pd.DataFrame
-    envelopes: pd.DataFrame
-    sobol: pd.DataFrame
-
-    def read(self, columns: list[str] | None = None) -> pd.DataFrame:
-        """Return a row a launch: parameters, status, outputs, speed and energy at each station, NaN if never there."""
-        return read_launches(self.files, columns)
-
-    @property
-    def words(self) -> str:
-        """What was found, for a reader."""
-        return summary.words(self.shares, self.quantiles, self.sobol)
 
 
 def study(
@@ -147,11 +104,6 @@ def draws(one: Study) -> NDArray[np.float64]:
     problem = {"num_vars": count, "names": list(one.parameters), "bounds": [[0.0, 1.0]] * count}
     sample = sobol.sample(problem, groups, calc_second_order=False, seed=one.seed)
     return np.asarray(sample + EDGE, dtype=np.float64)  # neither 0 nor 1
-
-
-def read_launches(files: tuple[Path, ...], columns: list[str] | None = None) -> pd.DataFrame:
-    """Return columns of blocks, all by default, one after the other."""
-    return pd.concat([pd.read_parquet(file, columns=columns) for file in files], ignore_index=True)
 
 
 def _simulate(

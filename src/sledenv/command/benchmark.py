@@ -1,0 +1,100 @@
+"""Commands of the benchmark: the rewards of a context as a map, and suites of agents."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sledenv.command.arguments import File, Folder, Json, Ray, ScenarioName, Seed, Seeds, SuiteName, Workers
+from sledenv.command.running import DPI, taken, tell, working
+
+
+def draw_map(
+    scenario: ScenarioName,
+    /,
+    *,
+    seed: Seed = 0,
+    runs: Annotated[tuple[Path, ...] | None, Parameter(name="--run", metavar="RUN")] = None,
+    out: File | None = None,
+    html: File | None = None,
+    seeds: Seeds | None = None,
+    json: Json = False,
+) -> None:
+    """Draw the jam map of a context, the reward of every launch, or make it a page to play them.
+
+    Draws the reward of all launches of one context, with the best one and what trained agents choose; or writes a page
+    for any browser, offline, that plays the descent of each of them.
+
+    Parameters
+    ----------
+    seed
+        Which context of the scenario is drawn.
+    runs
+        Folder of a trained agent, or the name of one that ships; may be repeated (default of a page: the shipped one).
+    out
+        Picture (default: map.png, unless --html is given).
+    html
+        Write this page.
+    seeds
+        Contexts to page through in it (default: that of --seed).
+    """
+    from sledenv.benchmark.landscape import landscape
+    from sledenv.benchmark.map_page import map_page
+    from sledenv.machine.files import replacing
+
+    if seeds and html is None:
+        raise ValueError(f"--seeds = {list(seeds)}: only a page has several contexts, see --html")
+    picture = out or (None if html else Path("map.png"))
+    with ExitStack() as places:
+        page = html and taken(places, "--html", replacing(html, ".html", ".htm"))
+        drawing = picture and taken(places, "--out", replacing(picture, ".png"))
+        if drawing:
+            with working("map"):
+                drawn = landscape(scenario, seed, runs or ())
+                drawn.figure.savefig(drawing, dpi=DPI, format="png")
+            words, contexts = drawn.words, [drawn.marks]
+        if page:
+            made = map_page(scenario, seeds or (seed,), runs)
+            page.write_text(made.html, encoding="utf-8")
+            words, contexts = made.words, made.marks
+    written = [file for file in (picture, html) if file]
+    data = {"scenario": scenario, "contexts": contexts, "written": written}
+    tell("\n".join([words, *(f"map: wrote {file}" for file in written)]), data, json)
+
+
+def benchmark(
+    *,
+    suite: SuiteName = "smoke",
+    out: Folder | None = None,
+    workers: Workers | None = None,
+    ray: Ray | None = None,
+    json: Json = False,
+) -> None:
+    """Train and judge the agents of a suite, and write the report.
+
+    Trains and judges every agent of a suite on every scenario, gathers the numbers as Parquet files and writes the
+    report. What has been done already is kept, so that a run which was stopped goes on.
+
+    Parameters
+    ----------
+    suite
+        smoke, minutes, full, trims, or a file that ends in .yaml.
+    out
+        Default: runs/benchmark/SUITE.
+    """
+    from sledenv.benchmark.report import write_report
+    from sledenv.benchmark.runner import run_suite
+    from sledenv.benchmark.scores import read_results, scores
+    from sledenv.benchmark.suite import Suite
+    from sledenv.benchmark.tables import shown
+
+    one = Suite.load(suite)
+    folder = run_suite(one, out or Path("runs/benchmark") / one.id, workers=workers, ray=ray)
+    results = read_results(folder)
+    page, found = write_report(results, folder / "report"), scores(results)
+    if not json:
+        tell(shown(found), None, json)
+    tell(f"benchmark: wrote {page}", {"suite": one.id, "scores": found, "written": [page]}, json)

@@ -1,0 +1,30 @@
+"""The command that examines the installation."""
+
+from __future__ import annotations
+
+import sys
+
+from sledenv.command.arguments import Json
+from sledenv.command.running import FAILED, tell
+
+
+def doctor(*, json: Json = False) -> int:
+    """Compile all kernels beforehand and check the installation.
+
+    Compiles all kernels into the cache, so that nothing is compiled on first use; reports versions, processor, threads
+    and cache; checks results that are known. Ends with status 1 if something is wrong.
+    """
+    from sledenv.command.doctor import examine
+
+    report: dict[str, list[str]] = {}
+
+    def note(line: str) -> None:
+        name, _, words = line.partition(" ")
+        report.setdefault(name, []).append(words.strip())
+        print(line, file=sys.stderr if json else sys.stdout, flush=True)
+
+    problems = examine(note)
+    for problem in problems:
+        print(f"sledenv doctor: {problem}", file=sys.stderr)
+    tell("something is wrong" if problems else "all is well", {"problems": problems, "report": report}, json)
+    return FAILED if problems else 0

@@ -1,0 +1,245 @@
+"""Commands of scenarios and of one descent: simulate, sensitivity, scenarios, replay."""
+
+from __future__ import annotations
+
+import math
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+from cyclopts import Parameter
+
+from sledenv.command.arguments import (
+    BatchSolver,
+    Count,
+    File,
+    Folder,
+    Json,
+    ScenarioName,
+    Seed,
+    Solver,
+    Surfaces,
+    within,
+)
+from sledenv.command.running import DPI, taken, tell, working
+
+if TYPE_CHECKING:
+    from sledenv.simulation.bodies import Body
+    from sledenv.simulation.outcomes import Descent, Record
+    from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.settings import Settings
+
+PICTURES: Final = ("strobe.png", "series.png")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Launch:
+    """Which launch of a scenario is meant.
+
+    Parameters
+    ----------
+    seed
+        Which context of the scenario is drawn.
+    orientation_deg
+        Launch orientation instead of the drawn one.
+    spin
+        Launch spin [rad/s] instead of the drawn one.
+    speed
+        Launch speed [m/s] instead of the drawn one.
+    """
+
+    seed: Seed = 0
+    orientation_deg: Annotated[float | None, Parameter(metavar="DEG"), within(360.0, "deg")] = None
+    spin: Annotated[float | None, Parameter(metavar="RAD_S"), within(1e6, "rad/s")] = None
+    speed: Annotated[float | None, Parameter(metavar="M_S"), within(1e6, "m/s")] = None
+
+
+_DRAWN = Launch()
+
+
+def simulate(
+    scenario: ScenarioName,
+    /,
+    *,
+    launch: Launch = _DRAWN,
+    solver: Annotated[Solver, Surfaces] = "compliant",
+    out: Folder | None = None,
+    csv: File | None = None,
+    json: Json = False,
+) -> None:
+    """Simulate one descent of a scenario.
+
+    Prints what was simulated, the rebounds, how it ended, jam metrics and energy ledger. Positions and velocities are
+    those of the mass centre, in the frame of the slope: x downhill, y along the outward normal, angles
+    counter-clockwise.
+
+    A rebound is a contact, short or long: t and x are those of its end, velocities those before and after. grip is the
+    impulse of friction over the most that it could be, loss the share of u that is gone, 0 where u has grown. A last
+    contact in which the descent ends is there as well.
+
+    Parameters
+    ----------
+    out
+        Write strobe.png and series.png into this folder.
+    csv
+        Write the trajectory as this table, units in the header.
+    """
+    from sledenv.machine.files import publish, replacing, write_csv
+    from sledenv.pages.as_json import plain_descent
+    from sledenv.pages.words import TRAJECTORY_COLUMNS, story, trajectory_rows
+
+    if out is not None and csv is not None and csv.parent.resolve() == out.resolve():
+        raise ValueError(f"--csv = {csv}: must lie outside {out}, which --out replaces as a whole")
+    with ExitStack() as places:  # taken before anything is simulated
+        table = csv and taken(places, "--csv", replacing(csv, ".csv"))
+        folder = out and taken(places, "--out", publish(out, PICTURES))
+        asked = _asked(scenario, launch, solver)
+        descent = _descend(asked, "trajectory" if table or folder else "rebounds")
+        if table:
+            write_csv(table, list(TRAJECTORY_COLUMNS.values()), trajectory_rows(descent))
+        if folder:
+            _draw(descent, folder)
+    lines = [asked.title, story(descent)]
+    if table:
+        columns = ", ".join(TRAJECTORY_COLUMNS.values())
+        lines.append(f"simulate: wrote {len(descent.trajectory)} rows into {csv}\n  columns {columns}")
+    if folder:
+        lines.append(f"simulate: wrote {' and '.join(PICTURES)} into {out}")
+    written = [file for file in (csv, *(out / name for name in PICTURES if out)) if file]
+    tell("\n".join(lines), asked.named | plain_descent(descent) | {"written": written}, json)
+
+
+def sensitivity(
+    scenario: ScenarioName,
+    /,
+    *,
+    launch: Launch = _DRAWN,
+    solver: Annotated[BatchSolver, Surfaces] = "compliant",
+    rebounds: Count = 10,
+    out: File | None = None,
+    json: Json = False,
+) -> None:
+    """Differentiate one descent of a scenario.
+
+    Prints the derivatives of how a descent ends by launch, law, slope and body, with the change of each from which on
+    its events are others; and how small differences grow, rebound by rebound.
+
+    Parameters
+    ----------
+    rebounds
+        At most so many.
+    out
+        Draw the growth of differences into this picture.
+    """
+    from sledenv.machine.files import replacing
+    from sledenv.pages.as_json import plain_sensitivity, plain_setting
+    from sledenv.pages.words import sensitivity_table, setting
+    from sledenv.simulation.sensitivity import sensitivity as differentiate
+
+    with ExitStack() as places:
+        picture = out and taken(places, "--out", replacing(out, ".png"))
+        asked = _asked(scenario, launch, solver)
+        with working("sensitivity"):
+            found = differentiate(*asked.given, asked.settings, rebounds=rebounds)
+        if picture:
+            from sledenv.plot import plot_growth
+
+            plot_growth(found).savefig(picture, dpi=DPI, format="png")
+    lines = [asked.title, setting(*asked.given), "", sensitivity_table(found)]
+    lines += [f"sensitivity: wrote {out}"] if out else []
+    data = asked.named | plain_setting(*asked.given) | plain_sensitivity(found)
+    tell("\n".join(lines), data | {"written": [out] if out else []}, json)
+
+
+def scenarios(*, json: Json = False) -> None:
+    """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
+    from rich.table import Table
+
+    from sledenv.scenarios.scenario import load_scenario, scenario_names
+    from sledenv.scenarios.sections import control_words
+
+    shipped = [load_scenario(name) for name in scenario_names()]
+    rows = [
+        (one.id, control_words(one.control_bounds)[one.control.chosen], "compliant", one.question) for one in shipped
+    ]
+    table = Table("name", "agent chooses", "solver", "what is asked", box=None, pad_edge=False)
+    for name, chosen, solver, question in rows:
+        table.add_row(name, ", ".join(chosen), solver, question)
+    tell(table, [dict(zip(("name", "agent_chooses", "solver", "question"), row, strict=True)) for row in rows], json)
+
+
+def replay(
+    scenario: ScenarioName,
+    /,
+    *,
+    launch: Launch = _DRAWN,
+    solver: Annotated[Solver, Surfaces] = "compliant",
+    out: File = Path("replay.html"),
+    json: Json = False,
+) -> None:
+    """Write a page that replays one descent of a scenario.
+
+    The page works in any browser, offline: the sled with its contact force, time series, rebound table.
+
+    Parameters
+    ----------
+    out
+        The page.
+    """
+    from sledenv.machine.files import replacing
+    from sledenv.pages.replay import replay_page
+
+    with ExitStack() as places:
+        page = taken(places, "--out", replacing(out, ".html", ".htm"))
+        asked = _asked(scenario, launch, solver)
+        page.write_text(replay_page(_descend(asked, "trajectory"), asked.title), encoding="utf-8")
+    tell(f"replay: wrote {out}", asked.named | {"written": [out]}, json)
+
+
+class _Asked(NamedTuple):
+    """Which descent the arguments mean."""
+
+    named: dict[str, Any]
+    given: tuple[Body, ContactLaw, Slope, State]
+    settings: Settings
+
+    @property
+    def title(self) -> str:
+        """Its name."""
+        return "{scenario}, seed {seed}, solver {solver}".format(**self.named)
+
+
+def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
+    import numpy as np
+
+    from sledenv.scenarios.scenario import load_scenario
+
+    scenario = load_scenario(name)
+    context = scenario.sample(np.random.default_rng(chosen.seed))
+    if solver == "euler" and scenario.ends.on_chord:
+        raise ValueError(
+            f"--solver: {scenario.id} ends where the body lies on its chord (ends.on_chord), which 'euler' cannot tell"
+        )
+    orientation = None if chosen.orientation_deg is None else math.radians(chosen.orientation_deg)
+    launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
+    return _Asked(
+        {"scenario": scenario.id, "seed": chosen.seed, "solver": solver},
+        (scenario.body(), scenario.law(context), scenario.slope(context), launch),
+        scenario.settings(solver),
+    )
+
+
+def _descend(asked: _Asked, record: Record) -> Descent:
+    from sledenv.simulation.simulate import simulate
+
+    with working("descent"):
+        return simulate(*asked.given, asked.settings, record=record)
+
+
+def _draw(descent: Descent, folder: Path) -> None:
+    from sledenv.plot import plot_descent, plot_strobe
+
+    plot_strobe(descent).savefig(folder / PICTURES[0], dpi=DPI)
+    plot_descent(descent).savefig(folder / PICTURES[1], dpi=DPI)

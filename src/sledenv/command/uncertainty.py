@@ -1,0 +1,44 @@
+"""The command of uncertainty studies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sledenv.command.arguments import Count, Folder, Json, Ray, StudyName, Workers
+from sledenv.command.running import tell
+
+
+def study(
+    study: StudyName,
+    /,
+    *,
+    out: Folder | None = None,
+    launches: Count | None = None,
+    workers: Workers | None = None,
+    ray: Ray | None = None,
+    json: Json = False,
+) -> None:
+    """Tell what uncertain launches, laws, slopes and bodies mean for the descent.
+
+    Draws what a study calls uncertain, simulates a descent for each draw, and tells how they end, with quantiles,
+    envelopes along the slope and Sobol indices. A study that was stopped goes on where it was, and so does one with
+    more launches.
+
+    Parameters
+    ----------
+    study
+        brake_stop, push_off, or a file that ends in .yaml.
+    out
+        Default: runs/study/STUDY.
+    launches
+        At least so many (default: what the study says).
+    """
+    import sledenv
+
+    given = sledenv.load_study(study)
+    folder = out or Path("runs/study") / given.id
+    found = sledenv.study(given, folder, launches=launches, workers=workers, ray=ray)
+    title = f"{given.id}, {found.launches} launches, solver {given.solver}: {given.question or given.title}"
+    tables = {name: getattr(found, name) for name in ("shares", "quantiles", "envelopes", "sobol")}
+    named = {"study": given.id, "launches": found.launches, "solver": given.solver}
+    tell(f"{title}\n{found.words}\nstudy: wrote {folder}", named | tables | {"written": [folder]}, json)

@@ -1,0 +1,59 @@
+"""What a study has found: its tables, and the files that its launches are read from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from sledenv.uncertainty import summary
+from sledenv.uncertainty.model import Study
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """What a study has found; all of it is also in its folder.
+
+    Attributes
+    ----------
+    study : Study
+    folder : Path
+    launches : int
+        How many there are.
+    files : tuple of Path
+        One Parquet file a block, in order: a row a launch.
+    shares : DataFrame
+        How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
+    quantiles : DataFrame
+        Of each output of a descent: ``mean``, and the quantiles ``q05``, ``q25``, ``q50``, ``q75``, ``q95``.
+    envelopes : DataFrame
+        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles of the
+        speed and of the kinetic energy of those that come there.
+    sobol : DataFrame
+        A row for each output and parameter: first order and total index, each with the half-width of its interval of
+        95 %.
+    """
+
+    study: Study
+    folder: Path
+    launches: int
+    files: tuple[Path, ...]
+    shares: pd.DataFrame
+    quantiles: pd.DataFrame
+    envelopes: pd.DataFrame
+    sobol: pd.DataFrame
+
+    def read(self, columns: list[str] | None = None) -> pd.DataFrame:
+        """Return a row a launch: parameters, status, outputs, speed and energy at each station, NaN if never there."""
+        return read_launches(self.files, columns)
+
+    @property
+    def words(self) -> str:
+        """What was found, for a reader."""
+        return summary.words(self.shares, self.quantiles, self.sobol)
+
+
+def read_launches(files: tuple[Path, ...], columns: list[str] | None = None) -> pd.DataFrame:
+    """Return columns of blocks, all by default, one after the other."""
+    return pd.concat([pd.read_parquet(file, columns=columns) for file in files], ignore_index=True)
