@@ -18,7 +18,7 @@ from sledenv.command import arguments, cli, identification
 from sledenv.command.arguments import Count, Seeds, positive, within
 from sledenv.command.running import app, run, tell, working
 from sledenv.scenarios.configuration import shipped
-from sledenv.simulation import checks, rigid_impact
+from sledenv.simulation import rigid_impact, settings
 
 HEAVY = ("llvmlite", "matplotlib", "numba", "pandas", "pydantic", "scipy")
 
@@ -139,8 +139,8 @@ def test_words_of_the_command_are_those_of_the_package(capsys: pytest.CaptureFix
     assert cli.main(["study", "--help"]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in shipped("studies"))
-    assert get_args(arguments.Solver) == get_args(checks.Solver)
-    assert get_args(arguments.BatchSolver) == get_args(checks.BatchSolver)
+    assert get_args(arguments.Solver) == get_args(settings.Solver)
+    assert get_args(arguments.BatchSolver) == get_args(settings.BatchSolver)
     assert get_args(identification.Hypothesis) == get_args(rigid_impact.Hypothesis)
 
 
