@@ -1,4 +1,4 @@
-"""Every number and figure of the paper, computed anew in one folder: the command ``sledenv reproduce``."""
+"""Every number and figure of the paper, computed anew; imports closed_forms/, pages/, plot/ and simulation/."""
 
 from __future__ import annotations
 
