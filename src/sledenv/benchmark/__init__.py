@@ -1,4 +1,4 @@
-"""The benchmark: problems, the best launch of each context, agents trained and judged, scores and their report."""
+"""Problems and their best launches, agents trained and judged, scores and their report; imports envs/ and pages/."""
 
 from sledenv.machine.extras import needs
 

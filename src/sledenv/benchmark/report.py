@@ -97,6 +97,7 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         agents=agents,
         learned={agent: label(agent) for agent in LEARNED if agent in agents},
         baselines={agent: label(agent) for agent in BASELINES},
+        present={agent: label(agent) for agent in BASELINES if agent in agents},
         metrics={name: metric_name(name) for name in SHOWN},
         small_regret=SMALL_REGRET,
         small_tail=SMALL_TAIL,

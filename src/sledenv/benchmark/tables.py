@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from rich.table import Table
 
 from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import BASELINES, PROBLEM, Results, separation, verdicts
+from sledenv.pages import tables
 from sledenv.pages.words import metric_name
 from sledenv.simulation.jam import SHOWN
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _CHECKS = {True: "yes", False: "**no**", None: "-"}
 
@@ -39,15 +43,14 @@ def markdown(results: Results, table: pd.DataFrame) -> str:
 
 def shown(table: pd.DataFrame) -> Table:
     """Return scores, of :func:`sledenv.benchmark.scores.scores`, for a terminal: least regret of a scenario first."""
-    lines = Table(box=None, pad_edge=False)
-    for name in ("scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile"):
-        lines.add_column(name, justify="left" if name in ("scenario", "agent") else "right")
+    names = "scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile"
+    rows = []
     for problem, group in table.groupby(PROBLEM, sort=False):
         for row in group.sort_values("regret", kind="stable").itertuples():
             interval = f"{row.regret:z.2%} [{row.regret_low:z.2%}, {row.regret_high:z.2%}]"
             numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, f"{row.regret_p90:z.2%}"
-            lines.add_row(title(*problem), label(row.agent), *numbers)
-    return lines
+            rows.append((title(*problem), label(row.agent), *numbers))
+    return tables.fitted(names, rows, words=2)
 
 
 def _verdicts(table: pd.DataFrame) -> str:
@@ -64,7 +67,7 @@ def _verdicts(table: pd.DataFrame) -> str:
         ]
         for row in verdicts(table).to_dict("records")
     ]
-    return _table(names, rows)
+    return tables.markdown(names, rows)
 
 
 def _scores(table: pd.DataFrame) -> str:
@@ -85,7 +88,7 @@ def _scores(table: pd.DataFrame) -> str:
         ]
         for row in table.to_dict("records")
     ]
-    return _table(names, rows)
+    return tables.markdown(names, rows)
 
 
 def _steady(row: Mapping[str, float]) -> list[str]:
@@ -107,7 +110,7 @@ def _separation(results: Results, table: pd.DataFrame) -> str:
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
         numbers = [*(row[name] for name in rewards), *regret, row["width"]]
         rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
-    return _table(names, rows)
+    return tables.markdown(names, rows)
 
 
 def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:
@@ -116,8 +119,3 @@ def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [names, ["---"] * len(names), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

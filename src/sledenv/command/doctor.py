@@ -40,13 +40,13 @@ _ROTOR = 1e-3  # [kg m^2]
 _log = logging.getLogger("sledenv")
 
 
-def examine(report: Callable[[str], None]) -> list[str]:
+def examine(report: Callable[[str, str], None]) -> list[str]:
     """Compile all kernels into the cache and check what they compute.
 
     Parameters
     ----------
     report : callable
-        Gets the lines of the report, one by one as they are known.
+        Gets what each line of the report is about and what it says, one by one as they are known.
 
     Returns
     -------
@@ -54,26 +54,26 @@ def examine(report: Callable[[str], None]) -> list[str]:
         What is wrong, one line each; empty if nothing is.
     """
     folder = cache_folder()
-    report(f"versions   {', '.join(_versions())}")
-    report(f"processor  {', '.join(_processor())}, cores {os.cpu_count()}")
-    report(f"cache      {_contents(folder)}")
+    report("versions", ", ".join(_versions()))
+    report("processor", f"{', '.join(_processor())}, cores {os.cpu_count()}")
+    report("cache", _contents(folder))
     problems = _hindrances(folder)
     for name, run in _KERNELS:
         try:
-            report(f"kernels    {name}: {_warmed(run)}")
+            report("kernels", f"{name}: {_warmed(run)}")
         except Exception as error:
-            report(f"kernels    {name}: failed")
+            report("kernels", f"{name}: failed")
             problems.append(f"{name}: {type(error).__name__}: {error}")
     unkept = {why for entry in entries() for why in entry.unkept}  # a full disk is found by writing alone
     problems += [f"compiled kernels cannot be kept: {why}" for why in sorted(unkept)]
-    report(f"cache      {_contents(folder)}")
-    report(f"threads    {_threads()}")
+    report("cache", _contents(folder))
+    report("threads", _threads())
     for name, check in _CHECKS:
         try:
             wrong = check()
         except Exception as error:
             wrong = f"{type(error).__name__}: {error}"
-        report(f"check      {name}: {'wrong' if wrong else 'right'}")
+        report("check", f"{name}: {'wrong' if wrong else 'right'}")
         if wrong:
             problems.append(f"{name}: {wrong}")
     return problems

@@ -18,10 +18,9 @@ def doctor(*, json: Json = False) -> int:
 
     report: dict[str, list[str]] = {}
 
-    def note(line: str) -> None:
-        name, _, words = line.partition(" ")
-        report.setdefault(name, []).append(words.strip())
-        print(line, file=sys.stderr if json else sys.stdout, flush=True)
+    def note(name: str, words: str) -> None:
+        report.setdefault(name, []).append(words)
+        print(f"{name:<11}{words}", file=sys.stderr if json else sys.stdout, flush=True)
 
     problems = examine(note)
     for problem in problems:

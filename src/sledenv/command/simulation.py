@@ -155,8 +155,7 @@ def sensitivity(
 
 def scenarios(*, json: Json = False) -> None:
     """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
-    from rich.table import Table
-
+    from sledenv.pages.tables import fitted
     from sledenv.scenarios.scenario import load_scenario, scenario_names
     from sledenv.scenarios.sections import control_words
 
@@ -164,10 +163,10 @@ def scenarios(*, json: Json = False) -> None:
     rows = [
         (one.id, control_words(one.control_bounds)[one.control.chosen], "compliant", one.question) for one in shipped
     ]
-    table = Table("name", "agent chooses", "solver", "what is asked", box=None, pad_edge=False)
-    for name, chosen, solver, question in rows:
-        table.add_row(name, ", ".join(chosen), solver, question)
-    tell(table, [dict(zip(("name", "agent_chooses", "solver", "question"), row, strict=True)) for row in rows], json)
+    names = "name", "agent chooses", "solver", "what is asked"
+    cells = [(name, ", ".join(chosen), solver, question) for name, chosen, solver, question in rows]
+    data = [dict(zip(("name", "agent_chooses", "solver", "question"), row, strict=True)) for row in rows]
+    tell(fitted(names, cells, words=len(names)), data, json)
 
 
 def replay(

@@ -1,4 +1,4 @@
-"""Gymnasium environments; importing the package registers them."""
+"""Gymnasium environments, registered as this is imported, and their pictures; imports pages/, plot/, scenarios/."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From recordings to a contact law: what is fitted to measured rebounds and tracks, and how sure one may be of it."""
+"""From recordings to a contact law, and how sure one may be of it; imports pages/, plot/ and simulation/."""
 
 from sledenv.machine.extras import needs
 

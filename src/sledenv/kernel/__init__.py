@@ -1,1 +1,1 @@
-"""Compiled mechanics: numbers in, numbers out, no Python objects and no input or output."""
+"""Compiled mechanics: numbers in, numbers out, no Python objects, no input or output; imports compiler/ and numba."""

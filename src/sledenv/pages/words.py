@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from sledenv.kernel.records import Feature, Mode
+from sledenv.pages.tables import aligned
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.jam import SHOWN
@@ -102,7 +103,7 @@ REBOUND_COLUMNS = (
     "loss",
     "stuck",
 )
-_WIDTHS = (3, 8, 8, 5, 15, 15, 15, 17, 5, 5, 0)
+_REBOUND_FORMS = (">3", ">8", ">8", ">5", ">15", ">15", ">15", ">17", ">5", ">5", "<")
 
 
 def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
@@ -122,10 +123,7 @@ def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
 
 def rebound_table(descent: Descent) -> str:
     """Return a header and one line for each rebound."""
-    lines = [
-        " ".join(f"{cell:>{width}}" for cell, width in zip(row, _WIDTHS, strict=True)).rstrip()
-        for row in (REBOUND_COLUMNS, *rebound_cells(descent))
-    ]
+    lines = aligned((REBOUND_COLUMNS, *rebound_cells(descent)), _REBOUND_FORMS, gap=" ")
     return "\n".join(lines if len(lines) > 1 else [*lines, "    no rebounds"])
 
 
@@ -140,12 +138,12 @@ def sensitivity_table(found: Sensitivity) -> str:
         cells = (f"{value:z.4g}" for value in (found.values[i], *derivatives, *found.distances[-1, i]))
         rows.append((_named(name, PARAMETERS[name]) + mark, *cells))
     lines = ["derivatives of the end by each parameter, and how much less or more of it changes the events:"]
-    lines += _aligned(rows)
+    lines += aligned(rows, ("<", ">"))
     if found.sides[-1].any():
         lines.append("  < or >: holds for less, or for more, of the parameter alone")
     if set(LAUNCH) <= set(found.parameters):
         lines += ["", "growth of a small difference of the launch, and the nearest other events up to the rebound:"]
-        lines += _aligned(_growth_rows(found))
+        lines += aligned(_growth_rows(found), ("<", ">"))
     return "\n".join(lines)
 
 
@@ -166,19 +164,11 @@ def _named(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Return lines of cells in columns: the first one to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    first, *others = widths
-    return [
-        "  ".join([f"{row[0]:<{first}}", *(f"{cell:>{width}}" for cell, width in zip(row[1:], others, strict=True))])
-        for row in rows
-    ]
-
-
 def summary(descent: Descent) -> str:
     """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
     jam, energy = descent.jam, descent.energy
+    ledger = [(f"  {name}", f"{value:.6f}") for name, value in energy._asdict().items()]
+    ledger.append(("  residual", f"{energy.residual:.1e}"))
     metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
     lying = []
     if descent.on_chord is not None:
@@ -190,8 +180,7 @@ def summary(descent: Descent) -> str:
         f"jam        {metrics}, jam index {float(jam.jam_index):.4f}",
         "",
         "energy [J]",
-        *(f"  {name:<12}{value:16.6f}" for name, value in energy._asdict().items()),
-        f"  {'residual':<12}{energy.residual:16.1e}",
+        *aligned(ledger, ("<14", ">16"), gap=""),
     ]
     return "\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""The figures: descents as strobe pictures, impacts and descents in time, energies, and maps of how an impact ends."""
+"""The figures: impacts and descents in time and space, energies, maps of how an impact ends; imports simulation/."""
 
 from sledenv.plot.contacts import plot_impact, plot_penetration, plot_slip
 from sledenv.plot.energy import energy_layers, plot_descent

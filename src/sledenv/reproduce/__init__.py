@@ -1,4 +1,4 @@
-"""Every number and figure of the paper, computed anew in one folder: the command ``sledenv reproduce``."""
+"""Every number and figure of the paper, computed anew; imports closed_forms/, pages/, plot/ and simulation/."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sledenv.machine.files import publish, write_csv
+from sledenv.pages.tables import markdown
 from sledenv.reproduce import cases, figures
 from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows
 
@@ -96,13 +97,14 @@ def _write_table(folder: Path, rows: list[Row]) -> None:
         ("id", "where", "quantity", "unit", "paper", "ours", "why"),
         ((row.id, row.where, row.quantity, row.unit, row.paper, row.ours, row.why) for row in rows),
     )
-    lines = ["| where | quantity | paper | ours | why they differ |", "|---|---|---|---|---|"]
+    cells = []
     for row in rows:
         ours = row.ours if isinstance(row.ours, str) else f"{row.ours:{row.form}}"
         unit = "" if row.unit == "-" else f" {row.unit}"
         paper = f"{row.paper}{unit}" if row.paper.lstrip("-")[:1].isdigit() else row.paper
-        lines.append(f"| {row.where} | {row.quantity} | {paper} | {ours}{unit} | {row.why} |")
-    (folder / "table.md").write_text("# The paper's numbers and ours\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
+        cells.append((row.where, row.quantity, paper, f"{ours}{unit}", row.why))
+    table = markdown(("where", "quantity", "paper", "ours", "why they differ"), cells)
+    (folder / "table.md").write_text(f"# The paper's numbers and ours\n\n{table}", encoding="utf-8")
 
 
 def _write_index(folder: Path, example: cases.Example) -> None:

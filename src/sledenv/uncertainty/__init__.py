@@ -1,4 +1,4 @@
-"""Uncertainty studies: what is not known of a launch, a law, a slope or a body, and what follows for the descent."""
+"""Studies: what is not known of a descent, and what follows for it; imports pages/, plot/ and scenarios/."""
 
 from sledenv.machine.extras import needs
 

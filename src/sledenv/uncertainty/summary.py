@@ -11,6 +11,7 @@ from SALib.analyze import sobol
 from scipy import stats
 
 from sledenv.kernel.records import LOSSES, Status
+from sledenv.pages.tables import aligned
 from sledenv.simulation.jam import DescentJam
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -116,15 +117,19 @@ def no_indices() -> pd.DataFrame:
 
 def words(ends: pd.DataFrame, outputs: pd.DataFrame, sensitivity: pd.DataFrame) -> str:
     """Return tables for a reader, lines of at most 120 characters."""
-    lines = ["how descents end, with intervals of 95 %"]
-    lines += [f"  {row.status:<12}{row.share:8.4f}  [{row.low:.4f}, {row.high:.4f}]" for row in ends.itertuples()]
-    lines += ["", f"{'quantiles':<22}" + "".join(f"{name:>12}" for name in ("mean", *NAMES))]
-    for row in outputs.itertuples(index=False):
-        lines.append(f"  {row[0]:<20}" + "".join(f"{value:12.4g}" for value in row[1:]))
-    lines += ["", "Sobol indices, first order / total, +- half of the interval of 95 %"]
-    for output, rows in sensitivity.groupby("output", sort=False):
-        lines.append(f"  {output}")
-        for row in rows.sort_values("total", ascending=False).itertuples():
-            first, total = f"{row.first:6.3f} +-{row.first_conf:6.3f}", f"{row.total:6.3f} +-{row.total_conf:6.3f}"
-            lines.append(f"    {row.parameter:<32}{first}   {total}")
+    ways = [(f"  {row.status}", f"{row.share:.4f}", f"[{row.low:.4f}, {row.high:.4f}]") for row in ends.itertuples()]
+    values = [(f"  {row[0]}", *(f"{value:.4g}" for value in row[1:])) for row in outputs.itertuples(index=False)]
+    lines = ["how descents end, with intervals of 95 %", *aligned(ways, ("<14", ">6", "<")), ""]
+    lines += [*aligned([("quantiles", "mean", *NAMES), *values], ("<22", ">10")), ""]
+    lines.append("Sobol indices, first order / total, +- half of the interval of 95 %")
+    for output, found in sensitivity.groupby("output", sort=False):
+        rows = [
+            (f"    {row.parameter}", _spread(row.first, row.first_conf), _spread(row.total, row.total_conf))
+            for row in found.sort_values("total", ascending=False).itertuples()
+        ]
+        lines += [f"  {output}", *aligned(rows, ("<34", ">15", ">16"))]
     return "\n".join(lines)
+
+
+def _spread(index: float, half: float) -> str:
+    return f"{index:6.3f} +-{half:6.3f}"
