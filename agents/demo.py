@@ -10,12 +10,12 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from sledenv import Descent
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
 from sledenv.command.running import Count, Seed, app, run
 from sledenv.envs.inputs import Contexts
 from sledenv.plot import plot_strobe
+from sledenv.simulation.outcomes import Descent
 
 from .evaluate import CONTEXTS, Score, as_json, evaluate, table
 from .sac import Agent as Sac

@@ -33,11 +33,12 @@ def study(
     launches
         At least so many (default: what the study says).
     """
-    import sledenv
+    from sledenv.uncertainty import load_study
+    from sledenv.uncertainty import study as simulate_study
 
-    given = sledenv.load_study(study)
+    given = load_study(study)
     folder = out or Path("runs/study") / given.id
-    found = sledenv.study(given, folder, launches=launches, workers=workers, ray=ray)
+    found = simulate_study(given, folder, launches=launches, workers=workers, ray=ray)
     title = f"{given.id}, {found.launches} launches, solver {given.solver}: {given.question or given.title}"
     tables = {name: getattr(found, name) for name in ("shares", "quantiles", "envelopes", "sobol")}
     named = {"study": given.id, "launches": found.launches, "solver": given.solver}
