@@ -12,7 +12,8 @@ import numpy as np
 
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
-from sledenv.command.running import Count, Seed, app, run
+from sledenv.command.arguments import Count, Seed
+from sledenv.command.running import app, run
 from sledenv.envs.inputs import Contexts
 from sledenv.plot import plot_strobe
 from sledenv.simulation.outcomes import Descent

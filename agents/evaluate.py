@@ -14,7 +14,8 @@ from scipy.stats import bootstrap
 
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
-from sledenv.command.running import app, number, run
+from sledenv.command.arguments import number
+from sledenv.command.running import app, run
 
 CONTEXTS = 400
 

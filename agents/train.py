@@ -10,7 +10,8 @@ from cyclopts import Parameter
 
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.command.running import Count, Seed, app, run
+from sledenv.command.arguments import Count, Seed
+from sledenv.command.running import app, run
 from sledenv.scenarios.configuration import CONFIGS
 
 ALGORITHMS: Final = (

@@ -14,10 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from sledenv.command.arguments import Count as Count  # the commands of agents/ look for them here
-from sledenv.command.arguments import Seed as Seed
-from sledenv.command.arguments import number as number
-
 if TYPE_CHECKING:
     from rich.table import Table
 
