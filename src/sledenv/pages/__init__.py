@@ -1,1 +1,1 @@
-"""Descents as HTML pages, in words and as JSON; imports plot/ for shapes, scenarios/ and simulation/."""
+"""Descents as HTML pages, in words and as JSON; imports plot/ for shapes, and simulation/."""
