@@ -1,10 +1,11 @@
-"""Bodies with corners that are no laminas; a launch at a height above the slope."""
+"""Bodies with corners that are no laminas; a launch at a height above the slope; descents that are ugly to draw."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from sledenv.simulation.bodies import Body, least_eccentricity
+from sledenv.simulation.bodies import Body, circular_segment, least_eccentricity
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
@@ -31,3 +32,37 @@ def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **
     x, clearance, phi, *rates = launch
     state = State(x, clearance + support_height(body, phi), phi, *rates)
     return simulate(body, law, slope, state, record="trajectory", **options)  # type: ignore[arg-type]
+
+
+def same_bits(one: Any, other: Any) -> None:
+    """Field by field, for there may be anything between them; the sign of a zero counts."""
+    for name in one.dtype.names:
+        assert one[name].tobytes() == other[name].tobytes(), name
+
+
+DISC, POINT = Body(100.0, 0.5, 0.25, 18.75), Body(1.0, 0.0, 0.0, 1.0)
+SLED, ROD = circular_segment(100.0, 0.5, math.radians(110.0)), rod(2.0, 0.5, 0.17)
+ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
+MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
+HILL = Slope(0.15, 10.0)
+UGLY = {
+    "no time passed": (DISC, ICE, HILL, (0.0, 1.0, 0.0, 1.0, 0.0, 1.0), {"max_time": 1e-9}),
+    "jammed at launch": (DISC, MAT, Slope(0.0, 10.0), (0.0, 0.0, 0.0), {}),
+    "no end": (DISC, ICE, Slope(0.2), (0.0, 1.0, 0.0, 5.0, 0.0, 0.0), {"max_time": 5.0, "sample_interval": 1.0}),
+    "far away": (DISC, ICE, Slope(0.0), (0.0, 1e3, 0.0, 1e9, 1e9, 0.0), {"max_time": 100.0}),
+    "far launch": (DISC, ICE, Slope(0.0), (1e15, 1.0, 0.0, 1.0, 0.0, 0.0), {"max_time": 0.1}),
+    "uphill": (SLED, ICE, Slope(0.3, 5.0), (0.0, 1.0, 0.0, -8.0, 0.0, 0.0), {"max_time": 3.0}),
+    "ascent": (SLED, ICE, Slope(-0.3, 5.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
+    "steep": (SLED, ICE, Slope(1.5, 50.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
+    "endless slope": (SLED, ICE, Slope(0.2, 1e300), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 1.0}),
+    "overflow": (
+        DISC,
+        ICE,
+        Slope(0.0, 10.0),
+        (0.0, 1.0, 0.0, -1e300, 1e300, 0.0),
+        {"max_time": 1e12, "sample_interval": 1e11},
+    ),
+    "rod": (ROD, ICE, HILL, (0.0, 0.5, 0.4, 1.0, 0.0, 0.0), {"max_time": 1.0}),
+    "point": (POINT, ICE, Slope(0.1, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0, 0.0, 0.0), {}),
+    "weightless": (DISC, ICE, Slope(0.1, 10.0, 0.0), (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), {"max_time": 1.0}),
+}

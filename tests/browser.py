@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import urllib.request
@@ -12,9 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the key of an element's id: W3C WebDriver, section 12
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")
+needs_chromium = pytest.mark.skipif(
+    CHROMIUM is None or CHROMEDRIVER is None, reason="needs chromium and chromedriver (Debian: chromium-driver)"
+)
 FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -94,6 +100,28 @@ def browser(folder: Path) -> Iterator[Browser]:
             if session is not None:
                 _call("DELETE", session)
             driver.terminate()
+
+
+def at_speed(page: Browser, factor: float) -> None:
+    page.run("const one = $('speed'); one.add(new Option('', arguments[0])); one.value = arguments[0]", str(factor))
+
+
+def wait_until(page: Browser, condition: str) -> None:
+    page.run(
+        f"return new Promise(done => {{ const look = () => {condition} ? done() : setTimeout(look, 20); look(); }})"
+    )
+
+
+def data_of(page: str) -> dict[str, Any]:
+    """What a page holds, which must be JSON: no number that JSON does not have."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    data: dict[str, Any] = json.loads(found[1], parse_constant=refuse)
+    return data
 
 
 def _call(method: str, url: str, content: dict[str, Any] | None = None) -> Any:

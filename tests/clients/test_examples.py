@@ -27,8 +27,7 @@ def _torch_threads():
     torch.set_num_threads(threads)
 
 
-def equal(one, other) -> bool:
-    return data_equivalence(one, other, exact=True)
+equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 def actions(env, steps: int, lanes: int) -> np.ndarray:
@@ -49,7 +48,7 @@ def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
     assert cleanrl_ppo.main(short) == score
 
 
-@pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
+@pytest.mark.parametrize("name", [pytest.param(LAUNCH_ID, marks=pytest.mark.slow), DESCENT_ID])
 def test_spawned_workers_give_what_one_process_gives(name):
     """Oracle: SyncVectorEnv and DummyVecEnv, info included."""
     make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")  # importable in a process that knows no sledenv

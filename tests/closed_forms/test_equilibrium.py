@@ -115,13 +115,6 @@ def test_a_wheel_rests_everywhere_or_nowhere() -> None:
     assert steepest_jam(WHEEL, law._replace(friction=0.05), 1.0) == pytest.approx(math.atan(0.05))
 
 
-def test_friction_below_the_slope_holds_nothing() -> None:
-    law = ContactLaw(1e6, 0.5, math.tan(0.1), 0.1)
-    assert static_jam(DISC, law, Slope(0.1 - 1e-9), 0.0)
-    assert not static_jam(DISC, law, Slope(0.1 + 1e-9), 0.0)
-    assert static_jam_angles(DISC, law, Slope(0.1 + 1e-9)) == []
-
-
 def test_the_steepest_slope_is_where_rest_ends() -> None:
     """Oracle: static_jam 1e-9 rad to both sides; the mirrored pose gives the other end."""
     phi = np.linspace(-3.0, 3.0, 73)

@@ -7,6 +7,11 @@ import pytest
 import sledenv
 
 
+@pytest.fixture(autouse=True)
+def _no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
+
 @pytest.fixture
 def short_scenario() -> sledenv.Scenario:
     """Ice_drop on a slope two or three hops long, so that thousands of episodes take seconds; one in 50 tumbles."""

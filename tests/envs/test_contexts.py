@@ -11,7 +11,6 @@ from scipy.stats import kstest
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.launch import SledLaunch
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.simulation.support import support_heights
 
@@ -106,24 +105,3 @@ def test_no_noise_leaves_streams_and_episodes_as_they_are_and_noise_changes_the_
         steps = [e.step(action) for e in (env, none, noisy)]
         assert steps[0][4] == steps[1][4]
         assert steps[0][4]["descent"] != steps[2][4]["descent"]
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_lanes_have_the_same_splits_noise_options_and_solver_as_scalar_environments(solver):
-    """Oracle: SledLaunch with the seed of the lane, in contexts and rewards, bit for bit."""
-    given = {"scenario": "ice_fast", "solver": solver, "split": "validation", "launch_noise": (0.1, 0.4)}
-    lanes = SledLaunchVector(40, autoreset_mode="Disabled", **given)
-    scalars = [SledLaunch(**given) for _ in range(40)]
-    rng = np.random.default_rng(0)
-    for options in (None, {"split": "test"}, {"context": {"friction": 0.04}}, {"context": {"drop": 0.1}}):
-        lanes.reset(seed=None if options else 5, options=options)
-        actions = rng.uniform(-1.0, 1.0, (40, 2)).astype(np.float32)
-        _, rewards, _, _, info = lanes.step(actions)
-        for i, env in enumerate(scalars):
-            env.reset(seed=None if options else 5 + i, options=options)
-            _, reward, _, _, one = env.step(actions[i])
-            assert one["context"] == {key: info["context"][key][i] for key in one["context"]}
-            assert reward == rewards[i]
-    frictions = rng.uniform(0.02, 0.06, 40)
-    info = lanes.reset(options={"context": {"friction": frictions}})[1]
-    assert np.array_equal(info["context"]["friction"], frictions)

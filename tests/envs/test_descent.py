@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import copy
-import os
 import pickle
-import subprocess
-import sys
 import time
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -21,7 +19,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
 from sledenv import STATUS_OF_CODE
-from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
@@ -31,14 +29,7 @@ CONTROLS = ("both", "orientation", "spin")
 SOLVERS = ("compliant", "rigid")
 
 
-@pytest.fixture(autouse=True)
-def _no_screen(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-
-
-def equal(one, other) -> bool:
-    """Oracle of equality: Gymnasium's own, exact in types, dtypes, keys and values."""
-    return data_equivalence(one, other, exact=True)
+equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 def random_action(env, rng):
@@ -62,10 +53,12 @@ def test_both_checkers_pass_without_a_warning(scenario, control):
     check_env_sb3(env.unwrapped)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("scenario", SLED_SCENARIOS)
+@pytest.mark.parametrize(
+    ("scenario", "solver"),
+    [("brake_mat", "compliant"), ("brake_mat", "rigid"), ("ice_drop", "rigid"), ("ice_fast", "compliant")],
+)
 def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenario, solver):
-    """Oracle: SledLaunch in 2250 contexts altogether; the last info is the same in every entry."""
+    """Oracle: SledLaunch in 1500 contexts altogether; the last info is the same in every entry."""
     rng = np.random.default_rng(0)
     statuses = set()
     control = {"brake_mat": "both", "ice_drop": "orientation", "ice_fast": "spin"}[scenario]
@@ -97,8 +90,9 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
     assert {"brake_mat": {"finish", "tumbled"}}.get(scenario, {"finish"}) <= statuses
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("scenario", SLED_SCENARIOS)
+@pytest.mark.parametrize(
+    ("scenario", "solver"), [("brake_mat", "compliant"), ("ice_drop", "rigid"), ("ice_fast", "compliant")]
+)
 def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(scenario, solver):
     """Oracle: conservation of energy; supply, work and reward by hand."""
     env = SledDescent(scenario, solver=solver)
@@ -201,52 +195,6 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
         assert len(steps) == 1 or len(returns) > 1
 
 
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
-def test_pickles_and_copies_made_at_any_time_go_on_identically(kind):
-    for made in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
-        env = kind("ice_drop", launch_noise=(0.1, 0.2))
-        twin = made(env)
-        assert equal(env.reset(seed=5), twin.reset(seed=5))
-        for i in range(30):
-            twin = made(twin)
-            action = random_action(env, np.random.default_rng(i))
-            one, other = env.step(action), twin.step(action)
-            assert equal(one, other)
-            if one[2] or one[3]:
-                twin = made(twin)
-                assert equal(env.reset(), twin.reset())
-
-
-EPISODES = """
-import gymnasium as gym, numpy as np, sledenv
-rng, lines = np.random.default_rng(0), []
-for solver in ("compliant", "rigid"):
-    env = gym.make(
-        "sledenv/SledDescent-v0", scenario="ice_fast", solver=solver, split="test", launch_noise=(0.05, 0.1)
-    )
-    env.reset(seed=9)
-    for _ in range(3):
-        env.reset()
-        ended = False
-        while not ended:
-            observation, reward, terminated, truncated, info = env.step(rng.uniform(-1.0, 1.0, 3).astype(np.float32))
-            lines.append(f"{observation.tobytes().hex()} {reward.hex()} {terminated} {truncated} {info['descent']}")
-            ended = terminated or truncated
-"""
-
-
-@pytest.mark.parametrize("fresh_cache", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_a_spawned_process_gives_the_same_episodes(fresh_cache, tmp_path):
-    """Oracle: this process; the spawned one compiles everything itself if it starts with an empty cache."""
-    scope: dict = {}
-    exec(EPISODES, scope)
-    given = dict(os.environ) | ({"NUMBA_CACHE_DIR": str(tmp_path)} if fresh_cache else {})
-    command = [sys.executable, "-W", "error", "-c", EPISODES + "print(*lines, sep='\\n')"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=given)
-    assert len(scope["lines"]) > 12
-    assert done.stdout.splitlines() == scope["lines"]
-
-
 def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     """Oracle: SledLaunch, whose one step terminates; paper_impact has 0.04 s for its only impact, and no rider."""
     launch, descent = SledLaunch("paper_impact"), SledDescent("paper_impact")
@@ -305,8 +253,6 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
         ({"contxt": 1}, ValueError, "unknown option 'contxt': must be one of 'context', 'split'"),
         ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
         ({"context": {"frition": 0.1}}, ValueError, "unknown field 'frition' of context: must be one of angle"),
-        ({"context": {"friction": -0.1}}, ValueError, r"context.friction = .*-0.1.*: must be in \[0, inf\)"),
-        ({"context": {"speed": np.nan}}, ValueError, "context.speed = .*nan.*: must be a finite number"),
         ({"context": {"drop": "high"}}, TypeError, "context.drop"),
         ({"context": {"drop": [0.1, 0.2]}}, ValueError, r"context.drop has shape \(2,\): must be \(\) or \(1,\)"),
         ({"context": [1.0, 2.0]}, ValueError, r"context has shape \(2,\)"),
@@ -333,42 +279,19 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
         ({"render_mode": "ascii"}, ValueError, "render_mode = 'ascii'"),
     ],
 )
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
-def test_bad_arguments_name_the_argument_and_what_is_allowed(kind, arguments, error, message):
-    with pytest.raises(error, match=message):
-        kind(**arguments)
+def test_bad_arguments_name_the_argument_and_what_is_allowed(arguments, error, message):
+    for kind in (SledLaunch, SledDescent):
+        with pytest.raises(error, match=message):
+            kind(**arguments)
 
 
-def test_the_spec_survives_json():
+def test_the_spec_survives_json_and_a_second_registration_is_silent():
     arguments = {"scenario": "ice_fast", "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
     for name in (LAUNCH_ID, DESCENT_ID):
         env = gym.make(name, **arguments)
         again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
         assert equal(env.reset(seed=2), again.reset(seed=2))
-
-
-def test_pictures_show_the_descent_so_far_and_the_window_each_hop():
-    """Oracle: pictures differ from step to step; SDL's dummy driver shows nothing but runs the same code."""
-    env = SledDescent("ice_fast", render_mode="rgb_array")
-    plain = SledDescent("ice_fast")
-    env.reset(seed=1)
-    plain.reset(seed=1)
-    pictures = [env.render()]
-    for i in range(3):
-        action = random_action(env, np.random.default_rng(i))
-        assert equal(env.step(action), plain.step(action))
-        pictures.append(env.render())
-        assert pictures[-1].shape == (540, 960, 3)
-        assert not np.array_equal(pictures[-1], pictures[-2])
-    assert np.array_equal(pictures[-1], env.render())
-    env.close()
-    window = SledDescent("ice_fast", render_mode="human")
-    window.reset(seed=1)
-    plain.reset(seed=1)
-    action = random_action(env, np.random.default_rng(0))
-    assert equal(window.step(action), plain.step(action))
-    assert window.render() is None
-    window.close()
+    register()
 
 
 class Session(RuleBasedStateMachine):

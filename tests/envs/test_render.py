@@ -18,21 +18,14 @@ from sledenv.envs.canvas import FORCE, HEAVY, SHELL, Camera
 from sledenv.envs.render import DescentRenderer
 from sledenv.kernel.records import Mode, Status
 from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
-from tests.bodies import rod, run
+from tests.bodies import DISC, HILL, ICE, MAT, UGLY, run
 
-DISC = Body(100.0, 0.5, 0.25, 18.75)
-SLED = circular_segment(100.0, 0.5, math.radians(110.0))
-ROD = rod(2.0, 0.5, 0.17)
-POINT = Body(1.0, 0.0, 0.0, 1.0)
-ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
-MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)
-HILL = Slope(0.15, 10.0)
 PANEL = 486  # first row of the panel in a picture of 960 x 540
 
 
@@ -42,8 +35,7 @@ def descent() -> Descent:
 
 
 @pytest.fixture
-def renderer(monkeypatch: pytest.MonkeyPatch) -> Iterator[DescentRenderer]:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+def renderer() -> Iterator[DescentRenderer]:
     renderer = DescentRenderer(DISC)
     yield renderer
     renderer.close()
@@ -170,29 +162,6 @@ def test_a_strobe_shows_many_poses_and_repeats(renderer: DescentRenderer, descen
     assert covered > single + 5 * math.pi * (DISC.radius * renderer.camera(descent, 0.0).scale) ** 2 * 0.5
     _, columns = drawn_in(strobe, HEAVY, SHELL)  # only the last pose has the full colours
     assert columns.min() > 800
-
-
-UGLY = {
-    "no time passed": (DISC, ICE, HILL, (0.0, 1.0, 0.0, 1.0, 0.0, 1.0), {"max_time": 1e-9}),
-    "jammed at launch": (DISC, MAT, Slope(0.0, 10.0), (0.0, 0.0, 0.0), {}),
-    "no end": (DISC, ICE, Slope(0.2), (0.0, 1.0, 0.0, 5.0, 0.0, 0.0), {"max_time": 5.0, "sample_interval": 1.0}),
-    "far away": (DISC, ICE, Slope(0.0), (0.0, 1e3, 0.0, 1e9, 1e9, 0.0), {"max_time": 100.0}),
-    "far launch": (DISC, ICE, Slope(0.0), (1e15, 1.0, 0.0, 1.0, 0.0, 0.0), {"max_time": 0.1}),
-    "uphill": (SLED, ICE, Slope(0.3, 5.0), (0.0, 1.0, 0.0, -8.0, 0.0, 0.0), {"max_time": 3.0}),
-    "ascent": (SLED, ICE, Slope(-0.3, 5.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
-    "steep": (SLED, ICE, Slope(1.5, 50.0), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 3.0}),
-    "endless slope": (SLED, ICE, Slope(0.2, 1e300), (0.0, 1.0, 0.0, 2.0, 0.0, 0.0), {"max_time": 1.0}),
-    "overflow": (
-        DISC,
-        ICE,
-        Slope(0.0, 10.0),
-        (0.0, 1.0, 0.0, -1e300, 1e300, 0.0),
-        {"max_time": 1e12, "sample_interval": 1e11},
-    ),
-    "rod": (ROD, ICE, HILL, (0.0, 0.5, 0.4, 1.0, 0.0, 0.0), {"max_time": 2.0}),
-    "point": (POINT, ICE, Slope(0.1, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0, 0.0, 0.0), {}),
-    "weightless": (DISC, ICE, Slope(0.1, 10.0, 0.0), (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), {"max_time": 1.0}),
-}
 
 
 @pytest.mark.parametrize("name", UGLY)

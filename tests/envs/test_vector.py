@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 import time
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -45,9 +44,7 @@ def actions(rng: np.random.Generator, lanes: int, env_id: str = LAUNCH_ID) -> np
     return rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
 
 
-def equal(one, other) -> bool:
-    """Oracle of equality: Gymnasium's own, exact in types, dtypes, keys and values."""
-    return data_equivalence(one, other, exact=True)
+equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 @both_ids
@@ -67,17 +64,18 @@ def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(
     assert isinstance(sync, SyncVectorEnv)
 
 
-@pytest.mark.parametrize("mode", MODES)
+TASKS = [
+    {"scenario": "brake_mat"},
+    {"scenario": "paper_impact"},
+    {"scenario": "ice_fast", "control": "spin", "solver": "rigid", "split": "train", "launch_noise": (0.2, 0.0)},
+]
+
+
+# Each mode with each task, and each environment with both.
 @pytest.mark.parametrize(
-    "given",
-    [
-        {"scenario": "brake_mat"},
-        {"scenario": "paper_impact"},
-        {"scenario": "ice_fast", "control": "spin", "solver": "rigid", "split": "train", "launch_noise": (0.2, 0.0)},
-    ],
-    ids=lambda given: given["scenario"],
+    ("env_id", "mode", "given"),
+    [(list(NATIVE)[(i + k) % 2], mode, given) for i, mode in enumerate(MODES) for k, given in enumerate(TASKS)],
 )
-@both_ids
 def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(env_id, mode, given):
     """Oracle: Gymnasium's SyncVectorEnv of the scalar environment; lanes run out of step by partial resets."""
     env = native(5, mode, env_id, **given)
@@ -143,34 +141,16 @@ def test_ten_thousand_episodes_agree_with_scalar_environments_and_syncvectorenv(
     assert len(statuses) > 1
 
 
-@both_ids
-def test_a_lane_does_not_depend_on_the_number_of_lanes_or_on_what_the_others_do(env_id):
-    """Oracle: the same lanes in a larger batch whose other lanes act otherwise and are reset at other times."""
-    small, large = (native(lanes, env_id=env_id, launch_noise=(0.1, 0.1)) for lanes in (3, 40))
-    one, other = small.reset(seed=5), large.reset(seed=5)
-    rng = np.random.default_rng(2)
-    for k in range(40):  # more than a lane draws ahead
-        assert np.array_equal(one[0], other[0][:3])
-        action = actions(rng, 40, env_id)
-        one, other = small.step(action[:3]), large.step(action)
-        assert np.array_equal(one[1], other[1][:3])
-        if k % 3 == 0:
-            large.reset(options={"reset_mask": np.arange(40) >= 3 + k % 20})
-
-
 def test_a_partial_reset_leaves_the_other_lanes_and_the_mask_alone():
     """Oracle: SyncVectorEnv's contract; a lane with a seed starts anew, one without goes on with its stream."""
     env = native(4, AutoresetMode.DISABLED)
     before, _ = env.reset(seed=0)
     mask = np.array([False, True, True, False])
     options = {"reset_mask": mask}
-    after, info = env.reset(seed=[None, 1, None, 7], options=options)
-    assert options.keys() == {"reset_mask"}
-    assert mask.tolist() == [False, True, True, False]
+    after, _ = env.reset(seed=[None, 1, None, 7], options=options)
+    assert (options.keys(), mask.tolist()) == ({"reset_mask"}, [False, True, True, False])
     assert np.array_equal(after[[0, 1, 3]], before[[0, 1, 3]])  # lane 1 again with the seed it had
     assert not np.array_equal(after[2], before[2])
-    assert info["_context"].tolist() == mask.tolist()
-    assert info["context"]["speed"][0] == 0.0
     env.step(np.zeros((4, 2), np.float32))
     with pytest.raises(ResetNeeded, match="lane 0 has ended"):
         env.step(np.zeros((4, 2), np.float32))
@@ -201,6 +181,8 @@ def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_al
     assert equal(step[0], twin.reset()[0])  # the draw after the first
     _, info = env.reset(options={"context": contexts[1]})
     assert set(info["context"]["speed"]) == {contexts[1].speed}
+    frictions = np.array([0.3, 0.4, 0.5])
+    assert np.array_equal(env.reset(options={"context": {"friction": frictions}})[1]["context"]["friction"], frictions)
 
 
 @pytest.mark.parametrize("keys", [(), ("is_success",), CHEAP_INFO, INFO_KEYS])
@@ -216,48 +198,6 @@ def test_info_has_all_but_the_rebounds_by_default():
     env.reset(seed=0)
     assert "rebounds" not in env.step(np.zeros((2, 2), np.float32))[4]
     assert set(CHEAP_INFO) == set(INFO_KEYS) - {"rebounds"}
-
-
-@pytest.mark.parametrize("mode", MODES)
-@both_ids
-def test_a_pickled_and_a_copied_batch_go_on_identically(env_id, mode):
-    """Oracle: the batch itself; taken in the middle of a block of draws and of the episodes."""
-    env = native(3, mode, env_id, launch_noise=(0.1, 0.1))
-    env.reset(seed=8)
-    rng = np.random.default_rng(4)
-    twins = []
-    for k in range(25):
-        if k == 5:
-            twins += [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
-        action = actions(rng, 3, env_id)
-        step = env.step(action)
-        assert all(equal(step, twin.step(action)) for twin in twins)
-        ended = step[2] | step[3]
-        if mode is AutoresetMode.DISABLED and ended.any():
-            begun = env.reset(options={"reset_mask": ended})
-            assert all(equal(begun, twin.reset(options={"reset_mask": ended})) for twin in twins)
-
-
-@both_ids
-def test_another_process_gives_the_same_episodes(env_id):
-    """Oracle: a fresh interpreter."""
-    code = (
-        "import gymnasium as gym, numpy as np, sledenv\n"
-        f"env = gym.make_vec('{env_id}', num_envs=7, autoreset_mode='SameStep')\n"
-        "observations, _ = env.reset(seed=21)\n"
-        "rng, seen = np.random.default_rng(0), [observations.astype(float).ravel()]\n"
-        "for _ in range(20):\n"
-        "    step = env.step(rng.uniform(-1, 1, env.action_space.shape).astype(np.float32))\n"
-        "    seen += [step[0].astype(float).ravel(), step[1]]\n"
-        "print(np.concatenate(seen).tobytes().hex())\n"
-    )
-    runs = [
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-        for _ in range(2)
-    ]
-    scope: dict[str, object] = {"print": lambda text: runs.append(text + "\n")}
-    exec(code, scope)
-    assert runs[0] == runs[1] == runs[2]
 
 
 def changeable(data):
@@ -320,10 +260,9 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
         (np.zeros((3, 2), bool), "must be numbers of shape"),
     ],
 )
-@pytest.mark.parametrize("mode", MODES)
-def test_a_wrong_action_is_refused_and_no_lane_advances(mode, action, message):
+def test_a_wrong_action_is_refused_and_no_lane_advances(action, message):
     """Oracle: a twin that was never given it."""
-    env, twin = native(3, mode), native(3, mode)
+    env, twin = native(3), native(3)
     env.reset(seed=6)
     twin.reset(seed=6)
     with pytest.raises(InvalidAction, match=message):
@@ -359,7 +298,6 @@ def test_a_lane_that_is_being_reset_ignores_its_action():
             r"context\[1\]\.restitution = 0.0: must be in \(0, 1\]",
         ),
         ({"options": {"reset_mask": [True, False, False]}}, TypeError, "must be an array of bool"),
-        ({"options": {"reset_mask": np.ones(3)}}, TypeError, "must be an array of bool"),
         ({"options": {"reset_mask": np.ones(2, bool)}}, ValueError, r"has shape \(2,\): must be \(3,\)"),
         ({"options": {"reset_mask": np.zeros(3, bool)}}, ValueError, "no lane to reset"),
         ({"seed": [1, 2]}, ValueError, "seed has 2 entries: must be one a lane, 3"),
@@ -394,15 +332,11 @@ def test_a_step_or_a_partial_reset_before_the_first_reset_is_refused():
     [
         ({"num_envs": 0}, ValueError, "num_envs = 0: must be an integer >= 1"),
         ({"num_envs": 2.0}, ValueError, "num_envs = 2.0: must be an integer >= 1"),
-        ({"scenario": "brake_mta"}, sledenv.ScenarioError, "brake_mat"),
-        ({"control": "roll"}, ValueError, "control = 'roll'"),
         ({"autoreset_mode": "never"}, ValueError, "autoreset_mode = 'never': must be one of 'NextStep', 'SameStep'"),
-        ({"info": ("jam", "jem")}, ValueError, "must be a sequence of any of 'context', 'rebounds'"),
         ({"info": "jam"}, ValueError, "must be a sequence of any of"),
         ({"render_mode": "oil"}, ValueError, "render_mode = 'oil': must be one of"),
         ({"num_envs": 10**12}, MemoryError, "num_envs = 1000000000000: as many lanes take"),
         ({"num_envs": 2**63}, MemoryError, "num_envs = 9223372036854775808: as many lanes take"),
-        ({"scenario": None}, TypeError, "scenario = None: must be the name of one"),
         ({"max_episode_steps": 0}, ValueError, "max_episode_steps = 0: must be an integer >= 1"),
     ],
 )
@@ -411,8 +345,7 @@ def test_bad_arguments_name_the_argument_and_what_is_allowed(given, error, messa
         gym.make_vec(LAUNCH_ID, **{"num_envs": 2} | given)
 
 
-@pytest.mark.parametrize("mode", MODES)
-@both_ids
+@pytest.mark.parametrize(("env_id", "mode"), list(zip([LAUNCH_ID, DESCENT_ID, DESCENT_ID], MODES, strict=True)))
 def test_pictures_are_those_of_syncvectorenv(env_id, mode):
     """Oracle: those of Gymnasium's SyncVectorEnv."""
     given = {"scenario": "ice_drop", "launch_noise": (0.1, 0.3), "render_mode": "ansi"}
@@ -437,8 +370,7 @@ def test_pictures_are_those_of_syncvectorenv(env_id, mode):
     env.close()
 
 
-@pytest.mark.parametrize("mode", MODES[:2])
-@both_ids
+@pytest.mark.parametrize(("env_id", "mode"), list(zip(NATIVE, MODES[:2], strict=True)))
 def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
     """Oracle: what followed the first time, and a copy of the batch that was never used."""
     env, other = native(4, mode, env_id), native(4, mode, env_id)

@@ -102,16 +102,6 @@ def test_a_law_and_a_launch_are_recovered(plain: TrackFit) -> None:
     assert (np.abs(found) < 4.0 * errors).all()
 
 
-def test_dropped_bodies_of_several_kinds_are_recovered() -> None:
-    rng = np.random.default_rng(3)
-    for body in (SEGMENT, SLED):
-        one = drop(rng, body)
-        known = {"rolling_arm": one.law.rolling_arm, "restitution": one.law.restitution}
-        found = identify_tracks(track(one, rng, seconds=0.5), one.body, one.slope, fixed=known)
-        assert near(found, one), (one, found.table)
-        assert found.fit.cost <= cost_of_truth(found, one) + 0.1
-
-
 def test_what_a_mirror_shows_has_the_same_law(held: TrackFit) -> None:
     table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
     mirrored = table.assign(x_m=-table["x_m"], phi_rad=-table["phi_rad"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Settings, Slope, State, circular_segment, simulate, simulate_batch
 from sledenv.simulation.support import support_heights
-from tests.bodies import rod
+from tests.bodies import rod, same_bits
 
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SLOPE = Slope(math.radians(10.0), length=40.0)
@@ -42,12 +42,6 @@ def ugly(rng: np.random.Generator, body: Body, lanes: int) -> np.ndarray:
     states[rng.random(lanes) < 0.05, 5] = 5e3
     states[rng.random(lanes) < 0.02, 4] = -1e5
     return states
-
-
-def same_bits(one: Any, other: Any) -> None:
-    """Field by field, for there may be anything between them; the sign of a zero counts."""
-    for name in one.dtype.names:
-        assert one[name].tobytes() == other[name].tobytes(), name
 
 
 BODIES = {
@@ -87,17 +81,6 @@ def test_a_lane_equals_the_descent_alone(name: str) -> None:
             one = simulate(body, ContactLaw(*laws[i]), Slope(*slopes[i]), State(*states[i]), **options)
             same_bits(batch.outcomes[i], one.outcome)
             same_bits(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
-
-
-def test_a_lane_does_not_see_its_neighbours() -> None:
-    """Other order, other neighbours: the same outcomes."""
-    states = ugly(np.random.default_rng(1), DISC, 300)
-    outcomes = simulate_batch(DISC, LAW, SLOPE, states, Settings(max_rebounds=7)).outcomes
-    order = np.random.default_rng(2).permutation(300)[:123]
-    assert (
-        simulate_batch(DISC, LAW, SLOPE, states[order], Settings(max_rebounds=7)).outcomes.tobytes()
-        == outcomes[order].tobytes()
-    )
 
 
 bodies = st.one_of(

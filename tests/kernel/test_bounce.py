@@ -11,7 +11,6 @@ import pytest
 from sledenv import (
     Body,
     ContactLaw,
-    Ride,
     RideBatch,
     Settings,
     Slope,
@@ -25,9 +24,8 @@ from sledenv.compiler.trace import LANES
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.flight import tell_body, tell_place
 from sledenv.kernel.impact import ENERGETIC, impact
-from sledenv.kernel.records import Status
 from sledenv.kernel.state import HOP, PACK, new
-from tests.bodies import rod
+from tests.bodies import rod, same_bits
 
 BODIES = {
     "disc": Body(1.0, 0.1, 0.05, 7.5e-3),
@@ -37,12 +35,6 @@ BODIES = {
     "segment": circular_segment(2.0, 0.5, math.radians(50.0)),
     "deep segment": circular_segment(2.0, 0.5, math.radians(110.0)),
 }
-
-
-def same_bits(one: Any, other: Any) -> None:
-    """Field by field, for there may be anything between them; the sign of a zero counts."""
-    for name in one.dtype.names:
-        assert one[name].tobytes() == other[name].tobytes(), name
 
 
 def ugly(rng: np.random.Generator, body: Body, lanes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -102,27 +94,6 @@ def test_hop_by_hop_a_ride_is_the_descent(name: str) -> None:
     same_bits(found.outcomes, batch.outcomes)
     for i, count in enumerate(batch.outcomes["rebounds"]):
         same_bits(found.rebounds[i, :count], batch.rebounds[i, :count])
-
-
-def test_trimmed_hops_side_by_side_are_those_of_rides() -> None:
-    """Random trims; oracle: one Ride a lane."""
-    body, count = BODIES["deep segment"], 40
-    rng = np.random.default_rng(6)
-    laws, slopes, states = ugly(rng, body, count)
-    options: dict[str, Any] = {"solver": "rigid", "max_time": 4.0, "max_rebounds": 9}
-    batch = RideBatch(body, laws, slopes, states, Settings(**options), rotor_inertia=0.5)
-    rides = [
-        Ride(body, ContactLaw(*law), Slope(*slope), State(*state), Settings(**options), rotor_inertia=0.5)
-        for law, slope, state in zip(laws, slopes, states, strict=True)
-    ]
-    for _ in range(10):
-        trims = rng.uniform(-2.0, 2.0, count)
-        batch.hop(trims)
-        for ride, spin, outcome in zip(rides, trims, batch.outcomes(), strict=True):
-            if ride.status == Status.RUNNING:
-                ride.trim(float(spin))
-                ride.hop()
-            same_bits(outcome, ride.descent().outcome)
 
 
 def bounce_once(body: Body, count: int, packs: np.ndarray, hops: np.ndarray) -> None:

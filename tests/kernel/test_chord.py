@@ -12,7 +12,6 @@ import pytest
 from sledenv.closed_forms import on_chord
 from sledenv.closed_forms.painleve import painleve
 from sledenv.kernel.records import Feature, Status
-from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -305,48 +304,6 @@ def test_a_body_that_trips_goes_back_onto_its_arc(speed: float, solver: Solver) 
     assert touched[arc - 1] == ahead
 
 
-# --- lying on the chord ends nothing ---------------------------------------------------------------------------------
-
-
-@SOLVERS
-def test_lying_on_the_chord_ends_a_descent_only_if_asked_to(solver: Solver) -> None:
-    """Oracle: the descent that goes on, up to there; both gap rates and the spin are zero."""
-    law, slope = law_of(0.1), Slope(0.2, 30.0)
-    launch = State(0.0, support_height(BARREL, 3.0) + 0.2, 3.0, 1.0, -0.5, 0.3)
-    on, ended = (simulate(BARREL, law, slope, launch, solver=solver, end_on_chord=end) for end in (False, True))
-    assert (on.status, ended.status) == ("finish", "tumbled")
-    assert ended.time == ended.outcome["t_on_chord"] == on.outcome["t_on_chord"]
-    assert ended.state.x == ended.outcome["x_on_chord"] == on.outcome["x_on_chord"]
-    assert (ended.state.v, ended.state.omega) == (0.0, 0.0)
-    assert ended.state.u > 0.0
-    assert abs(ended.energy.residual) < 1e-12 * ended.energy.supplied
-
-
-@SOLVERS
-def test_no_sled_on_ice_ends_on_its_chord_while_it_still_bounces(solver: Solver) -> None:
-    """Oracle: what has ended on its chord is at rest; the first contact of both corners is not the last event."""
-    scenario = load_scenario("ice_drop")
-    rng = np.random.default_rng(4)
-    endings: Counter[str] = Counter()
-    chords = 0
-    for _ in range(60):
-        context = scenario.sample(rng)
-        descent = simulate(
-            scenario.body(),
-            scenario.law(context),
-            scenario.slope(context),
-            scenario.launch(context, rng.uniform(-math.pi, math.pi), rng.uniform(5.0, 10.0)),
-            solver=solver,
-            max_rebounds=scenario.limits.max_rebounds,
-        )
-        endings[str(descent.status)] += 1
-        chords += bool((descent.rebounds["feature"] == Feature.CHORD).any())
-        if descent.status == "jammed":
-            assert descent.state[3:] == (0.0, 0.0, 0.0)
-    assert set(endings) <= {"finish", "jammed", "timeout", "log_full"}
-    assert chords > 20
-
-
 # --- random descents -------------------------------------------------------------------------------------------------
 
 
@@ -549,29 +506,6 @@ def test_a_corner_that_grazes_does_not_touch_for_ever(
     batch = simulate_batch(*given, Settings(max_rebounds=1, max_time=0.3))
     assert batch.status[0] == "log_full"
     assert batch.outcomes["steps"][0] < 40
-
-
-def same_bits(one: Any, other: Any) -> None:
-    """Field by field, for there may be anything between them."""
-    for name in one.dtype.names:
-        assert one[name].tobytes() == other[name].tobytes(), name
-
-
-@pytest.mark.jit_only
-@SOLVERS
-def test_descents_side_by_side_are_those_alone_bit_for_bit(solver: Solver) -> None:
-    """Oracle: simulate, one after the other."""
-    rng = np.random.default_rng(21)
-    touched = 0
-    for _ in range(6):
-        body, laws, slopes, launches = random_lanes(rng, 25, near=True)
-        batch = simulate_batch(body, laws, slopes, launches, Settings(solver=solver, **OPTIONS), keep_rebounds=True)
-        for i, (law, slope, launch) in enumerate(zip(laws, slopes, launches, strict=True)):
-            one = simulate(body, ContactLaw(*law), Slope(*slope), State(*launch), solver=solver, **OPTIONS)
-            same_bits(one.outcome, batch.outcomes[i])
-            same_bits(one.rebounds, batch.rebounds[i, : len(one.rebounds)])
-            touched += bool((one.rebounds["feature"] == Feature.CHORD).any())
-    assert touched > 75
 
 
 @pytest.mark.jit_only

@@ -346,12 +346,6 @@ def test_the_mirrored_impact_is_the_same_bit_for_bit() -> None:
         assert np.array_equal(np.array(solve(case)), sign * np.array(solve(other))), case
 
 
-def test_a_body_that_leaves_is_not_hit() -> None:
-    case = random_impacts(1, seed=12)[0].tolist()
-    case[V_N] = 1e-9
-    assert solve(case) == (*case[V_T:], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
-
-
 def test_a_short_list_of_phases_is_filled_from_the_front() -> None:
     case = [1.0, *DOUBLE[0][:3], 0.5, *DOUBLE[0][3:7], 0.0, DOUBLE[0][7]]
     full, short = np.zeros(MOST_PHASES, PHASE), np.zeros(2, PHASE)

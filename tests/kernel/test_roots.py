@@ -103,7 +103,9 @@ def test_a_root_at_the_end_of_the_step_is_found(series: list[float], root: float
     assert root_of(series, root * (1.0 - 1e-9)) == math.inf
 
 
-@pytest.mark.parametrize("series", [[0.0, 0.0, 0.0], [0.0], [0.0, 1.0], [0.0, 0.0, 1.0], [1.0], [1.0, 2.0, 3.0]])
+@pytest.mark.parametrize(
+    "series", [[0.0], [0.0, 1.0], [0.0, 0.0, 1.0], [1.0], [1.0, 2.0, 3.0], [1e-3, *[0.0] * 19, 1.0]]
+)
 def test_a_series_that_does_not_become_negative_has_no_root(series: list[float]) -> None:
     """Oracle: by hand; the zero series stays zero."""
     assert root_of(series, 2.0) == math.inf
@@ -147,11 +149,6 @@ def test_steep_series_of_high_order_are_followed_to_the_root() -> None:
     series = np.zeros(21)
     series[::2] = [(-1) ** k * w ** (2 * k) / math.factorial(2 * k) for k in range(11)]
     assert root_of(series, math.pi / w) == pytest.approx(math.pi / (2.0 * w), rel=1e-12)
-
-
-def test_a_series_of_positive_terms_has_no_root() -> None:
-    """Oracle: t^20 + 0.001 on [0, 1.5], positive by hand."""
-    assert root_of([1e-3, *[0.0] * 19, 1.0], 1.5) == math.inf
 
 
 @pytest.mark.parametrize(("series", "vanishing"), [([0.0, -1.0, 3.0], 1), ([0.0, 0.0, -1.0], 2), ([1.0, -1.0], 0)])

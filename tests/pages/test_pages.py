@@ -58,7 +58,7 @@ def test_every_page_is_in_the_site():
     assert set(DOCS.rglob("*.md")) - found == set()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if draw.blocks(ROOT / name, "sh")])
 def test_the_commands_of_a_page_exist(name, capsys):
     """Oracle: the help of each sub-command, the targets of the Makefile, the modules and files of the repository."""
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
@@ -112,7 +112,7 @@ _SEEN = """return [
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(browser.CHROMEDRIVER is None or browser.CHROMIUM is None, reason="needs chromium and chromedriver")
+@browser.needs_chromium
 @pytest.mark.parametrize("width", [1280, 390])
 def test_pages_fit_a_desktop_and_a_phone(site, width, tmp_path):
     """Nothing is wider than the screen but what scrolls by itself, no picture is missing, every formula is drawn."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterator
@@ -24,15 +23,12 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
-from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
+from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
 
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 HILL = Slope(0.15, 10.0)
 TEMPLATES = Path(html.__file__).parent / "templates"
-needs_chromium = pytest.mark.skipif(
-    CHROMIUM is None or CHROMEDRIVER is None, reason="needs chromium and chromedriver (Debian: chromium-driver)"
-)
 
 
 def dropped(body: Body = SLED, slope: Slope = HILL, **options: Any) -> Descent:
@@ -43,17 +39,6 @@ def dropped(body: Body = SLED, slope: Slope = HILL, **options: Any) -> Descent:
 @pytest.fixture(scope="module")
 def descent() -> Descent:
     return dropped()
-
-
-def data_of(page: str) -> dict[str, Any]:
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
-    assert found is not None
-
-    def refuse(constant: str) -> None:
-        raise AssertionError(f"{constant} is no JSON")
-
-    data: dict[str, Any] = json.loads(found[1], parse_constant=refuse)
-    return data
 
 
 def test_a_page_refers_to_nothing_outside(descent: Descent) -> None:
@@ -165,16 +150,6 @@ def page(chromium: Browser, descent: Descent, tmp_path: Path) -> Iterator[Browse
 
 def shown_time(page: Browser) -> float:
     return float(page.text("#time").removesuffix(" s"))
-
-
-def at_speed(page: Browser, factor: float) -> None:
-    page.run("const one = $('speed'); one.add(new Option('', arguments[0])); one.value = arguments[0]", str(factor))
-
-
-def wait_until(page: Browser, condition: str) -> None:
-    page.run(
-        f"return new Promise(done => {{ const look = () => {condition} ? done() : setTimeout(look, 20); look(); }})"
-    )
 
 
 def sled_columns(page: Browser) -> tuple[float, float]:

@@ -100,11 +100,9 @@ BOUNDS = "must be a pair [low, high] of numbers in"
     [
         ("slope__angle_deg", 95, f"slope.angle_deg = 95: {RANGE} (-90, 90) deg"),
         ("slope__angle_deg", [5, 90], f"slope.angle_deg = [5, 90]: {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", [5], f"slope.angle_deg = [5]: {RANGE} (-90, 90) deg"),
         ("slope__angle_deg", [1, 2, 3], f"slope.angle_deg = [1, 2, 3]: {RANGE} (-90, 90) deg"),
         ("slope__angle_deg", [12, 6], f"slope.angle_deg = [12, 6]: low must not exceed high; {RANGE} (-90, 90) deg"),
         ("slope__angle_deg", "10 deg", f"slope.angle_deg = '10 deg': {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", None, f"slope.angle_deg = None: {RANGE} (-90, 90) deg"),
         ("slope__angle_deg", {"low": 1}, f"slope.angle_deg: {RANGE} (-90, 90) deg"),
         ("slope__length_m", 0, "slope.length_m = 0: must be a number in (0, inf) m"),
         ("slope__length_m", math.inf, "slope.length_m = inf: must be a number in (0, inf) m"),
@@ -116,7 +114,6 @@ BOUNDS = "must be a pair [low, high] of numbers in"
         ("contact__friction", math.nan, f"contact.friction = nan: {RANGE} [0, inf)"),
         ("contact__stiffness_n_m", 0, "contact.stiffness_n_m = 0: must be a number in (0, inf) N/m"),
         ("contact__stiffness_n_m", True, "contact.stiffness_n_m = True: must be a number in (0, inf) N/m"),
-        ("contact__stiffness_n_m", [1, 2], "contact.stiffness_n_m = [1, 2]: must be a number in (0, inf) N/m"),
         ("contact__rolling_arm_m", -1, "contact.rolling_arm_m = -1: must be a number in [0, inf) m"),
         ("contact__corner_rolling_arm_m", -1, "contact.corner_rolling_arm_m = -1: must be a number in [0, inf) m"),
         ("launch__speed_m_s", -1, f"launch.speed_m_s = -1: {RANGE} [0, inf) m/s"),
@@ -125,7 +122,6 @@ BOUNDS = "must be a pair [low, high] of numbers in"
         ("launch__orientation_deg", 361, f"launch.orientation_deg = 361: {RANGE} [-360, 360] deg"),
         ("launch__spin_rad_s", math.inf, f"launch.spin_rad_s = inf: {RANGE} (-inf, inf) rad/s"),
         ("body__mass_kg", 0, "body.mass_kg = 0: must be a number in (0, inf) kg"),
-        ("body__mass_kg", [90, 110], "body.mass_kg = [90, 110]: must be a number in (0, inf) kg"),
         ("body__eccentricity_m", 0.5, "body.eccentricity_m = 0.5: must be a number in [0, radius_m) = [0, 0.5) m"),
         (
             "body__inertia_kg_m2",
@@ -146,9 +142,7 @@ BOUNDS = "must be a pair [low, high] of numbers in"
             "control.orientation_deg = [90, 90]: low must be below high; "
             "must be a pair [low, high] of numbers in [-360, 360] deg",
         ),
-        ("control__speed_m_s", 5, f"control.speed_m_s = 5: {BOUNDS} [0, inf) m/s"),
         ("control__speed_m_s", [-1, 5], f"control.speed_m_s = [-1, 5]: {BOUNDS} [0, inf) m/s"),
-        ("control__speed_m_s", [5, 5], f"control.speed_m_s = [5, 5]: low must be below high; {BOUNDS} [0, inf) m/s"),
         ("control__spin_rad_s", None, f"control.spin_rad_s = None: {BOUNDS} (-inf, inf) rad/s"),
         ("control__spin_rad_s", DELETE, f"control.spin_rad_s: missing; {BOUNDS} (-inf, inf) rad/s"),
         (
@@ -167,7 +161,6 @@ BOUNDS = "must be a pair [low, high] of numbers in"
         ("launch", 3, "launch = 3: must be a mapping of keys to values"),
         ("slope__length_m", DELETE, "slope.length_m: missing; must be a number in (0, inf) m"),
         ("launch", DELETE, "launch: missing"),
-        ("control", DELETE, "control: missing"),
     ],
 )
 def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: str, value: Any, message: str) -> None:
@@ -185,12 +178,8 @@ def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: s
             "slope__angle_rad",
             "slope.angle_rad = 1: unknown key (did you mean 'angle_deg'?); known: angle_deg, length_m,",
         ),
-        ("slope__lenght_m", "slope.lenght_m = 1: unknown key (did you mean 'length_m'?)"),
         ("body__mass_g", "body.mass_g = 1: unknown key (did you mean 'mass_kg'?); known: kind, mass_kg, radius_m,"),
         ("contact__restituton", "contact.restituton = 1: unknown key (did you mean 'restitution'?)"),
-        ("launch__speed_km_h", "launch.speed_km_h = 1: unknown key (did you mean 'speed_m_s'?)"),
-        ("control__spin_deg_s", "control.spin_deg_s = 1: unknown key (did you mean 'spin_rad_s'?)"),
-        ("limits__max_rebound", "limits.max_rebound = 1: unknown key (did you mean 'max_rebounds'?)"),
         ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, question,"),
         ("slope__zzz", "slope.zzz = 1: unknown key; known: angle_deg, length_m, gravity_m_s2"),
     ],
@@ -428,11 +417,6 @@ def test_each_kind_of_body_is_built() -> None:
         (
             {"kind": "custom", "mass_kg": 2, "radius_m": -1, "eccentricity_m": 0, "inertia_kg_m2": 1},
             "body.radius_m = -1: must be a number in [0, inf) m",
-        ),
-        (
-            {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.6, "inertia_kg_m2": 1},
-            "body: eccentricity_m = 0.6: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
-            "[0, 0.5] m",
         ),
         (
             {

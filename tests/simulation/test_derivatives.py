@@ -284,7 +284,7 @@ def fingerprints(body: Body, law: ContactLaw, slope: Slope, launches: np.ndarray
     return [row.tobytes() for row in table]
 
 
-@pytest.mark.parametrize("name", ["phi", "u", "omega", "y"])
+@pytest.mark.parametrize("name", ["phi", "u", "y"])
 def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
     """Oracle: 20,001 launches side by side."""
     launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
@@ -420,11 +420,9 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"parameters": ["x", "x"]}, ValueError, "each parameter once"),
         ({"parameters": ["length"]}, ValueError, "the slope is endless"),
         ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),
-        ({"rebounds": 2.5}, TypeError, "rebounds = 2.5"),
         ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),
         ({"launch": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, ValueError, "lies below the surface"),
-        ({"law": (1e6, 0.5, -0.1, 0.0, 0.0)}, ValueError, "ContactLaw.friction = -0.1"),
     ],
 )
 def test_bad_input_is_named(bad: dict[str, Any], error: type[Exception], message: str) -> None:

@@ -31,30 +31,6 @@ def example(
     )
 
 
-@pytest.mark.jit_only
-@pytest.mark.parametrize(
-    ("sign", "printed", "limit"), [("dissipative", 18.8075, 18.8063), ("printed", 24.8979, 24.8965)]
-)
-def test_the_worked_example_ends_with_the_documented_energy(sign: str, printed: float, limit: float) -> None:
-    """Oracle: T(.04 s) at dt = 2.5e-7 and extrapolated to dt = 0, physics.md, section 2."""
-    coarse = example(2.5e-7, sign)
-    fine = example(1.25e-7, sign)
-    assert coarse.energy.kinetic == pytest.approx(printed, abs=5e-5)
-    assert 2.0 * fine.energy.kinetic - coarse.energy.kinetic == pytest.approx(limit, abs=5e-5)
-
-
-@pytest.mark.jit_only
-def test_the_printed_sign_is_still_in_contact_when_the_paper_stops_and_separates_later() -> None:
-    """Oracle: section 2 of physics.md: at .0418 s with 25.000 J; the dissipative sign has separated by then."""
-    early = example(sign="printed")
-    assert early.energy.stored > 0.1
-    late = example(sign="printed", max_time=0.1, max_rebounds=1)
-    assert late.status == Status.LOG_FULL
-    assert late.time == pytest.approx(0.0418, abs=5e-5)
-    assert late.energy.kinetic == pytest.approx(25.0, abs=5e-4)
-    assert example().energy.stored == 0.0
-
-
 @pytest.mark.parametrize(("step", "within"), [(1e-5, 0.5), pytest.param(2.5e-7, 0.05, marks=pytest.mark.jit_only)])
 def test_the_printed_sign_creates_energy_without_hysteresis(step: float, within: float) -> None:
     """Oracle: 55.2 J of 50 J with Delta = 0, physics.md, section 2; friction and rolling can only lose energy."""
@@ -94,21 +70,6 @@ def test_the_ledger_of_euler_closes_at_first_order(slope: Slope) -> None:
     assert order(residuals, STEPS) == pytest.approx(1.0, abs=0.02)
     assert residuals[-1] < 0.02
     assert abs(example(STEPS[-1], "printed", slope=slope).energy.residual) > 5.0
-
-
-def test_sliding_is_complete_and_the_spin_never_reverses() -> None:
-    """Oracle: physics.md, section 2; the total moment reverses in the restitution, while the spin is decreasing."""
-    rows = simulate(
-        BODY, LAW, LEVEL, LAUNCH, solver="euler", step=1e-5, max_time=0.04, record="trajectory", sample_interval=1e-5
-    ).trajectory
-    touching = rows[rows["feature"] == Feature.ARC]
-    assert (touching["slip"][1:] == -1).all()  # the first step has neither slip nor spin
-    assert (touching["spin"][1:] == -1).all()
-    a, b = 0.05 * np.sin(touching["phi"]), 0.1 - 0.05 * np.cos(touching["phi"])
-    moment = -a * touching["normal"] + b * touching["tangential"] + touching["rolling"]
-    assert (moment[1:-1][np.diff(touching["v"])[1:] > 0.0][:100] < 0.0).all()
-    reversal = np.flatnonzero(moment > 0.0)[0]
-    assert touching["v"][reversal] - a[reversal] * touching["omega"][reversal] > 0.0  # v_n: restitution
 
 
 def test_the_explicit_step_is_that_of_newtons_laws() -> None:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Mode, RigidImpact, Slope, State, circular_segment, rigid_impact, simulate
+from sledenv import Body, ContactLaw, Mode, RigidImpact, State, circular_segment, rigid_impact
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
 from tests.bodies import rod
-from tests.oracles import rational_impact, wang_mason
+from tests.oracles import rational_impact
 
 PAPER_BODY = Body(1.0, 0.1, 0.05, 7.5e-3)
 PAPER_LAW = ContactLaw(9810.0, 0.5, 0.1, 0.001)
@@ -71,19 +71,6 @@ def test_the_papers_body_in_the_rigid_limit() -> None:
     assert result.state[:3] == PAPER_STATE[:3]
 
 
-def test_the_compliant_contact_tends_to_the_rigid_impact_as_stiffness_to_the_minus_one_half() -> None:
-    """Oracle: simulate() of the same impact; 1e4 times the stiffness leaves 1/100 of the difference."""
-    rigid = np.array(rigid_impact(PAPER_BODY, PAPER_LAW, PAPER_STATE).state[3:])
-    errors = []
-    for factor in (1e4, 1e8):
-        law = PAPER_LAW._replace(stiffness=9810.0 * factor)
-        state = PAPER_STATE._replace(y=0.1 - 0.05 * math.cos(math.pi / 4) + 1e-3)
-        rebound = simulate(PAPER_BODY, law, Slope(0.0, gravity=0.0), state, max_rebounds=1).rebounds[0]
-        errors.append(np.abs([rebound["u_after"], rebound["v_after"], rebound["omega_after"]] - rigid))
-    assert np.all(errors[1] < 2e-3 * np.abs(rigid))
-    assert errors[0] / errors[1] == pytest.approx([100.0] * 3, rel=0.1)
-
-
 def test_a_rod_without_friction() -> None:
     """Published: Nikravesh, Planar multibody dynamics: L = 2 m, 1 kg, J = .01, phi = 315 degrees, e = .95."""
     body = rod(1.0, 1.0, 0.01)
@@ -121,45 +108,34 @@ def test_an_oblique_sphere_slides_throughout_above_the_critical_angle() -> None:
     assert hit(32.521).mode is Mode.SLIDE_ROLL
 
 
-def test_poissons_hypothesis_agrees_with_wang_and_mason() -> None:
-    """Published: Wang and Mason (1992); here for whole bodies in every orientation, without rolling resistance."""
-    for body, law, state, e in random_entries(300, seed=1):
-        law = law._replace(rolling_arm=0.0, corner_rolling_arm=0.0)
-        a, b = contact_arms(body, state.phi)
-        slip, v_n = state.u + b * state.omega, state.v - a * state.omega
-        if v_n > 0.0:
-            continue
-        found = rigid_impact(body, law, state, restitution=e, hypothesis="poisson").state
-        _, v_t, omega, gap_rate = wang_mason(body.mass, body.inertia, a, b, law.friction, e, slip, state.omega, v_n)
-        assert found.omega == pytest.approx(omega, rel=1e-10, abs=1e-10)
-        assert found.u == pytest.approx(v_t - b * omega, rel=1e-10, abs=1e-10)
-        assert found.v == pytest.approx(gap_rate + a * omega, rel=1e-10, abs=1e-10)
-
-
-def test_any_body_in_any_orientation_agrees_with_exact_fractions() -> None:
+@pytest.mark.parametrize("hypothesis", ["energetic", "poisson", "newton"])
+def test_any_body_in_any_orientation_agrees_with_exact_fractions(hypothesis: Hypothesis) -> None:
     """Oracle: rational_impact with the arms of arc and corners computed here, each with its own rolling arm."""
     hit = 0
-    for body, law, state, e in random_entries(600, seed=2):
+    for body, law, state, e in random_entries(600 if hypothesis == "energetic" else 120, seed=2):
         a, b = contact_arms(body, state.phi)
         cornered = abs(math.remainder(state.phi, 2.0 * math.pi)) > body.half_angle
         arm = law.corner_rolling_arm if cornered else law.rolling_arm
         slip, v_n = state.u + b * state.omega, state.v - a * state.omega
-        found = rigid_impact(body, law, state, restitution=e)
+        found = rigid_impact(body, law, state, restitution=e, hypothesis=hypothesis)
         if v_n > 0.0:
             assert found.state == state
             assert found.phases == ()
             continue
         hit += 1
-        known = rational_impact(body.mass, body.inertia, a, b, law.friction, arm, e, slip, state.omega, v_n)
+        given = body.mass, body.inertia, a, b, law.friction, arm, e, slip, state.omega, v_n
+        known = rational_impact(*given, hypothesis=hypothesis)
         speed = max(abs(state.u), abs(state.v), abs(state.omega) * (body.radius + body.eccentricity))
-        unit = body.mass * speed
+        unit, energy = body.mass * speed, kinetic(body, state)
         assert found.state.omega == pytest.approx(known.omega, rel=1e-9, abs=1e-9)
         assert found.state.u == pytest.approx(known.slip - b * known.omega, abs=1e-9 * speed)
         assert found.state.v == pytest.approx(known.approach + a * known.omega, abs=1e-9 * speed)
         assert found.normal_impulse == pytest.approx(known.normal, abs=1e-9 * unit)
         assert found.tangential_impulse == pytest.approx(known.friction, abs=1e-9 * unit)
         assert found.rolling_impulse == pytest.approx(known.moment, abs=1e-9 * unit)
-    assert hit > 300
+        losses = (found.loss_hysteresis, found.loss_sliding, found.loss_rolling)
+        assert losses == pytest.approx((known.loss_normal, known.loss_sliding, known.loss_rolling), abs=1e-9 * energy)
+    assert hit > (300 if hypothesis == "energetic" else 50)
 
 
 # --- what every impact obeys -----------------------------------------------------------------------------------------
@@ -178,22 +154,6 @@ def test_phases_follow_each_other_and_add_up() -> None:
         if result.phases:
             assert not result.phases[0].restitution
             assert result.phases[-1].restitution
-
-
-def test_impulses_change_momentum_and_losses_change_energy() -> None:
-    """Oracle: docs/physics.md (1.5) integrated over the impact."""
-    for body, law, state, e in random_entries(300, seed=4):
-        result = rigid_impact(body, law, state, restitution=e)
-        a, b = contact_arms(body, state.phi)
-        after = result.state
-        unit = body.mass * (abs(state.u) + abs(state.v) + abs(state.omega))
-        moment = -a * result.normal_impulse + b * result.tangential_impulse + result.rolling_impulse
-        assert body.mass * (after.u - state.u) == pytest.approx(result.tangential_impulse, abs=1e-12 * unit)
-        assert body.mass * (after.v - state.v) == pytest.approx(result.normal_impulse, abs=1e-12 * unit)
-        assert body.inertia * (after.omega - state.omega) == pytest.approx(moment, abs=1e-12 * unit)
-        losses = (result.loss_hysteresis, result.loss_sliding, result.loss_rolling)
-        assert min(losses) >= 0.0
-        assert kinetic(body, after) + sum(losses) == pytest.approx(kinetic(body, state), rel=1e-12)
 
 
 def test_the_mirrored_impact_is_mirrored_bit_for_bit() -> None:
@@ -217,38 +177,6 @@ def test_the_restitution_is_that_of_the_law_unless_given() -> None:
     assert own == same
     assert own.normal_impulse > plastic.normal_impulse
     assert not any(phase.restitution for phase in plastic.phases)
-
-
-def test_only_newtons_hypothesis_reports_a_negative_loss() -> None:
-    """The rod of tests/kernel/test_rigid.py: 1.828 J become 2.828 J."""
-    body = rod(1.0, 0.5, 1.0 / 12.0)
-    phi = 0.25 * math.pi  # a = b = sqrt(2)/4
-    a, b = contact_arms(body, phi)
-    state = State(0.0, 0.5, phi, 2.0 - 5.0 * b, -3.0 + 5.0 * a, 5.0)
-    newton = rigid_impact(body, smooth(0.7), state, hypothesis="newton")
-    assert kinetic(body, newton.state) - kinetic(body, state) == pytest.approx(1.0, abs=1e-12)
-    assert newton.loss_hysteresis == pytest.approx(-1.4307692, abs=1e-7)
-    energetic = rigid_impact(body, smooth(0.7), state)
-    assert kinetic(body, energetic.state) < kinetic(body, state)
-
-
-@pytest.mark.parametrize(
-    ("u", "v", "omega", "friction", "arm", "mode"),
-    [
-        (8.0, -2.0, 0.0, 0.5, 0.125, Mode.SLIDE_ROLL),
-        (2.25, -2.0, 0.0, 0.5, 0.125, Mode.STOP_ROLL),
-        (2.0, -2.0, 0.0, 0.125, 0.125, Mode.SLIDE),
-        (0.5, -2.0, 0.0, 0.5, 0.125, Mode.STUCK),
-        (8.0, -2.0, 1.0, 0.5, 0.125, Mode.SPIN_REVERSAL),
-        (-0.9, -2.0, 3.0, 0.125, 0.125, Mode.SLIP_REVERSAL),
-    ],
-)
-def test_a_wheel_ends_in_the_mode_of_table_1(
-    u: float, v: float, omega: float, friction: float, arm: float, mode: Mode
-) -> None:
-    """Oracle: the rows of docs/physics.md, section 3, for m = 2, r = 1/2, J = 1/4, e = 1/2, by hand."""
-    state = State(0.0, 0.5, 0.0, u, v, omega)
-    assert rigid_impact(Body(2.0, 0.5, 0.0, 0.25), smooth(friction, arm), state, restitution=0.5).mode is mode
 
 
 def test_an_eccentric_body_can_reverse_both_slip_and_spin() -> None:

@@ -67,7 +67,7 @@ MAY_BE_INFINITE = {(Slope, "length")}
 def test_a_number_outside_its_range_is_refused_by_name(
     kind: Any, field: str, values: list[float], allowed: str
 ) -> None:
-    """Oracle: the range written beside the field; NaN and the infinities lie outside all of them but one."""
+    """Oracle: the range written beside the field; NaN and the infinities lie outside all of them but one; a word."""
     refused = [*values, math.nan, -math.inf]
     if (kind, field) not in MAY_BE_INFINITE:
         refused.append(math.inf)
@@ -76,22 +76,16 @@ def test_a_number_outside_its_range_is_refused_by_name(
             kind(**GOOD[kind] | {field: value})
         assert f"{kind.__name__}.{field} = {value!r}: must be" in str(caught.value)
         assert allowed in str(caught.value)
+    with pytest.raises(TypeError, match="must be a number") as no_number:
+        kind(**GOOD[kind] | {field: "steep"})
+    assert f"{kind.__name__}.{field} = 'steep': must be a number" in str(no_number.value)
+    assert allowed in str(no_number.value)
 
 
-@pytest.mark.parametrize(("kind", "field", "values", "allowed"), OUT_OF_RANGE)
-@pytest.mark.parametrize("value", ["steep", None, [1.0], {}, 1j, object], ids=repr)
-def test_what_is_not_a_number_is_refused_by_name(kind: Any, field: str, values: Any, allowed: str, value: Any) -> None:
-    """Oracle: the documented TypeError."""
-    with pytest.raises(TypeError, match="must be a number") as caught:
-        kind(**GOOD[kind] | {field: value})
-    assert f"{kind.__name__}.{field} = {value!r}: must be a number" in str(caught.value)
-    assert allowed in str(caught.value)
-
-
-@pytest.mark.parametrize("value", ["1", b"1", np.array("1")], ids=repr)
-def test_a_number_in_a_string_is_refused(value: Any) -> None:
-    """Oracle: the documented TypeError for what is not a real number."""
-    with pytest.raises(TypeError, match="must be a number"):
+@pytest.mark.parametrize("value", [None, [1.0], {}, 1j, object, "1", b"1", np.array("1")], ids=repr)
+def test_what_is_not_a_number_is_refused(value: Any) -> None:
+    """Oracle: the documented TypeError for what is not a real number, of all fields by the same rule."""
+    with pytest.raises(TypeError, match=r"Body\.mass = .*: must be a number in \(0, inf\)"):
         Body(value, 0.1, 0.05, 7.5e-3)
 
 
@@ -200,9 +194,9 @@ def test_segment_has_the_mass_centre_and_the_inertia_of_its_lamina(half_angle: f
     assert body.half_angle == half_angle
 
 
-@pytest.mark.parametrize("half_angle", [1e-9, 1e-6, 1e-3, 0.03, 0.1, 0.299])
-def test_a_thin_segment_loses_no_digits(half_angle: float) -> None:
-    """Oracle: the closed form in 80 digits."""
+@pytest.mark.parametrize("half_angle", [1e-9, 1e-6, 1e-3, 0.03, 0.1, 0.299, math.pi / 2, math.pi])
+def test_no_segment_loses_digits(half_angle: float) -> None:
+    """Oracle: the closed form in 80 digits; of a half disc 4/(3 pi), of a disc 0 and 1/2."""
     with mp.workdps(80):
         alpha = mpf(half_angle)
         area = alpha - mp.sin(alpha) * mp.cos(alpha)
@@ -210,7 +204,7 @@ def test_a_thin_segment_loses_no_digits(half_angle: float) -> None:
         inertia = (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * area)) / 2 - eccentricity**2
         body = circular_segment(1.0, 1.0, half_angle)
         assert body.inertia == pytest.approx(float(inertia), rel=2e-15)
-        assert body.eccentricity == pytest.approx(float(eccentricity), rel=3e-16)
+        assert body.eccentricity == pytest.approx(float(eccentricity), rel=3e-16, abs=1e-16)
 
 
 @pytest.mark.parametrize("half_angle", [0.01, 0.3, 1.0, 2.0, 3.0, math.pi])
@@ -227,18 +221,6 @@ def test_a_spool_on_its_axle_rolls_as_slowly_as_its_inertia_makes_it() -> None:
     descent = simulate(spool, law, slope, State(0.0, 0.01, 0.0), solver="rigid")
     acceleration = 9.81 * math.sin(slope.angle) / (1.0 + 100.0)
     assert descent.time == pytest.approx(math.sqrt(2.0 * slope.length / acceleration), rel=1e-9)
-
-
-def test_segment_of_half_angle_pi_is_a_uniform_disc() -> None:
-    """Oracle: m r^2 / 2, concentric."""
-    body = circular_segment(2.0, 0.3, math.pi)
-    assert body.inertia == pytest.approx(0.5 * 2.0 * 0.3**2, rel=1e-15)
-    assert body.eccentricity == pytest.approx(0.0, abs=1e-16)
-
-
-def test_segment_of_half_angle_half_pi_is_a_half_disc() -> None:
-    """Oracle: the textbook centroid of a half disc, 4 r/(3 pi) from its centre."""
-    assert circular_segment(1.0, 1.0, math.pi / 2).eccentricity == pytest.approx(4.0 / (3.0 * math.pi), rel=1e-15)
 
 
 def test_restitution_is_that_of_the_asymmetry() -> None:

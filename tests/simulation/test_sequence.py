@@ -65,13 +65,3 @@ def test_compliant_rebounds_with_the_same_code_went_the_same_way() -> None:
             way = branches(descent.trajectory, row["t_touchdown"], row["t"])
             assert seen.setdefault(int(row["sequence"]), way) == way
     assert len(set(seen.values())) > 8
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("body", [DISC, SEGMENT], ids=["disc", "segment"])
-def test_a_lane_of_a_batch_has_the_codes_of_its_descent(body: Body, solver: Any) -> None:
-    given = launches(40)
-    batch = simulate_batch(body, LAW, INCLINE, given, Settings(solver=solver, max_rebounds=8), keep_rebounds=True)
-    for launch, log in zip(given, batch.rebounds, strict=True):
-        alone = simulate(body, LAW, INCLINE, State(*launch), solver=solver, max_rebounds=8).rebounds
-        assert alone["sequence"].tolist() == log["sequence"][: len(alone)].tolist()

@@ -9,17 +9,16 @@ from functools import partial
 from typing import Any
 
 import mpmath
-import numba
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from sledenv import RideBatch, Settings
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
 from sledenv.kernel import params as kernel_params
-from sledenv.kernel.records import LEDGER_FIELDS, STATUS_OF_CODE, Feature, Mode, Status
+from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
@@ -35,6 +34,7 @@ from tests.bodies import rod, segment
 property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
+SHALLOW = circular_segment(1.0, 0.5, 1.0)
 ROD = rod(1.0, 0.4, 0.02)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
@@ -241,31 +241,22 @@ def test_elastic_bounces_do_not_drift_in_energy(phi: float) -> None:
     assert abs(end.energy.residual) < 1e-11 * end.energy.supplied
 
 
-def test_flights_of_a_bouncing_wheel_shrink_by_the_restitution() -> None:
-    """Oracle: h = 0 without friction: t_k+1 = e t_k (physics.md, section 9), up to the compression."""
-    law = ContactLaw.from_restitution(0.8, stiffness=1e12, friction=0.0, rolling_arm=0.0)
-    wheel = Body(1.0, 0.1, 0.0, 5e-3)
-    rows = simulate(wheel, law, INCLINE._replace(length=math.inf), State(0.0, 1.1, 0.0), max_rebounds=12).rebounds
-    touchdowns = rows["t"] - rows["duration"]
-    flights = touchdowns[1:] - rows["t"][:-1]
-    assert flights[1:] / flights[:-1] == pytest.approx(0.8, abs=1e-4)
-    assert rows["v_after"] / -rows["v_before"] == pytest.approx(0.8, abs=1e-4)
-
-
 # --- symmetry ---------------------------------------------------------------------------------------------------------
 
 
-@property_of_all
-@given(bodies, laws, launches, st.sampled_from([9.81, 0.0]))
+@settings(property_of_all, max_examples=250)
+@given(bodies, laws, launches, st.sampled_from([9.81, 0.0]), st.sampled_from(["compliant", "rigid"]))
+@example(SHALLOW, ContactLaw(1e6, 0.1, 0.0, 0.0), (0.0, math.pi, 0.0, -0.5, 0.0), 9.81, "compliant")
+@example(SHALLOW, ContactLaw(1e6, 0.0, 0.4, 0.002, 0.002), (0.01, math.pi, 1.0, -0.5, 0.0), 9.81, "compliant")
 def test_the_mirror_image_descends_as_the_mirror_image(
-    body: Body, law: ContactLaw, launch: Any, gravity: float
+    body: Body, law: ContactLaw, launch: Any, gravity: float, solver: Any
 ) -> None:
     """Oracle: mirror symmetry on the level, bit for bit: x, phi, u and omega change sign, nose and tail places."""
     assume(launch[0] > 0.0 or law.asymmetry > 0.0)  # a graze is decided by rounding
     slope = Slope(0.0, math.inf, gravity)
     state = launched(body, launch)
     mirrored = State(0.0, state.y, -state.phi, -state.u, state.v, -state.omega)
-    options: dict[str, Any] = {"max_time": 2.0, "max_rebounds": 50}
+    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 50}
     one, other = (simulate(body, law, slope, s, **options) for s in (state, mirrored))
     assert one.status == other.status
     assert one.time == other.time
@@ -281,22 +272,6 @@ def test_the_mirror_image_descends_as_the_mirror_image(
             continue
         odd = name in ("x", "x_contact", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
         assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name
-
-
-@pytest.mark.parametrize("phi", [math.pi, 3.0])
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_a_landing_on_the_chord_has_a_mirror_image(phi: float, friction: float) -> None:
-    """Oracle: mirror symmetry; both corners strike at once or one after the other."""
-    law = ContactLaw(1e6, 0.3, friction, 0.0)
-    one, other = (
-        simulate(SEGMENT, law, Slope(0.0), launched(SEGMENT, (0.3, sign * phi, sign * 0.5, 0.0, 0.0)), max_time=2.0)
-        for sign in (1.0, -1.0)
-    )
-    assert Feature.CHORD in one.rebounds["feature"]
-    assert one.status == other.status
-    assert other.time == one.time
-    assert len(one.rebounds) == len(other.rebounds)
-    assert (other.state.x, other.state.phi) == (-one.state.x, -one.state.phi)
 
 
 @pytest.mark.parametrize("half_angle", [0.4, 1.4, 1.5, 2.5])
@@ -417,19 +392,6 @@ def test_a_conservative_descent_runs_backwards(phi: float) -> None:
     assert back.state == pytest.approx(launch._replace(phi=turned, u=-0.7, v=0.3, omega=-2.0), abs=1e-9)
 
 
-@pytest.mark.parametrize("turns", [3, -50, 10_000])
-def test_whole_turns_of_the_launch_do_not_matter(turns: int) -> None:
-    """Oracle: periodicity: the same descent, up to the rounding of the phi that was given."""
-    angle = 2.0 * math.pi * turns
-    one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0), max_rebounds=5)
-    other = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4 + angle, 1.0, 0.0, 8.0), max_rebounds=5)
-    near = 1e-12 * (1.0 + abs(turns)) * 10.0
-    assert other.status == one.status
-    assert other.rebounds["phi"] == pytest.approx(one.rebounds["phi"], abs=near)
-    assert other.rebounds["omega_after"] == pytest.approx(one.rebounds["omega_after"], abs=100.0 * near)
-    assert other.rebounds["feature"].tolist() == one.rebounds["feature"].tolist()
-
-
 def test_the_same_descent_is_the_same_bit_for_bit() -> None:
     """Oracle: determinism; recording a trajectory changes nothing else."""
     one = simulate(SEGMENT, ICE, INCLINE, State(0.0, 1.5, 0.4, 1.0, 0.0, 8.0))
@@ -488,14 +450,6 @@ def test_a_longer_look_begins_with_the_shorter_one() -> None:
     assert np.array_equal(timed.rebounds[:3], full.rebounds[:3])
 
 
-@pytest.mark.parametrize("most", [1, 2, 7])
-def test_a_full_log_ends_the_descent(most: int) -> None:
-    """Oracle: the number of rows asked for."""
-    end = simulate(DISC, LAW, INCLINE._replace(length=math.inf), LAUNCH, max_rebounds=most)
-    assert end.status == Status.LOG_FULL
-    assert len(end.rebounds) == most
-
-
 def test_a_log_that_is_just_long_enough_is_not_full() -> None:
     """Oracle: the same descent with a longer log: the row of the final contact takes a place too."""
     full = simulate(DISC, LAW, INCLINE, LAUNCH)
@@ -523,26 +477,10 @@ def test_a_jammed_body_is_at_rest_in_a_contact_that_holds_it() -> None:
     assert abs(lever) <= 0.03 * math.cos(0.05)
 
 
-def test_a_segment_that_falls_on_its_back_comes_to_rest_there() -> None:
-    """Oracle: both corners on the surface: phi = +-pi up to the compression."""
-    dull = ContactLaw(1e7, 0.95, 0.6, 0.0)
-    end = simulate(SEGMENT, dull, Slope(0.05), launched(SEGMENT, (0.1, 3.0, 0.0, 0.0, 0.0)))
-    assert end.status == Status.JAMMED
-    assert end.rebounds["feature"][-1] == Feature.CHORD
-    assert abs(end.state.phi) == pytest.approx(math.pi, abs=1e-3)
-    assert end.rebounds[0]["feature"] == Feature.TAIL
-
-
 @pytest.mark.parametrize("launch", [State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), State(0.0, 0.5, 0.0, 1e308)], ids=str)
 def test_a_state_that_overflows_is_reported(launch: State) -> None:
     """Oracle: by construction: (h omega)^2, or x within ten seconds, is infinite."""
     assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
-
-
-def test_a_state_that_overflows_earns_nothing() -> None:
-    """Oracle: a descent that did not close its books does not count."""
-    end = simulate(DISC, LAW, Slope(0.0, 10.0), State(0.0, 0.5, 0.0, 0.0, 0.0, 1e200), max_time=10.0)
-    assert end.jam.reward == 0.0
 
 
 @pytest.mark.parametrize("name", scenario_names())
@@ -607,40 +545,6 @@ def mixed_lanes(count: int = 24) -> tuple[list[ContactLaw], list[Slope], np.ndar
     slopes = [Slope(rng.uniform(0.0, 0.4), rng.choice([3.0, 30.0])) for _ in range(count)]
     states = np.array([launched(SEGMENT, (rng.uniform(0, 1), *rng.normal(0, 2, 4))) for _ in range(count)])
     return laws, slopes, states
-
-
-def test_lane_i_is_the_descent_of_state_i_bit_for_bit() -> None:
-    """Oracle: simulate, one after the other; laws and slopes differ from lane to lane."""
-    laws, slopes, states = mixed_lanes()
-    batch = simulate_batch(SEGMENT, laws, slopes, states, Settings(max_time=5.0, max_rebounds=40), keep_rebounds=True)
-    assert len(set(batch.status.tolist())) > 2
-    for i, state in enumerate(states):
-        one = simulate(SEGMENT, laws[i], slopes[i], State(*state), max_time=5.0, max_rebounds=40)
-        for name in ("status", "rebounds", "steps", "t", *State._fields, *LEDGER_FIELDS):
-            assert batch.outcomes[i][name] == one.outcome[name], name
-        assert np.array_equal(batch.rebounds[i, : len(one.rebounds)], one.rebounds)
-        assert batch.status[i] == one.status
-        assert batch.time[i] == one.time
-        assert tuple(batch.states[i]) == one.state
-        assert batch.jam.reward[i] == one.jam.reward
-
-
-def test_a_batch_depends_neither_on_threads_nor_on_neighbours() -> None:
-    """Oracle: one thread; half of the lanes; no logs."""
-    laws, slopes, states = mixed_lanes()
-    options: dict[str, Any] = {"max_time": 5.0, "max_rebounds": 40}
-    threads = numba.get_num_threads()
-    whole = simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True)
-    try:
-        numba.set_num_threads(1)
-        alone = simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True)
-    finally:
-        numba.set_num_threads(threads)
-    assert np.array_equal(whole.outcomes, alone.outcomes)
-    assert np.array_equal(whole.rebounds, alone.rebounds)
-    half = simulate_batch(SEGMENT, laws[::2], slopes[::2], states[::2], Settings(**options))
-    assert half.rebounds.shape == (0, 0)
-    assert np.array_equal(half.outcomes, whole.outcomes[::2])
 
 
 def assert_same_batch(one: DescentBatch, other: DescentBatch) -> None:
@@ -711,16 +615,6 @@ def test_an_interrupt_takes_effect_between_blocks(
     with pytest.raises(KeyboardInterrupt):
         take_all()
     assert np.array_equal(np.concatenate(taken), whole.outcomes[:8])
-
-
-def test_logs_that_do_not_fit_are_refused(nothing_runs: None) -> None:
-    """Oracle: the message; a million launches with a log of a thousand million rebounds exceed every address space."""
-    states = np.broadcast_to(LAUNCH, (1_000_000, 6))
-    for run in (simulate_batch, partial(simulate_blocks, block=10**6)):
-        with pytest.raises(
-            MemoryError, match=r"1000000000, take 1.76e\+08 GB, and there are .* GB; lower max_rebounds"
-        ):
-            run(DISC, LAW, INCLINE, states, Settings(max_rebounds=10**9), keep_rebounds=True)
 
 
 def test_progress_shows_a_bar_or_says_what_is_missing(
@@ -924,10 +818,7 @@ REFUSED = [
     ({"max_rebounds": 0}, ValueError, "Settings.max_rebounds = 0: must be an integer >= 1"),
     ({"settings": "rigid"}, TypeError, "settings = 'rigid': must be Settings, such as Settings(solver='rigid')"),
     ({"launch": LAUNCH[:5]}, TypeError, "must be a State, or as many numbers: x, y, phi, u, v, omega"),
-    ({"launch": INCLINE}, TypeError, "launch = Slope(angle="),
     ({"launch": None}, TypeError, "launch = None: must be a State"),
-    ({"body": None}, TypeError, "body = None: must be a Body"),
-    ({"body": "disc"}, TypeError, "body = 'disc': must be a Body"),
     ({"body": LAW}, TypeError, "body = ContactLaw(stiffness="),
     ({"body": [DISC] * 2}, TypeError, "must be a Body, or as many numbers: mass, radius, eccentricity, inertia"),
     ({"law": (1.0, 2.0)}, TypeError, "law = (1.0, 2.0): must be a ContactLaw"),
@@ -976,7 +867,6 @@ BAD_BATCHES = [
     ({"settings": {"solver": "rigid"}}, TypeError, "settings = {'solver': 'rigid'}: must be Settings, such as"),
     ({"keep_rebounds": "yes"}, TypeError, "keep_rebounds = 'yes': must be True or False"),
     ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
-    ({"launches": np.zeros((2, 3, 6))}, ValueError, "launches has shape (2, 3, 6): must be (N, 6)"),
     ({"launches": []}, ValueError, "launches has shape (0,): must be (N, 6)"),
     (
         {"launches": [LAUNCH, LAUNCH._replace(y=0.01)]},
@@ -988,8 +878,12 @@ BAD_BATCHES = [
         ValueError,
         "launches[1].x = 11.0: must be < Slope.length = 10.0 m",
     ),
+    (
+        {"launches": [LAUNCH, (*LAUNCH[:3], math.nan, *LAUNCH[4:])]},
+        ValueError,
+        "launches[1].u = nan: must be a finite number",
+    ),
     ({"law": [LAW]}, ValueError, "law: 1 given for 2 launches; give one or one a launch"),
-    ({"slope": [INCLINE] * 3}, ValueError, "slope: 3 given for 2 launches; give one or one a launch"),
     ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
     ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
     ({"law": [LAW, (*LAW[:2], -1.0, *LAW[3:])]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
@@ -1001,10 +895,8 @@ BAD_BATCHES = [
         ValueError,
         "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
     ),
-    ({"body": [DISC]}, ValueError, "body: 1 given for 2 launches; give one or one a launch"),
     ({"body": np.array([DISC] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
     ({"body": tuple(DISC)}, TypeError, "must be a Body or a sequence of them"),
-    ({"body": [DISC, DISC[:4]]}, TypeError, "body holds object: must hold numbers, columns mass, radius"),
     ({"body": [DISC, (*DISC[:4], 4.0)]}, ValueError, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
     (
         {"body": [DISC, (*DISC[:2], 1.0, *DISC[3:])]},
@@ -1068,13 +960,6 @@ def test_a_wrong_block_is_named() -> None:
         simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=0)
     with pytest.raises(TypeError, match=r"block = 1.5: must be an integer >= 1"):
         simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=1.5)  # type: ignore[arg-type]
-
-
-@pytest.mark.usefixtures("nothing_runs")
-def test_a_lane_that_is_not_finite_is_named() -> None:
-    """Oracle: the message: lane, field and value."""
-    with pytest.raises(ValueError, match=r"launches\[1\]\.u = nan: must be a finite number"):
-        simulate_batch(DISC, LAW, INCLINE, [LAUNCH, (*LAUNCH[:3], math.nan, *LAUNCH[4:])])
 
 
 def test_a_launch_on_the_surface_up_to_rounding_is_accepted() -> None:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from tests.two_springs import BOTH, SPIN, TILT, Branch, Chord, Contact, U, V, follow, random_contacts
+from tests.two_springs import BOTH, SPIN, TILT, Chord, Contact, U, V, follow, random_contacts
 
 HALF_DISC = circular_segment(80.0, 0.5, math.radians(90.0))
 
@@ -71,26 +71,6 @@ def test_the_mirror_image_is_the_same_contact() -> None:
         np.testing.assert_allclose(theirs, ours, rtol=1e-11, atol=1e-11 * max(1.0, abs(u), abs(v)))
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_chord_that_slides_flat_follows_the_closed_form(sign: float) -> None:
-    law, slope, u = law_of(0.3, friction=0.4), Slope(0.15), 2.0 * sign
-    result = follow(HALF_DISC, law, slope, lying(HALF_DISC, law, slope, u), max_time=0.25)
-    along, into = slope.gravity * math.sin(slope.angle), slope.gravity * math.cos(slope.angle)
-    assert result.lies is not None
-    assert (result.end, result.lies.time, len(result.branches)) == ("max_time", 0.0, 1)
-    assert result.state.u == pytest.approx(u + (along - sign * 0.4 * into) * 0.25, rel=1e-13)
-    assert (result.state.v, result.state.omega) == (0.0, 0.0)
-
-    chord = Chord(HALF_DISC, law, slope)
-    start = lying(HALF_DISC, law, slope, u)
-    q = np.array([0.0, start.y - chord.depth, 0.0, u, 0.0, 0.0, 0.0, 0.0, 0.0])
-    tail, nose = chord.forces(Branch((True, True), (0, 0), (int(sign), int(sign)), 0), q).normal
-    weight = HALF_DISC.mass * into
-    assert tail + nose == pytest.approx(weight, rel=1e-14)
-    # The tail lies at x = +L, the nose at -L, and the friction H below the mass centre.
-    assert chord.half * (tail - nose) == pytest.approx(chord.depth * 0.4 * sign * weight, rel=1e-11)
-
-
 @pytest.mark.parametrize("arm", [0.0, 0.01])
 @pytest.mark.parametrize(("factor", "end"), [(1.0 + 1e-6, "rest"), (1.0 - 1e-6, "max_time")])
 def test_a_chord_rests_where_friction_holds_it(arm: float, factor: float, end: str) -> None:
@@ -101,32 +81,6 @@ def test_a_chord_rests_where_friction_holds_it(arm: float, factor: float, end: s
     if end == "max_time":
         pull = slope.gravity * (math.sin(slope.angle) - law.friction * math.cos(slope.angle))
         assert result.state.u == pytest.approx(0.5 * pull, rel=1e-6)
-
-
-def test_a_chord_that_slides_stops_when_its_speed_is_used_up() -> None:
-    law, slope = law_of(0.2, friction=0.5, arm=0.01), Slope(0.2)
-    result = follow(HALF_DISC, law, slope, lying(HALF_DISC, law, slope, 1.5), max_time=2.0)
-    slowing = slope.gravity * (0.5 * math.cos(slope.angle) - math.sin(slope.angle))
-    assert result.end == "rest"
-    assert result.time == pytest.approx(1.5 / slowing, rel=1e-12)
-    assert result.state.x == pytest.approx(0.5 * 1.5**2 / slowing, rel=1e-12)
-
-
-def test_a_landing_on_both_corners_in_turn() -> None:
-    body, law, slope = circular_segment(100.0, 0.5, math.radians(100.0)), law_of(0.8), Slope(0.0)
-    tilt, height, speed = 0.002, 0.03, 2.0
-    surface = max(Chord(body, law, slope).arms(tilt)[1])
-    landing = State(0.0, surface, math.pi + tilt, 0.0, -math.sqrt(speed**2 + 2.0 * slope.gravity * height))
-    result = follow(body, law, slope, landing)
-    assert (result.end, result.both) == ("separated", True)
-    assert [branch.touching for _, branch in result.branches] == [
-        *[(False, True)] * 2,
-        *[(True, True)] * 4,
-        (False, True),
-        (False, False),
-    ]
-    assert result.state.v == pytest.approx(1.61, abs=0.005)
-    assert result.state.v**2 / (2.0 * slope.gravity) == pytest.approx(0.133, abs=0.0005)
 
 
 def smoothed(contact: Contact, duration: float, share: float) -> np.ndarray:

@@ -48,7 +48,6 @@ def test_study_prints_and_writes_what_it_has_found(
     [
         (["psuh_off"], "unknown study 'psuh_off' (did you mean 'push_off'?); known: brake_stop, push_off;"),
         (["FILE", "--launches", "0"], "must be an integer >= 1: '0'"),
-        (["FILE", "--workers", "0"], "must be an integer >= 1: '0'"),
         (["FILE", "--out", "FILE"], "is a file: choose another folder"),
         (["FILE", "--out", "."], "is the current folder: choose another one"),
     ],

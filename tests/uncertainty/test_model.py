@@ -177,15 +177,12 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
     [
         ({"contact__fricton": 0.3}, "contact.fricton = 0.3: unknown key (did you mean 'friction'?)"),
         ({"contact__fricton": UNIFORM}, "contact.fricton = 0.25: unknown key (did you mean 'friction'?)"),
-        ({"contact__friction": {"kind": "uniform", "low": 0.3, "high": 0.1}}, "low = 0.3: must be below high = 0.1"),
         ({"contact__friction": {"kind": "uniform", "low": 0.3, "high": 0.3}}, "low = 0.3: must be below high = 0.3"),
         (
             {"contact__friction": {"kind": "triangular", "low": 0.1, "mode": 0.5, "high": 0.3}},
             "mode = 0.5: must be in [low, high] = [0.1, 0.3]",
         ),
         ({"launch__drop_m": {"kind": "normal", "mean": 1, "sd": 0}}, "sd = 0: must be a number in (0, inf)"),
-        ({"launch__drop_m": {"kind": "normal", "mean": 1, "sd": -1}}, "sd = -1: must be a number in (0, inf)"),
-        ({"launch__drop_m": {"kind": "normal", "mean": math.nan, "sd": 1}}, "mean = nan: must be a number"),
         ({"launch__drop_m": {"kind": "lognormal", "median": 0, "log_sd": 1}}, "median = 0: must be a number in (0"),
         ({"launch__drop_m": {"kind": "normal", "mean": 1}}, "sd: missing"),
         (
@@ -193,7 +190,6 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "low = 0: unknown key; known: kind, mean, sd",
         ),
         ({"launch__drop_m": {"kind": "cauchy"}}, "kind must be one of uniform, normal, truncated_normal"),
-        ({"launch__drop_m": {"mean": 1, "sd": 1}}, "kind must be one of uniform"),
         ({"launch__drop_m": math.nan}, "launch.drop_m = nan: must be a number"),
         (
             {"contact__friction": {"kind": "normal", "mean": 0.1, "sd": 0.1}},
@@ -212,15 +208,10 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"launch__drop_m": 1}, "nothing is uncertain"),
         ({"stations_m": [1, 1]}, "stations_m = [1.0, 1.0]: must rise"),
         ({"stations_m": [0, 1]}, "stations_m.0 = 0: must be a number in (0, inf)"),
-        ({"stations_m": [math.nan]}, "stations_m.0 = nan: must be a number"),
         ({"launches": 0}, "launches = 0: must be a whole number in [1"),
-        ({"launches": 2.5}, "launches = 2.5: must be a whole number"),
-        ({"seed": -1}, "seed = -1: must be a whole number"),
         ({"solver": "euler"}, "solver = 'euler'"),
         ({"scenario": "sled_snwo"}, "unknown scenario 'sled_snwo' (did you mean 'sled_snow'?)"),
         ({"sloep": {}}, "sloep = {}: unknown key (did you mean 'slope'?); known: id, title"),
-        ({"title": None}, "title: missing"),
-        ({"slope": None}, "slope: missing"),
     ],
 )
 def test_a_wrong_study_is_refused_by_name_of_the_key(changes: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -313,7 +313,7 @@ def test_more_launches_are_the_same_and_others_after_them(tmp_path: Path, monkey
         find(DROP, tmp_path / "out", launches=200, launch__speed_m_s=4)
 
 
-@pytest.mark.parametrize(("launches", "count"), [(1, 3), (3, 3), (4, 6), (6, 6), (7, 12), (192, 192)])
+@pytest.mark.parametrize(("launches", "count"), [(1, 3), (3, 3), (4, 6), (7, 12)])
 def test_launches_are_rounded_up_to_groups_that_are_a_power_of_two(launches: int, count: int) -> None:
     drawn = run.draws(made(DROP, launches=launches))
     assert drawn.shape == (count, 1)
