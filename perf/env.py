@@ -29,6 +29,7 @@ from perf.harness import (
     spread,
     table,
 )
+from perf.reference import settings
 from sledenv.kernel.records import RUNNING
 
 ROUNDS = 9
@@ -64,15 +65,17 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
         (body, sledenv.ContactLaw(*law), sledenv.Slope(*slope), sledenv.State(*state))
         for law, slope, state in zip(laws.tolist(), slopes.tolist(), states.tolist(), strict=True)
     ]
-    options: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "max_time": limits.max_time_s,
         "max_rebounds": limits.max_rebounds,
         "end_on_chord": scenario.ends.on_chord,
     }
 
+    options = settings(**fields)
+
     def simulate_singly() -> None:
         for problem in problems:
-            sledenv.simulate(*problem, **options)
+            sledenv.simulate(*problem, **fields)
 
     if kind == "SledLaunch":
         return simulate_singly, lambda: sledenv.simulate_batch(body, laws, slopes, states, **options)

@@ -44,6 +44,11 @@ MAT_SLOPE = sledenv.Slope(math.radians(10.0), length=10.0)
 SPIN = 8.0  # [rad/s] largest of a drop
 
 
+def settings(**fields: Any) -> dict[str, Any]:
+    """Return the arguments by which batches and rides are told how to simulate; older trees take them one by one."""
+    return {"settings": sledenv.Settings(**fields)} if hasattr(sledenv, "Settings") else fields
+
+
 def launches(lanes: int, seed: int = 0) -> Floats:
     """Random launches of the reference's disc, shape (lanes, 6)."""
     rng = np.random.default_rng(seed)

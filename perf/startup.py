@@ -40,7 +40,8 @@ env.step(env.action_space.sample())
         for solver, name in _SIMULATE.items()
     },
     **{
-        name: f"{_PROBLEM}sledenv.simulate_batch(body, law, slope, [state], max_rebounds=5, solver={solver!r})"
+        name: f"{_PROBLEM}settings = sledenv.Settings({solver!r}, max_rebounds=5)\n"
+        "sledenv.simulate_batch(body, law, slope, [state], settings)"
         for solver, name in _BATCH.items()
     },
 }

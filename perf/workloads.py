@@ -120,7 +120,7 @@ def _batch(solver: str) -> Callable[[], Prepared]:
         numba.set_num_threads(1)
         work = _work()
         given = work["BODY"], work["LAW"], work["SLOPE"], work["launches"](_LANES[solver])
-        options: dict[str, Any] = {"solver": solver, "max_rebounds": work["FEW"]}
+        options: dict[str, Any] = work["settings"](solver=solver, max_rebounds=work["FEW"])
 
         def run() -> Any:
             return sledenv.simulate_batch(*given, **options)
@@ -141,7 +141,7 @@ def _drops(body: str, solver: str, per: str, phi: tuple[float, float] = (-math.p
         numba.set_num_threads(1)
         work = _work()
         launches = work["drops"](work[body], _DROPS, phi, 0.0 if per == "hop" else work["SPIN"])
-        options: dict[str, Any] = {"solver": solver, "max_rebounds": 1 if per == "hop" else 200}
+        options: dict[str, Any] = work["settings"](solver=solver, max_rebounds=1 if per == "hop" else 200)
 
         def run() -> Any:
             return sledenv.simulate_batch(work[body], work["MAT"], work["MAT_SLOPE"], launches, **options)
