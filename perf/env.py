@@ -14,14 +14,7 @@ from gymnasium.vector import AutoresetMode
 
 import sledenv
 from perf.harness import (
-    BLUE,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
     Competitor,
-    bars,
-    drawing,
     figure_of,
     interleave,
     ratio,
@@ -167,22 +160,10 @@ def _measure(kind: str, rounds: int, sizes: tuple[int, ...]) -> list[dict[str, A
 
 
 def main(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> None:
-    """Measure, write and draw."""
+    """Measure and write."""
     rows = [row for kind in IDS for row in _measure(kind, rounds, sizes)]
     result = {"rounds": rounds, "scenario": SCENARIO, "rows": rows}
     save("env", result)
-    draw(result)
-
-
-def draw(result: dict[str, Any]) -> None:
-    """Bars of steps a second."""
-    looks = {"simulate": GREY, "Ride": GREY, "native": BLUE, "SB3": PURPLE, "gym": ORANGE, "Sync": SKY}
-    names = [row["name"] for row in result["rows"]]
-    colours = [next(colour for start, colour in looks.items() if name.startswith(start)) for name in names]
-    labels = [f"{row['env']}: {row['name']}" for row in result["rows"]]
-    with drawing("env", (9.0, 9.6)) as (_, ax):
-        bars(ax, labels, [row["steps_per_s"] for row in result["rows"]], colours, "steps a second (higher is better)")
-        ax.set_title(f"{result['scenario']}: a step of SledLaunch is a descent, one of SledDescent a hop", loc="left")
 
 
 def tables(result: dict[str, Any]) -> str:

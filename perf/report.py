@@ -26,13 +26,13 @@ def _provenance(stamp: dict[str, Any]) -> str:
 
 
 def _section(name: str) -> str:
-    """Tables, figure and provenance of one result."""
+    """Provenance and tables of one result, and a figure if there is one."""
     if not (RESULTS / f"{name}.json").exists():
         return f"Not measured yet: `make bench BENCH={name}`.\n"
     result = load(name)
-    tables = importlib.import_module(f"perf.{name}").tables(result)
-    figure = f"![{name}](../perf/results/{name}.png)"
-    return f"{_provenance(result['stamp'])}\n\n{tables}\n\n{figure}\n"
+    module = importlib.import_module(f"perf.{name}")
+    figure = f"\n![{name}](../perf/results/{name}.png)\n" if hasattr(module, "draw") else ""
+    return f"{_provenance(result['stamp'])}\n\n{module.tables(result)}\n{figure}"
 
 
 def _versions() -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from perf.harness import BLUE, GREY, SKY, bars, drawing, figure_of, save, spread, table, with_quartiles
+from perf.harness import figure_of, save, spread, table, with_quartiles
 
 ROUNDS = 9
 COLD_ROUNDS = 3
@@ -64,7 +64,7 @@ def _run(program: str, cache: str) -> float:
 
 
 def main(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> None:
-    """Measure, write and draw."""
+    """Measure and write."""
     compiling = [name for name in PROGRAMS if name not in (_GYM, _IMPORT)]
     cold: dict[str, list[float]] = {name: [] for name in compiling}
     warm: dict[str, list[float]] = {name: [] for name in PROGRAMS}
@@ -93,23 +93,6 @@ def main(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> None:
     ]
     result = {"rounds": rounds, "cold_rounds": cold_rounds, "rows": rows}
     save("startup", result)
-    draw(result)
-
-
-def draw(result: dict[str, Any]) -> None:
-    """Bars of all times."""
-    names, stats, colours = [], [], []
-    for row in result["rows"]:
-        names.append(f"{row['name']}, warm" if "cold_s" in row else row["name"])
-        stats.append(row["warm_s"])
-        colours.append(SKY if "cold_s" in row else GREY)
-        if "cold_s" in row:
-            names.append(f"{row['name']}, cold")
-            stats.append(row["cold_s"])
-            colours.append(BLUE)
-    with drawing("startup", (9.0, 5.2)) as (_, ax):
-        bars(ax, names, stats, colours, "time in a fresh process [s], imports included (lower is better)")
-        ax.set_title("First use; cold: with an empty compilation cache", loc="left")
 
 
 def tables(result: dict[str, Any]) -> str:

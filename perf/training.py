@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from perf.env import IDS, SCENARIO
-from perf.harness import BLUE, GREY, bars, drawing, save, spread, table, with_quartiles
+from perf.harness import save, spread, table, with_quartiles
 
 ROUNDS = 5
 LANES = 1024
@@ -94,7 +94,7 @@ def train(env: VecEnv, epochs: int, samples: int) -> tuple[float, float]:
 
 
 def main(rounds: int = ROUNDS, samples: int = SAMPLES) -> None:
-    """Measure, write and draw."""
+    """Measure and write."""
     from sledenv.envs.sb3 import make_vec_env
 
     torch.set_num_threads(1)  # networks this small run slower on more
@@ -134,21 +134,6 @@ def main(rounds: int = ROUNDS, samples: int = SAMPLES) -> None:
         ],
     }
     save("training", result)
-    draw(result)
-
-
-def draw(result: dict[str, Any]) -> None:
-    """Bars of samples a second."""
-    rows = result["rows"]
-    with drawing("training", (9.0, 5.0)) as (_, ax):
-        bars(
-            ax,
-            [f"{row['name']}, {row['epochs']} epochs" for row in rows],
-            [row["samples_per_s"] for row in rows],
-            [GREY if row["name"].startswith(NULL) else BLUE for row in rows],
-            "training samples a second (higher is better)",
-        )
-        ax.set_title(f"PPO of stable-baselines3 on {result['lanes']:,} lanes", loc="left")
 
 
 def tables(result: dict[str, Any]) -> str:
