@@ -26,6 +26,7 @@ BODY = sledenv.Body(_GIVEN["mass"], _GIVEN["radius"], _GIVEN["eccentricity"], _G
 LAW = sledenv.ContactLaw(_GIVEN["stiffness"], _GIVEN["asymmetry"], _GIVEN["friction"], _GIVEN["rolling_arm"])
 SLOPE = sledenv.Slope(_GIVEN["slope"], gravity=_GIVEN["gravity"])
 LAUNCH = sledenv.State(**_RECORD["state"])
+DOWNHILL, INWARD = SLOPE.gravity * math.sin(SLOPE.angle), SLOPE.gravity * math.cos(SLOPE.angle)
 
 # Velocities (u, v, omega) after each rebound, and its time: extended precision, from the same double inputs.
 EXACT: Floats = np.array(
