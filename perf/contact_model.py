@@ -7,136 +7,116 @@ of v_n, v_t and omega, 0 where that velocity is locked. A guard is positive whil
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
 
-from perf.reference import BODY, LAUNCH, LAW, SLOPE, Floats
+from perf.reference import BODY, DOWNHILL, INWARD, LAUNCH, LAW, Floats
 
 Mode = tuple[int, int, int]
 
 X, PHI, GAP, V_N, V_T, OMEGA = range(6)
-# Guards; each has a velocity that it concerns and, where a lock gives way, the sign with which the velocity leaves.
-RATE_ZERO, RATE_CLOSES, RATE_OPENS, SLIP_ZERO, SLIP_RISES, SLIP_FALLS, SPIN_ZERO, SPIN_RISES, SPIN_FALLS, SEPARATED = (
-    range(10)
-)
+SEPARATED = 9  # the last of the guards
 _TIE = 1e-12
-
-
-class Problem(NamedTuple):
-    """Parameters of the hybrid system, SI units."""
-
-    mass: float = BODY.mass
-    radius: float = BODY.radius
-    eccentricity: float = BODY.eccentricity
-    inertia: float = BODY.inertia
-    closing: float = LAW.stiffness * (1.0 + LAW.asymmetry)
-    opening: float = LAW.stiffness * (1.0 - LAW.asymmetry)
-    friction: float = LAW.friction
-    arm: float = LAW.rolling_arm
-    downhill: float = SLOPE.gravity * math.sin(SLOPE.angle)
-    inward: float = SLOPE.gravity * math.cos(SLOPE.angle)
-
-
-P = Problem()  # frozen into the compiled functions, which are then cheap to call from Python
+_MODES: tuple[Mode, ...] = tuple(itertools.product((0, -1, 1), (0, 1, -1), (0, 1, -1)))
+CLOSING, OPENING = LAW.stiffness * (1.0 + LAW.asymmetry), LAW.stiffness * (1.0 - LAW.asymmetry)
 START: Floats = np.array(LAUNCH)  # x, y, phi, u, v, omega
 
 
-def forces(
-    a: Any, b: Any, drive_t: Any, drive_n: Any, normal: Any, locked: Any, slip: Any, spin: Any
-) -> tuple[Any, Any, Any]:
-    """Friction, rolling moment and normal force of a mode; numbers or symbols.
+def contact(sine: Any, cosine: Any, gap: Any, turning: Any, mode: Mode, slip: Any, spin: Any) -> tuple[Any, ...]:
+    """Arm b, rates (v_n, v_t, omega) and loads (friction, rolling moment, normal force) of a mode; numbers or symbols.
 
-    ``locked`` tells of v_n, v_t and omega whether they are held; ``slip`` and ``spin`` are the signs of those that are
-    not, ``normal`` is the force of the spring where v_n is not held.
+    ``turning`` is omega, and ``slip`` and ``spin`` are the signs of v_t and omega where the mode does not hold them.
     """
-    if locked[2]:
-        if locked[0]:
-            normal = -P.mass * drive_n
-        force = -P.mass * drive_t if locked[1] else -slip * P.friction * normal
-        return force, a * normal - b * force, normal
-    lever = -spin * P.arm - a
-    if locked[1]:
-        hinge = P.inertia + P.mass * b * b
-        if locked[0]:
-            turn = -P.mass * (lever * drive_n + b * drive_t) / (hinge - P.mass * a * lever)
-            normal = P.mass * (a * turn - drive_n)
+    a = BODY.eccentricity * sine
+    lower = BODY.eccentricity * cosine
+    b = BODY.radius - lower
+    square = turning * turning
+    drive_t = DOWNHILL + a * square
+    drive_n = -INWARD - lower * square
+    normal = -(CLOSING if mode[0] < 0 else OPENING) * gap  # of the spring, where v_n is not held
+    if mode[2] == 0:
+        if mode[0] == 0:
+            normal = -BODY.mass * drive_n
+        force = -BODY.mass * drive_t if mode[1] == 0 else -slip * LAW.friction * normal
+        moment = a * normal - b * force
+    else:
+        lever = -spin * LAW.rolling_arm - a
+        if mode[1] == 0:
+            hinge = BODY.inertia + BODY.mass * b * b
+            if mode[0] == 0:
+                turn = -BODY.mass * (lever * drive_n + b * drive_t) / (hinge - BODY.mass * a * lever)
+                normal = BODY.mass * (a * turn - drive_n)
+            else:
+                turn = (lever * normal - BODY.mass * b * drive_t) / hinge
+            force = -BODY.mass * (drive_t + b * turn)
         else:
-            turn = (lever * normal - P.mass * b * drive_t) / hinge
-        return -P.mass * (drive_t + b * turn), -spin * P.arm * normal, normal
-    if locked[0]:
-        normal = -drive_n / (1.0 / P.mass - a * (lever - slip * P.friction * b) / P.inertia)
-    return -slip * P.friction * normal, -spin * P.arm * normal, normal
+            if mode[0] == 0:
+                normal = -drive_n / (1.0 / BODY.mass - a * (lever - slip * LAW.friction * b) / BODY.inertia)
+            force = -slip * LAW.friction * normal
+        moment = -spin * LAW.rolling_arm * normal
+    turn = (moment - a * normal + b * force) / BODY.inertia
+    rates = normal / BODY.mass + drive_n - a * turn, force / BODY.mass + drive_t + b * turn, turn
+    return b, rates, (force, moment, normal)
 
 
-_forces = numba.njit(error_model="numpy")(forces)
+_contact = numba.njit(error_model="numpy")(contact)
 
 
 @numba.njit(error_model="numpy")
-def _at(z: Floats, mode: Mode) -> tuple[float, float, float, float, float, float, float]:
-    """Arms, drives and forces of a mode at a state."""
-    a = P.eccentricity * math.sin(z[PHI])
-    lower = P.eccentricity * math.cos(z[PHI])
-    b = P.radius - lower
-    square = z[OMEGA] * z[OMEGA]
-    drive_t = P.downhill + a * square
-    drive_n = -P.inward - lower * square
-    stiffness = P.closing if mode[0] < 0 else P.opening
-    locked = (mode[0] == 0, mode[1] == 0, mode[2] == 0)
-    force, moment, normal = _forces(a, b, drive_t, drive_n, -stiffness * z[GAP], locked, mode[1], mode[2])
-    return a, b, drive_t, drive_n, force, moment, normal
+def _at(z: Floats, mode: Mode) -> Any:
+    """What :func:`contact` says of a state."""
+    return _contact(math.sin(z[PHI]), math.cos(z[PHI]), z[GAP], z[OMEGA], mode, mode[1], mode[2])
 
 
 @numba.njit(error_model="numpy")
 def rates(t: float, z: Floats, mode: Mode) -> Floats:
     """Right-hand side in contact."""
-    a, b, drive_t, drive_n, force, moment, normal = _at(z, mode)
-    turn = (moment - a * normal + b * force) / P.inertia
+    b, free, _ = _at(z, mode)
     out = np.zeros(6)
     out[X] = z[V_T] - b * z[OMEGA]
     out[PHI] = z[OMEGA]
     out[GAP] = z[V_N]
-    if mode[0] != 0:
-        out[V_N] = normal / P.mass + drive_n - a * turn
-    if mode[1] != 0:
-        out[V_T] = force / P.mass + drive_t + b * turn
-    if mode[2] != 0:
-        out[OMEGA] = turn
+    for i in range(3):
+        if mode[i] != 0:
+            out[V_N + i] = free[i]
     return out
+
+
+def guards(z: Any, mode: Mode, slip: Any, spin: Any, loads: Any) -> tuple[Any, ...]:
+    """Values of all guards: of v_n, v_t and omega each that it reaches zero, and that its lock yields to + or to -."""
+    _, _, gap, v_n, v_t, omega = z
+    force, moment, normal = loads
+    return (
+        mode[0] * v_n,
+        normal + OPENING * gap,
+        -CLOSING * gap - normal,
+        slip * v_t,
+        LAW.friction * normal + force,
+        LAW.friction * normal - force,
+        spin * omega,
+        LAW.rolling_arm * normal + moment,
+        LAW.rolling_arm * normal - moment,
+        -gap,  # separated
+    )
+
+
+_guards = numba.njit(error_model="numpy")(guards)
 
 
 @numba.njit(error_model="numpy")
 def guard(kind: int, z: Floats, mode: Mode) -> float:
     """Value of a guard."""
-    if kind == RATE_ZERO:
-        return float(mode[0] * z[V_N])
-    if kind == SLIP_ZERO:
-        return float(mode[1] * z[V_T])
-    if kind == SPIN_ZERO:
-        return float(mode[2] * z[OMEGA])
-    if kind == SEPARATED:
-        return float(-z[GAP])
-    _, _, _, _, force, moment, normal = _at(z, mode)
-    if kind == RATE_CLOSES:
-        return float(-P.closing * z[GAP] - normal)
-    if kind == RATE_OPENS:
-        return float(normal + P.opening * z[GAP])
-    if kind == SLIP_RISES:
-        return float(P.friction * normal + force)
-    if kind == SLIP_FALLS:
-        return float(P.friction * normal - force)
-    if kind == SPIN_RISES:
-        return float(P.arm * normal + moment)
-    return float(P.arm * normal - moment)
+    loads = _at(z, mode)[2] if kind % 3 else (0.0, 0.0, 0.0)  # what locks alone ask for
+    return float(_guards((z[0], z[1], z[2], z[3], z[4], z[5]), mode, mode[1], mode[2], loads)[kind])
 
 
 def guards_of(mode: Mode) -> list[int]:
     """Guards that can end a mode."""
-    found = [RATE_CLOSES, RATE_OPENS] if mode[0] == 0 else [RATE_ZERO]
-    found += [SLIP_RISES, SLIP_FALLS] if mode[1] == 0 else [SLIP_ZERO]
-    found += [SPIN_RISES, SPIN_FALLS] if mode[2] == 0 else [SPIN_ZERO]
+    found = [kind for i, sign in enumerate(mode) for kind in ((3 * i,) if sign else (3 * i + 1, 3 * i + 2))]
     return [*found, SEPARATED] if mode[0] > 0 else found
 
 
@@ -152,37 +132,29 @@ def _open(velocity: float, left: int, branch: int) -> bool:
 def choose(z: Floats, left: Mode) -> Mode:
     """Mode that violates the laws least, by trying all; ``left`` has the sign of a velocity just released."""
     y = z.copy()
-    size = P.radius + P.eccentricity
+    size = BODY.radius + BODY.eccentricity
     y[GAP] = min(z[GAP], -1e-12 * size)
     depth = -y[GAP]
-    scale = P.closing * depth
+    scale = CLOSING * depth
     best = (0, 0, 0)
     least = np.inf
-    for gap_rate in (0, -1, 1):
-        for slip in (0, 1, -1):
-            for spin in (0, 1, -1):
-                if not (
-                    _open(z[V_N], left[0], gap_rate) and _open(z[V_T], left[1], slip) and _open(z[OMEGA], left[2], spin)
-                ):
-                    continue
-                mode = (gap_rate, slip, spin)
-                a, b, drive_t, drive_n, force, moment, normal = _at(y, mode)
-                turn = (moment - a * normal + b * force) / P.inertia
-                rate_n = P.mass * (normal / P.mass + drive_n - a * turn)
-                rate_t = P.mass * (force / P.mass + drive_t + b * turn)
-                violation = 0.0
-                if z[V_N] == 0.0:
-                    over = max(0.0, normal - scale, P.opening * depth - normal)
-                    violation += over if gap_rate == 0 else max(0.0, -gap_rate * rate_n)
-                if z[V_T] == 0.0:
-                    over = max(0.0, abs(force) - P.friction * normal)
-                    violation += over if slip == 0 else max(0.0, -slip * rate_t)
-                if z[OMEGA] == 0.0:
-                    over = max(0.0, abs(moment) - P.arm * normal) / size
-                    violation += over if spin == 0 else max(0.0, -spin * P.inertia * turn) / size
-                if violation / scale < least - _TIE:
-                    least = violation / scale
-                    best = mode
+    for mode in _MODES:
+        closing, slip, spin = mode
+        if _open(z[V_N], left[0], closing) and _open(z[V_T], left[1], slip) and _open(z[OMEGA], left[2], spin):
+            _, (rate_n, rate_t, turn), (force, moment, normal) = _at(y, mode)
+            violation = 0.0
+            if z[V_N] == 0.0:
+                over = max(0.0, normal - scale, OPENING * depth - normal)
+                violation += over if closing == 0 else max(0.0, -closing * BODY.mass * rate_n)
+            if z[V_T] == 0.0:
+                over = max(0.0, abs(force) - LAW.friction * normal)
+                violation += over if slip == 0 else max(0.0, -slip * BODY.mass * rate_t)
+            if z[OMEGA] == 0.0:
+                over = max(0.0, abs(moment) - LAW.rolling_arm * normal) / size
+                violation += over if spin == 0 else max(0.0, -spin * BODY.inertia * turn) / size
+            if violation / scale < least - _TIE:
+                least = violation / scale
+                best = mode
     return best
 
 
@@ -192,15 +164,15 @@ def next_mode(kind: int, z: Floats) -> Mode:
     which = kind // 3
     z[V_N + which] = 0.0
     left = np.zeros(3, np.int64)
-    left[which] = (0, -1, 1)[kind] if which == 0 else (0, 1, -1)[kind % 3]
+    left[which] = (0, 1, -1)[kind % 3]
     return choose(z, (left[0], left[1], left[2]))
 
 
 @numba.njit(error_model="numpy")
 def touch_down(flight: Floats) -> Floats:
     """Contact state of a body that meets the slope."""
-    a = P.eccentricity * math.sin(flight[2])
-    b = P.radius - P.eccentricity * math.cos(flight[2])
+    a = BODY.eccentricity * math.sin(flight[2])
+    b = BODY.radius - BODY.eccentricity * math.cos(flight[2])
     return np.array([flight[0], flight[2], 0.0, flight[4] - a * flight[5], flight[3] + b * flight[5], flight[5]])
 
 
@@ -210,18 +182,18 @@ def lift_off(z: Floats) -> Floats:
 
     Event locators look for a change of sign: a gap that is zero or negative by rounding would hide the next touchdown.
     """
-    a = P.eccentricity * math.sin(z[PHI])
-    b = P.radius - P.eccentricity * math.cos(z[PHI])
+    a = BODY.eccentricity * math.sin(z[PHI])
+    b = BODY.radius - BODY.eccentricity * math.cos(z[PHI])
     return np.array([z[X], b + 1e-16, z[PHI], z[V_T] - b * z[OMEGA], z[V_N] + a * z[OMEGA], z[OMEGA]])
 
 
 @numba.njit(error_model="numpy")
 def flight_gap(t: float, y: Floats) -> float:
     """Gap in flight."""
-    return float(y[1] + P.eccentricity * math.cos(y[2]) - P.radius)
+    return float(y[1] + BODY.eccentricity * math.cos(y[2]) - BODY.radius)
 
 
 @numba.njit(error_model="numpy")
 def flight_rates(t: float, y: Floats) -> Floats:
     """Right-hand side in flight."""
-    return np.array([y[3], y[4], y[5], P.downhill, -P.inward, 0.0])
+    return np.array([y[3], y[4], y[5], DOWNHILL, -INWARD, 0.0])

@@ -18,10 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from perf.reference import BODY, FEW, LAUNCH, LAW, SLOPE, TIMES, Floats, errors
+from perf.reference import BODY, DOWNHILL, FEW, INWARD, LAUNCH, LAW, TIMES, Floats, errors
 
-_DOWNHILL = SLOPE.gravity * math.sin(SLOPE.angle)
-_INWARD = SLOPE.gravity * math.cos(SLOPE.angle)
 _BOX2D_SCALE = 100.0  # lengths in centimetres: Box2D's slop and thresholds suit bodies of that size in its units
 
 # Settings found by main(), by engine and step [s]: (frequency [rad/s], damping ratio) or (restitution,).
@@ -53,7 +51,7 @@ def mujoco(dt: float, frequency: float, damping: float) -> Engine:
     solref = f"{-(frequency**2)!r} {-2.0 * damping * frequency!r}"
     model = mj.MjModel.from_xml_string(f"""
         <mujoco>
-          <option timestep="{dt!r}" gravity="{_DOWNHILL!r} 0 {-_INWARD!r}" cone="elliptic"/>
+          <option timestep="{dt!r}" gravity="{DOWNHILL!r} 0 {-INWARD!r}" cone="elliptic"/>
           <default><geom condim="6" solref="{solref}" solimp="0.99 0.999 1e-4"/></default>
           <worldbody>
             <geom type="plane" size="0 0 1" friction="{LAW.friction!r} 0 {LAW.rolling_arm!r}"/>
@@ -81,7 +79,7 @@ def pymunk(dt: float, restitution: float) -> Engine:
     import pymunk as pm
 
     space = pm.Space()
-    space.gravity = (_DOWNHILL, -_INWARD)
+    space.gravity = (DOWNHILL, -INWARD)
     space.collision_slop = 1e-5
     body = pm.Body(BODY.mass, BODY.inertia)
     disc = pm.Circle(body, BODY.radius, offset=(0.0, BODY.eccentricity))
@@ -109,7 +107,7 @@ def box2d(dt: float, restitution: float) -> Engine:
 
     Box2D.b2_velocityThreshold = 0.0
     scale = _BOX2D_SCALE
-    world = Box2D.b2World(gravity=(_DOWNHILL * scale, -_INWARD * scale))
+    world = Box2D.b2World(gravity=(DOWNHILL * scale, -INWARD * scale))
     ground = world.CreateStaticBody()
     ground.CreateEdgeFixture(vertices=[(-1e4, 0.0), (1e4, 0.0)], friction=LAW.friction)
     body = world.CreateDynamicBody(allowSleep=False)
@@ -159,7 +157,7 @@ def velocities(engine: Engine, dt: float, rebounds: int = FEW) -> Floats:
         engine.advance(1)
         track.append(engine.velocity())
     found = np.array(track)
-    pushed = np.abs(np.diff(found[:, 1]) + _INWARD * dt) > 0.01 * _INWARD * dt
+    pushed = np.abs(np.diff(found[:, 1]) + INWARD * dt) > 0.01 * INWARD * dt
     ends = np.flatnonzero(pushed[:-1] & ~pushed[1:]) + 1
     return found[ends[:rebounds]]
 

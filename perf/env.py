@@ -13,72 +13,38 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 import sledenv
-from perf.harness import (
-    BLUE,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    Competitor,
-    bars,
-    drawing,
-    figure_of,
-    interleave,
-    ratio,
-    save,
-    spread,
-    table,
-)
-from sledenv.kernel.records import RUNNING
+from perf import show
+from perf.harness import ratio, spread, take_turns, timed
+from perf.reference import contexts, problem, settings
 
 ROUNDS = 9
 IDS = {"SledLaunch": "sledenv/SledLaunch-v0", "SledDescent": "sledenv/SledDescent-v0"}
 SCENARIO = "brake_mat"
 LANES = (64, 1024, 16384)
-SYNC_LANES = 64
-SINGLE = 64  # steps of a scalar environment in one turn
+SINGLE = 64  # steps of a scalar environment in one turn, lanes of a SyncVectorEnv
 ALONE = {"SledLaunch": "simulate()", "SledDescent": "Ride"}
 BATCH = {"SledLaunch": "simulate_batch", "SledDescent": "RideBatch"}
-MAKE, SYNC = "gym.make", f"SyncVectorEnv, {SYNC_LANES} lanes"
-
-
-def _bare_name(kind: str, lanes: int) -> str:
-    return f"{BATCH[kind]}, {lanes:,} lanes"
-
-
-def _native_name(lanes: int) -> str:
-    return f"native vector env, {lanes:,} lanes"
-
-
-def _sb3_name(lanes: int) -> str:
-    return f"SB3 adapter, {lanes:,} lanes"
+MAKE = "gym.make"
 
 
 def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Return runs of one step in the launches of as many contexts, one by one and as a batch."""
-    scenario = sledenv.load_scenario(SCENARIO)
-    contexts = scenario.contexts(np.random.default_rng(0).random((lanes, len(sledenv.Context._fields))))
-    body, limits = scenario.body(), scenario.limits
-    laws, slopes, states = scenario.laws(contexts), scenario.slopes(contexts), scenario.launches(contexts)
-    problems = [
-        (body, sledenv.ContactLaw(*law), sledenv.Slope(*slope), sledenv.State(*state))
-        for law, slope, state in zip(laws.tolist(), slopes.tolist(), states.tolist(), strict=True)
-    ]
-    options: dict[str, Any] = {
-        "max_time": limits.max_time_s,
-        "max_rebounds": limits.max_rebounds,
-        "end_on_chord": scenario.ends.on_chord,
-    }
+    given, fields = problem(SCENARIO, contexts(SCENARIO, lanes))
+    body, *parts = given
+    kinds = (sledenv.ContactLaw, sledenv.Slope, sledenv.State)
+    singly = [[kind(*row) for row in rows.tolist()] for kind, rows in zip(kinds, parts, strict=True)]
+    problems: list[Any] = list(zip([body] * lanes, *singly, strict=True))
+    options = settings(**fields)
 
     def simulate_singly() -> None:
-        for problem in problems:
-            sledenv.simulate(*problem, **options)
+        for one in problems:
+            sledenv.simulate(*one, **fields)
 
     if kind == "SledLaunch":
-        return simulate_singly, lambda: sledenv.simulate_batch(body, laws, slopes, states, **options)
+        return simulate_singly, lambda: sledenv.simulate_batch(*given, **options)
     rides = [sledenv.Ride(*problem, **options) for problem in problems[:SINGLE]]
-    batch = sledenv.RideBatch(body, laws, slopes, states, **options)
-    still = np.zeros(lanes)
+    batch = sledenv.RideBatch(*given, **options)
+    still, running = np.zeros(lanes), sledenv.STATUS_OF_CODE.index(sledenv.Status.RUNNING)
 
     def hop_singly() -> None:
         for i, ride in enumerate(rides):
@@ -87,9 +53,9 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
 
     def hop() -> None:
         batch.hop(still)
-        ended = np.flatnonzero(batch.outcomes()["status"] != RUNNING)
+        ended = np.flatnonzero(batch.outcomes()["status"] != running)
         if ended.size:
-            batch.launch(ended, laws[ended], slopes[ended], states[ended])
+            batch.launch(ended, *(rows[ended] for rows in parts))
 
     return hop_singly, hop
 
@@ -109,13 +75,10 @@ def _scalar(kind: str) -> Callable[[], Any]:
     return run
 
 
-def _vector(kind: str, lanes: int, mode: str) -> Callable[[], Any]:
+def vector(kind: str, lanes: int, mode: str = "vector_entry_point") -> Callable[[], Any]:
     """Return a run of one step of all lanes, the next episode begun in the same step."""
-    options: dict[str, Any] = (
-        {"vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}}
-        if mode == "sync"
-        else {"autoreset_mode": AutoresetMode.SAME_STEP.value}
-    )
+    same = AutoresetMode.SAME_STEP
+    options = {"vector_kwargs": {"autoreset_mode": same}} if mode == "sync" else {"autoreset_mode": same.value}
     env: Any = gym.make_vec(IDS[kind], num_envs=lanes, vectorization_mode=mode, scenario=SCENARIO, **options)
     env.reset(seed=0)
     env.action_space.seed(0)
@@ -132,70 +95,48 @@ def _sb3(kind: str, lanes: int) -> Callable[[], Any]:
     return lambda: env.step(actions)
 
 
-def _measure(kind: str, rounds: int, sizes: tuple[int, ...]) -> list[dict[str, Any]]:
-    """Return a row for each way to step one kind of environment."""
-    competitors = [
-        Competitor(ALONE[kind], _bare(kind, SINGLE)[0], SINGLE),
-        Competitor(MAKE, _scalar(kind), SINGLE),
-        Competitor(SYNC, _vector(kind, SYNC_LANES, "sync"), SYNC_LANES),
-    ]
+def _ways(kind: str, sizes: tuple[int, ...]) -> dict[str, tuple[str, Callable[[], Any], int]]:
+    """Name of the bare simulator of as many lanes, run and steps of a run, by the name of the way to step."""
+    alone = ALONE[kind]
+    ways = {
+        alone: (alone, _bare(kind, SINGLE)[0], SINGLE),
+        MAKE: (alone, _scalar(kind), SINGLE),
+        f"SyncVectorEnv, {SINGLE} lanes": (alone, vector(kind, SINGLE, "sync"), SINGLE),
+    }
     for lanes in sizes:
-        competitors += [
-            Competitor(_bare_name(kind, lanes), _bare(kind, lanes)[1], lanes),
-            Competitor(_native_name(lanes), _vector(kind, lanes, "vector_entry_point"), lanes),
-            Competitor(_sb3_name(lanes), _sb3(kind, lanes), lanes),
-        ]
-    times = interleave(competitors, rounds)
+        batch = f"{BATCH[kind]}, {lanes:,} lanes"
+        ways[batch] = batch, _bare(kind, lanes)[1], lanes
+        ways[f"native vector env, {lanes:,} lanes"] = batch, vector(kind, lanes), lanes
+        ways[f"SB3 adapter, {lanes:,} lanes"] = batch, _sb3(kind, lanes), lanes
+    return ways
+
+
+def measure(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> dict[str, Any]:
+    """Measure both kinds of environments, one after the other."""
     rows = []
-    for name, found in times.items():
-        lanes_text = name.rpartition(", ")[2]
-        bare = f"{BATCH[kind]}, {lanes_text}" if lanes_text != name and name != SYNC else ALONE[kind]
-        rows.append(
+    for kind in IDS:
+        ways = _ways(kind, sizes)
+        times = take_turns({name: timed(run, steps) for name, (_, run, steps) in ways.items()}, rounds)
+        rows += [
             {
                 "env": kind,
                 "name": name,
-                "steps_per_s": spread(1.0 / found),
-                "of_bare": ratio(times[bare], found),
+                "steps_per_s": spread(1.0 / times[name]),
+                "of_bare": ratio(times[bare], times[name]),
                 "bare": bare,
-                "times_make": ratio(times[MAKE], found),
+                "times_make": ratio(times[MAKE], times[name]),
             }
-        )
-    return rows
+            for name, (bare, _, _) in ways.items()
+        ]
+    return {"rounds": rounds, "scenario": SCENARIO, "rows": rows}
 
 
-def main(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> None:
-    """Measure, write and draw."""
-    rows = [row for kind in IDS for row in _measure(kind, rounds, sizes)]
-    result = {"rounds": rounds, "scenario": SCENARIO, "rows": rows}
-    save("env", result)
-    draw(result)
-
-
-def draw(result: dict[str, Any]) -> None:
-    """Bars of steps a second."""
-    looks = {"simulate": GREY, "Ride": GREY, "native": BLUE, "SB3": PURPLE, "gym": ORANGE, "Sync": SKY}
-    names = [row["name"] for row in result["rows"]]
-    colours = [next(colour for start, colour in looks.items() if name.startswith(start)) for name in names]
-    labels = [f"{row['env']}: {row['name']}" for row in result["rows"]]
-    with drawing("env", (9.0, 9.6)) as (_, ax):
-        bars(ax, labels, [row["steps_per_s"] for row in result["rows"]], colours, "steps a second (higher is better)")
-        ax.set_title(f"{result['scenario']}: a step of SledLaunch is a descent, one of SledDescent a hop", loc="left")
-
-
-def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
-    rows = [
-        (
-            row["env"],
-            row["name"],
-            f"{row['steps_per_s']['median']:,.0f}",
-            f"{100.0 * row['of_bare']['median']:.0f} % of {row['bare']}" if row["bare"] != row["name"] else "-",
-            figure_of(row["times_make"]["median"]),
-        )
-        for row in result["rows"]
-    ]
-    return table(("environment", "how", "steps/s", "of the bare simulator", "times gym.make"), rows)
-
-
-if __name__ == "__main__":
-    main()
+COLUMNS: show.Columns = {
+    "environment": lambda row: row["env"],
+    "how": lambda row: row["name"],
+    "steps/s": lambda row: f"{row['steps_per_s']['median']:,.0f}",
+    "of the bare simulator": lambda row: (
+        f"{show.percent(row['of_bare'], 0)} of {row['bare']}" if row["bare"] != row["name"] else "-"
+    ),
+    "times gym.make": lambda row: show.median(row["times_make"]),
+}

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from perf.harness import table
-from perf.reference import BODY, FEW, LAUNCH, LAW, SLOPE
+from perf.reference import BODY, FEW, LAUNCH, LAW, SLOPE, settings
 
 LANES = 2000
 BASELINE = Path(__file__).parent / "baseline.json"
@@ -30,7 +30,8 @@ _SOLVERS = ("compliant", "rigid")
 def _work(solver: Any, lanes: int) -> None:
     import sledenv
 
-    sledenv.simulate_batch(BODY, LAW, SLOPE, np.tile(LAUNCH, (lanes, 1)), solver=solver, max_rebounds=FEW)
+    options = settings(solver=solver, max_rebounds=FEW)
+    sledenv.simulate_batch(BODY, LAW, SLOPE, np.tile(LAUNCH, (lanes, 1)), **options)
 
 
 def _count(solver: str, lanes: int, cache: str) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perf.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, save
+from perf.reference import settings
 from sledenv.kernel.records import CHORD
 from sledenv.scenarios.scenario import Scenario, load_scenario
 from sledenv.simulation.simulate import simulate_blocks
@@ -68,9 +69,7 @@ def descents(stiffness: float, count: int, seed: int) -> Descents:
             laws,
             slopes,
             states,
-            solver=solver,
-            max_time=limits.max_time_s,
-            max_rebounds=limits.max_rebounds,
+            **settings(solver=solver, max_time=limits.max_time_s, max_rebounds=limits.max_rebounds),
         )
     ]
     return Descents(*map(np.concatenate, zip(*parts, strict=True)))

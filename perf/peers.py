@@ -29,7 +29,7 @@ from perf.harness import (
     with_quartiles,
 )
 from perf.methods import Heyoka, dop853, euler, rk4, sled, velocities
-from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, Floats, worst
+from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, Floats, settings, worst
 from perf.scalar_loop import scalar_loop
 
 ROUNDS = 15
@@ -74,9 +74,8 @@ def _loop(name: str, law: str, solver: Any, rebounds: int) -> Peer:
 
 def _batch(name: str, law: str, solver: Any, rebounds: int) -> Peer:
     launches = np.tile(LAUNCH, (LANES, 1))
-    run = functools.partial(
-        sledenv.simulate_batch, BODY, LAW, SLOPE, launches, solver=solver, max_rebounds=rebounds, keep_rebounds=True
-    )
+    options = settings(solver=solver, max_rebounds=rebounds) | {"keep_rebounds": True}
+    run = functools.partial(sledenv.simulate_batch, BODY, LAW, SLOPE, launches, **options)
 
     def answer() -> Floats:
         rows = run().rebounds[-1]

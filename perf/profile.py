@@ -17,7 +17,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from perf.harness import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, SKY, drawing, figure_of, save, table
+from perf.harness import figure_of, save, table
 from perf.methods import sled
 from perf.reference import FEW, MANY
 
@@ -110,7 +110,7 @@ def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
 
 
 def main(seconds: float = SECONDS) -> None:
-    """Sample, write and draw."""
+    """Sample and write."""
     missing = [tool for tool in ("perf", "readelf") if shutil.which(tool) is None]
     if missing:
         raise SystemExit(f"{' and '.join(missing)} not found: install linux-perf and binutils")
@@ -128,47 +128,10 @@ def main(seconds: float = SECONDS) -> None:
         )
     result = {"seconds": seconds, "cases": cases}
     save("profile", result)
-    draw(result)
-
-
-def _modules(shares: dict[str, float]) -> Counter[str]:
-    """Shares by kernel module."""
-    found: Counter[str] = Counter()
-    for name, share in shares.items():
-        found[name.partition(".")[0]] += share  # type: ignore[assignment]
-    return found
 
 
 def _title(case: dict[str, Any]) -> str:
     return f"{case['solver']}, {case['rebounds']} rebounds"
-
-
-def draw(result: dict[str, Any]) -> None:
-    """One stacked bar a case, by kernel module."""
-    cases = [(_title(case), _modules(case["shares"])) for case in result["cases"]]
-    total: Counter[str] = Counter()
-    for _, found in cases:
-        total.update(found)
-    first = [name for name, _ in total.most_common() if name not in (PYTHON, MATHS)]
-    shown = first[:8]
-    colours = [BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#F0E442", INK]
-    with drawing("profile", (9.0, 3.6)) as (figure, ax):
-        left = [0.0] * len(cases)
-        rest = "other kernel"
-        for name, colour in [*zip(shown, colours, strict=False), (rest, "#BFC8D2"), (MATHS, GREY), (PYTHON, "#E3E7EC")]:
-            shares = [
-                100.0 * (sum(found[other] for other in first[8:]) if name == rest else found[name])
-                for _, found in cases
-            ]
-            drawn = ax.barh([title for title, _ in cases], shares, left=left, color=colour, label=name, height=0.65)
-            labels = [f"{share:.0f}" if share >= 3.0 else "" for share in shares]
-            ax.bar_label(drawn, labels, label_type="center", fontsize=9.5)
-            left = [start + share for start, share in zip(left, shares, strict=True)]
-        ax.invert_yaxis()
-        ax.set_xlim(0.0, 100.0)
-        ax.set_xlabel("share of the time of simulate() [%]")
-        ax.grid(visible=False)
-        figure.legend(loc="outside lower center", ncols=6, fontsize=9.5)
 
 
 def tables(result: dict[str, Any]) -> str:

@@ -27,17 +27,16 @@ from perf.harness import (
     spread,
     table,
 )
-from perf.reference import BODY, FEW, LAW, SLOPE, Floats, launches
-from perf.scalar_loop import flight_loops, scalar_loop
+from perf.reference import BODY, FEW, LAW, SLOPE, Floats, launches, settings
+from perf.scalar_loop import scalar_loop
 
 ROUNDS = 3  # in each of so many
 PROCESSES = 5
 LANES = (1, 10, 100, 1_000, 10_000, 100_000)
 MOST_LOOPED = 10_000  # lanes of the compiled scalar loop
 MOST_CALLED = 1_000  # lanes simulated by one call each
-FLIGHTS = 1_000
 SOLVERS: tuple[Literal["compliant", "rigid"], ...] = ("compliant", "rigid")
-CALLS, LOOP, PACKS = "simulate() a lane", "compiled scalar loop", "packs of 16"
+CALLS, LOOP = "simulate() a lane", "compiled scalar loop"
 
 
 def batch_name(threads: int) -> str:
@@ -52,9 +51,11 @@ def thread_counts() -> list[int]:
 
 
 def _batch(states: Floats, solver: Literal["compliant", "rigid"], threads: int) -> Callable[[], sledenv.DescentBatch]:
+    options = settings(solver=solver, max_rebounds=FEW)
+
     def run() -> sledenv.DescentBatch:
         numba.set_num_threads(threads)
-        return sledenv.simulate_batch(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=FEW)
+        return sledenv.simulate_batch(BODY, LAW, SLOPE, states, **options)
 
     return run
 
@@ -70,7 +71,7 @@ def _calls(states: Floats, solver: Literal["compliant", "rigid"]) -> Callable[[]
 
 
 def _measured(rounds: int, sizes: Sequence[int]) -> list[tuple[str, int, dict[str, Floats]]]:
-    """Solver, lanes and time [s] a hop of all competitors, round by round; those of a flight at the end."""
+    """Solver, lanes and time [s] a hop of all competitors, round by round."""
     counts = thread_counts()
     found: list[tuple[str, int, dict[str, Floats]]] = []
     for solver in SOLVERS:
@@ -84,10 +85,6 @@ def _measured(rounds: int, sizes: Sequence[int]) -> list[tuple[str, int, dict[st
             if lanes <= MOST_CALLED:
                 competitors.append(Competitor(CALLS, _calls(states, solver), hops))
             found.append((solver, lanes, interleave(competitors, rounds if lanes <= MOST_LOOPED else 1)))
-    one_by_one, in_packs = flight_loops(BODY, SLOPE, launches(FLIGHTS))
-    assert np.array_equal(one_by_one(), in_packs())
-    competitors = [Competitor(LOOP, one_by_one, FLIGHTS), Competitor(PACKS, in_packs, FLIGHTS)]
-    found.append(("flight", FLIGHTS, interleave(competitors, 5 * rounds)))
     return found
 
 

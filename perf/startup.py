@@ -2,128 +2,74 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import inspect
 import tempfile
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-import numpy as np
-
-from perf.harness import BLUE, GREY, SKY, bars, drawing, figure_of, save, spread, table, with_quartiles
+from perf import show
+from perf.harness import python, spread, take_turns
+from perf.reference import settings
 
 ROUNDS = 9
 COLD_ROUNDS = 3
-
-_GYM = "import gymnasium"
-_IMPORT = "import sledenv"
-_MAKE = "make, reset and step"
-_SIMULATE = {solver: f"simulate, {solver}" for solver in ("compliant", "rigid")}
-_BATCH = {solver: f"simulate_batch, {solver}" for solver in ("compliant", "rigid")}
-_PROBLEM = """
+GYM, STEP = "import gymnasium", "make, reset and step"
+_PROBLEM = f"""
+from typing import Any
 import sledenv
+{inspect.getsource(settings)}
 body, law = sledenv.Body(1, .1, .05, .0075), sledenv.ContactLaw(1e6, .5, .1, .001)
 slope, state = sledenv.Slope(.17), sledenv.State(0, .5, .7)
 """
+_SINGLE = "sledenv.simulate(body, law, slope, state, max_rebounds=5, solver={!r})"
+_BATCH = "sledenv.simulate_batch(body, law, slope, [state], **settings(max_rebounds=5, solver={!r}))"
 PROGRAMS: dict[str, str] = {
-    _GYM: "import gymnasium",
-    _IMPORT: "import sledenv",
-    _MAKE: """
+    GYM: GYM,
+    "import sledenv": "import sledenv",
+    STEP: """
 import gymnasium, sledenv
 env = gymnasium.make("sledenv/SledLaunch-v0")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 """,
-    **{
-        name: f"{_PROBLEM}sledenv.simulate(body, law, slope, state, max_rebounds=5, solver={solver!r})"
-        for solver, name in _SIMULATE.items()
-    },
-    **{
-        name: f"{_PROBLEM}sledenv.simulate_batch(body, law, slope, [state], max_rebounds=5, solver={solver!r})"
-        for solver, name in _BATCH.items()
-    },
+    **{f"simulate, {solver}": _PROBLEM + _SINGLE.format(solver) for solver in ("compliant", "rigid")},
+    **{f"simulate_batch, {solver}": _PROBLEM + _BATCH.format(solver) for solver in ("compliant", "rigid")},
 }
 
 
-def _run(program: str, cache: str) -> float:
-    """Wall time [s] of a program in a fresh process, the start of the interpreter not counted."""
-    code = f"import time; start = time.perf_counter()\n{program}\nprint(time.perf_counter() - start)"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment,
-        cwd=Path(__file__).parents[1],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return float(done.stdout.split()[-1])
+def first(name: str, cache: str | None = None, before: str = "") -> float:
+    """Wall time [s] of a program in a fresh process, without the start of the interpreter and what is done before.
+
+    ``cache`` is the folder of compiled kernels, an empty one if none is given.
+    """
+    code = f"import time\n{before}\nstart = time.perf_counter()\n{PROGRAMS[name]}\nprint(time.perf_counter() - start)"
+    with tempfile.TemporaryDirectory() as empty:
+        return float(python("-c", code, NUMBA_CACHE_DIR=cache or empty).split()[-1])
 
 
-def main(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> None:
-    """Measure, write and draw."""
-    compiling = [name for name in PROGRAMS if name not in (_GYM, _IMPORT)]
-    cold: dict[str, list[float]] = {name: [] for name in compiling}
-    warm: dict[str, list[float]] = {name: [] for name in PROGRAMS}
-    for i in range(cold_rounds):
-        for k in range(len(compiling)):
-            name = compiling[(i + k) % len(compiling)]
-            with tempfile.TemporaryDirectory() as cache:
-                cold[name].append(_run(PROGRAMS[name], cache))
-    names = list(PROGRAMS)
+def measure(rounds: int = ROUNDS, cold_rounds: int = COLD_ROUNDS) -> dict[str, Any]:
+    """Run all programs in turn, first those that compile with an empty cache, then all with a full one."""
+    compiling = list(PROGRAMS)[2:]
+    cold = take_turns({name: partial(first, name) for name in compiling}, cold_rounds)
     with tempfile.TemporaryDirectory() as cache:
-        for name in names:
-            _run(PROGRAMS[name], cache)
-        for i in range(rounds):
-            for k in range(len(names)):
-                name = names[(i + k) % len(names)]
-                warm[name].append(_run(PROGRAMS[name], cache))
-    gym = np.array(warm[_GYM])
+        measures = {name: partial(first, name, cache) for name in PROGRAMS}
+        take_turns(measures, 1)
+        warm = take_turns(measures, rounds)
     rows = [
         {
             "name": name,
-            "warm_s": spread(np.array(warm[name])),
-            "warm_over_gymnasium_s": spread(np.array(warm[name]) - gym),
-            **({"cold_s": spread(np.array(cold[name]))} if name in cold else {}),
+            "warm_s": spread(found),
+            "warm_over_gymnasium_s": spread(found - warm[GYM]),
+            **({"cold_s": spread(cold[name])} if name in cold else {}),
         }
-        for name in names
+        for name, found in warm.items()
     ]
-    result = {"rounds": rounds, "cold_rounds": cold_rounds, "rows": rows}
-    save("startup", result)
-    draw(result)
+    return {"rounds": rounds, "cold_rounds": cold_rounds, "rows": rows}
 
 
-def draw(result: dict[str, Any]) -> None:
-    """Bars of all times."""
-    names, stats, colours = [], [], []
-    for row in result["rows"]:
-        names.append(f"{row['name']}, warm" if "cold_s" in row else row["name"])
-        stats.append(row["warm_s"])
-        colours.append(SKY if "cold_s" in row else GREY)
-        if "cold_s" in row:
-            names.append(f"{row['name']}, cold")
-            stats.append(row["cold_s"])
-            colours.append(BLUE)
-    with drawing("startup", (9.0, 5.2)) as (_, ax):
-        bars(ax, names, stats, colours, "time in a fresh process [s], imports included (lower is better)")
-        ax.set_title("First use; cold: with an empty compilation cache", loc="left")
-
-
-def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
-    rows = [
-        (
-            row["name"],
-            with_quartiles(row["warm_s"]),
-            figure_of(row["warm_over_gymnasium_s"]["median"]),
-            with_quartiles(row["cold_s"]) if "cold_s" in row else "-",
-        )
-        for row in result["rows"]
-    ]
-    return table(("in a fresh process", "warm [s]", "over import gymnasium [s]", "cold [s]"), rows)
-
-
-if __name__ == "__main__":
-    main()
+COLUMNS: show.Columns = {
+    "in a fresh process": lambda row: row["name"],
+    "warm [s]": lambda row: show.quartiles(row["warm_s"]),
+    "over import gymnasium [s]": lambda row: show.median(row["warm_over_gymnasium_s"]),
+    "cold [s]": lambda row: show.quartiles(row["cold_s"]) if "cold_s" in row else "-",
+}

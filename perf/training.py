@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
+from perf import show
 from perf.env import IDS, SCENARIO
-from perf.harness import BLUE, GREY, bars, drawing, save, spread, table, with_quartiles
+from perf.harness import ratio, spread, take_turns
 
 ROUNDS = 5
 LANES = 1024
@@ -23,15 +26,14 @@ NULL = "null environment"
 SOLVERS = {"": "compliant", " on rigid surfaces": "rigid"}
 
 
-class NullVecEnv(VecEnv):
+class Null(VecEnvWrapper):
     """Same spaces and nothing to compute: the rate of the learner alone."""
 
     def __init__(self, like: VecEnv) -> None:
-        super().__init__(like.num_envs, like.observation_space, like.action_space)
+        super().__init__(like)
         shape = (like.num_envs, *(like.observation_space.shape or ()))
         self._observations = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
-        self._rewards = np.zeros(like.num_envs, np.float32)
-        self._dones = np.ones(like.num_envs, bool)
+        self._rewards, self._dones = np.zeros(like.num_envs, np.float32), np.ones(like.num_envs, bool)
         self._infos: list[dict[str, Any]] = [{} for _ in range(like.num_envs)]
 
     def reset(self) -> VecEnvObs:
@@ -43,43 +45,26 @@ class NullVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         return self._observations, self._rewards, self._dones, self._infos
 
-    def close(self) -> None:
-        pass
-
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        return [None] * self.num_envs
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        raise NotImplementedError
-
-    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        raise NotImplementedError
-
-    def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        return [False] * self.num_envs
-
 
 class Timed(VecEnvWrapper):
     """Adds up the time spent inside the environment."""
 
     seconds = 0.0
 
-    def reset(self) -> VecEnvObs:
+    def _spent(self, call: Callable[..., Any], *given: Any) -> Any:
         start = time.perf_counter()
-        found = self.venv.reset()
+        found = call(*given)
         self.seconds += time.perf_counter() - start
         return found
+
+    def reset(self) -> VecEnvObs:
+        return self._spent(self.venv.reset)  # type: ignore[no-any-return]
 
     def step_async(self, actions: np.ndarray) -> None:
-        start = time.perf_counter()
-        self.venv.step_async(actions)
-        self.seconds += time.perf_counter() - start
+        self._spent(self.venv.step_async, actions)
 
     def step_wait(self) -> VecEnvStepReturn:
-        start = time.perf_counter()
-        found = self.venv.step_wait()
-        self.seconds += time.perf_counter() - start
-        return found
+        return self._spent(self.venv.step_wait)  # type: ignore[no-any-return]
 
 
 def train(env: VecEnv, epochs: int, samples: int) -> tuple[float, float]:
@@ -93,77 +78,39 @@ def train(env: VecEnv, epochs: int, samples: int) -> tuple[float, float]:
     return model.num_timesteps / seconds, 1.0 - timed.seconds / seconds
 
 
-def main(rounds: int = ROUNDS, samples: int = SAMPLES) -> None:
-    """Measure, write and draw."""
+def measure(rounds: int = ROUNDS, samples: int = SAMPLES) -> dict[str, Any]:
+    """Train on all environments in turn."""
     from sledenv.envs.sb3 import make_vec_env
 
     torch.set_num_threads(1)  # networks this small run slower on more
-    envs: dict[str, VecEnv] = {}
-    nulls = {}
+    envs: dict[str, tuple[VecEnv, str]] = {}  # with the name of its null environment
     for name, key in IDS.items():
+        null = f"{NULL}, {name}"
         for where, solver in SOLVERS.items():
             sled = make_vec_env(key, LANES, seed=0, env_kwargs={"scenario": SCENARIO, "solver": solver})
-            envs[f"{name}{where}"], nulls[f"{name}{where}"] = sled, f"{NULL}, {name}"
-        envs[f"{NULL}, {name}"], nulls[f"{NULL}, {name}"] = NullVecEnv(sled), f"{NULL}, {name}"
-    cases = [(name, epochs) for epochs in EPOCHS for name in envs]
-    rates: dict[tuple[str, int], list[float]] = {case: [] for case in cases}
-    outside: dict[tuple[str, int], list[float]] = {case: [] for case in cases}
-    for env in envs.values():
+            envs[f"{name}{where}"] = sled, null
+        envs[null] = Null(sled), null
+    for env, _ in envs.values():
         train(env, 1, LANES * SETTINGS["n_steps"])
-    for i in range(rounds):
-        for k in range(len(cases)):
-            name, epochs = cases[(i + k) % len(cases)]
-            rate, share = train(envs[name], epochs, samples)
-            rates[name, epochs].append(rate)
-            outside[name, epochs].append(share)
-    result = {
-        "rounds": rounds,
-        "lanes": LANES,
-        "samples": samples,
-        "settings": SETTINGS,
-        "torch_threads": torch.get_num_threads(),
-        "rows": [
-            {
-                "name": name,
-                "epochs": epochs,
-                "samples_per_s": spread(np.array(rates[name, epochs])),
-                "share_outside": spread(np.array(outside[name, epochs])),
-                "of_null": spread(np.array(rates[name, epochs]) / np.array(rates[nulls[name], epochs])),
-            }
-            for name, epochs in cases
-        ],
-    }
-    save("training", result)
-    draw(result)
-
-
-def draw(result: dict[str, Any]) -> None:
-    """Bars of samples a second."""
-    rows = result["rows"]
-    with drawing("training", (9.0, 5.0)) as (_, ax):
-        bars(
-            ax,
-            [f"{row['name']}, {row['epochs']} epochs" for row in rows],
-            [row["samples_per_s"] for row in rows],
-            [GREY if row["name"].startswith(NULL) else BLUE for row in rows],
-            "training samples a second (higher is better)",
-        )
-        ax.set_title(f"PPO of stable-baselines3 on {result['lanes']:,} lanes", loc="left")
-
-
-def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
+    cases = [(name, epochs) for epochs in EPOCHS for name in envs]
+    found = take_turns({(name, n): partial(train, envs[name][0], n, samples) for name, n in cases}, rounds)
     rows = [
-        (
-            f"{row['name']}, {row['epochs']} epochs",
-            with_quartiles(row["samples_per_s"]),
-            f"{100.0 * row['of_null']['median']:.1f} %",
-            f"{100.0 * row['share_outside']['median']:.1f} %",
-        )
-        for row in result["rows"]
+        {
+            "name": name,
+            "epochs": epochs,
+            "samples_per_s": spread(found[name, epochs][:, 0]),
+            "share_outside": spread(found[name, epochs][:, 1]),
+            "of_null": ratio(found[name, epochs][:, 0], found[envs[name][1], epochs][:, 0]),
+        }
+        for name, epochs in cases
     ]
-    return table(("PPO on", "samples/s", "of the null environment", "time outside the environment"), rows)
+    how = {"rounds": rounds, "lanes": LANES, "samples": samples, "settings": SETTINGS}
+    return how | {"torch_threads": torch.get_num_threads(), "rows": rows}
 
 
-if __name__ == "__main__":
-    main()
+COLUMNS: show.Columns = {
+    "PPO on": lambda row: f"{row['name']}, {row['epochs']} epochs",
+    "samples/s": lambda row: show.quartiles(row["samples_per_s"]),
+    "of the null environment": lambda row: show.percent(row["of_null"]),
+    "time outside the environment": lambda row: show.percent(row["share_outside"]),
+}

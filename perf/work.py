@@ -11,7 +11,7 @@ from typing import Any
 
 import sledenv
 from perf.instructions import BASELINE
-from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, launches
+from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, launches, settings
 
 RANDOM = 500  # launches
 
@@ -25,7 +25,7 @@ def measure() -> dict[str, float]:
     }
     found = {}
     for name, (states, rebounds) in cases.items():
-        outcomes = sledenv.simulate_batch(BODY, LAW, SLOPE, states, max_rebounds=rebounds).outcomes
+        outcomes = sledenv.simulate_batch(BODY, LAW, SLOPE, states, **settings(max_rebounds=rebounds)).outcomes
         found[name] = float(outcomes["steps"].sum() / outcomes["rebounds"].sum())
     return found
 

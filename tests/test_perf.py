@@ -3,24 +3,46 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import sledenv
 from perf import harness, limit, methods, reference, report, versus, workloads
 from perf.contact_model import START
 from sledenv.kernel.records import REBOUND
 
 
-def test_every_competitor_has_one_turn_a_round_and_the_order_rotates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_measurement_has_one_turn_a_round_and_the_order_rotates() -> None:
     turns: list[str] = []
-    clock = iter(np.arange(1e4))
-    monkeypatch.setattr(harness.time, "perf_counter", lambda: float(next(clock)))
-    competitors = [harness.Competitor(name, lambda name=name: turns.append(name), 2.0) for name in "abc"]
-    times = harness.interleave(competitors, rounds=3)
-    assert "".join(turns[6:]) == "abc" + "bca" + "cab"  # each has run twice before, to compile and to choose repeats
-    assert {name: seconds.tolist() for name, seconds in times.items()} == {name: [0.5] * 3 for name in "abc"}
+
+    def measure(name: str, values: list[float]) -> float:
+        turns.append(name)
+        return values.pop(0)
+
+    values = {"a": [1.0, 2.0, 3.0], "b": [4.0, 5.0, 6.0], "c": [7.0, 8.0, 9.0]}
+    measures = {name: lambda name=name, left=list(left): measure(name, left) for name, left in values.items()}
+    found = harness.take_turns(measures, rounds=3)
+    assert "".join(turns) == "abc" + "bca" + "cab"
+    assert {name: times.tolist() for name, times in found.items()} == values
+
+
+def test_a_timing_is_the_least_of_parts_for_a_unit_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that runs put forward by 1 s, or by more: the first run, which compiles, and another one."""
+    durations = iter([9.0, 1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0])
+    clock = [0.0]
+    monkeypatch.setattr(harness.time, "perf_counter", lambda: clock[0])
+
+    def run() -> None:
+        clock[0] += next(durations)
+
+    measure = harness.timed(run, units=4.0, part=2.0, total=7.0)  # two runs a part
+    assert measure() == 0.25
+    assert list(durations) == []
 
 
 def test_an_interrupted_save_leaves_the_old_result(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
@@ -73,72 +95,85 @@ def test_results_name_machine_versions_commit_and_date() -> None:
     [
         (["no-such-commit"], ["'no-such-commit'", "HEAD"]),
         (["HEAD", "--only", "descent", "glide"], ["'glide'", *workloads.WORKLOADS]),
+        (["HEAD", "--rounds", "0"], ["0 is no number of rounds"]),
     ],
 )
-def test_versus_refuses_what_it_does_not_know_in_one_line(arguments: list[str], words: list[str]) -> None:
-    with pytest.raises(SystemExit) as refused:
+def test_versus_refuses_what_it_does_not_know(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
         versus.main(arguments)
-    message = str(refused.value.code)
-    assert "\n" not in message
+    message = capsys.readouterr().err.splitlines()[-1]
     assert all(word in message for word in words)
 
 
-def test_versus_wants_a_round(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        versus.main(["HEAD", "--rounds", "0"])
-    assert "'0' is no number of rounds" in capsys.readouterr().err
+def test_versus_leaves_out_what_takes_long_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(versus, "measure", lambda commit, names, rounds: asked.append(list(names)) or [])
+    for arguments in (["HEAD"], ["HEAD", "--all"], ["HEAD", "--only", "cold", "env"]):
+        versus.main(arguments)
+    usual, everything, only = asked
+    assert everything == list(workloads.WORKLOADS) == [*usual, "cold"]
+    assert only == ["cold", "env"]
 
 
-def test_versus_leaves_out_what_takes_long_unless_asked() -> None:
-    assert "cold" not in versus.chosen(None, False)
-    assert versus.chosen(None, True) == list(workloads.WORKLOADS)
-    assert versus.chosen(["cold", "env"], False) == ["env", "cold"]
-
-
-def test_versus_compares_whole_trees(tmp_path: Path) -> None:
-    """Oracle: what is reached through the links of the checkout, in a commit and in the working tree."""
+@pytest.mark.slow
+def test_versus_installs_whole_trees(tmp_path: Path) -> None:
+    """Oracle: what the checkout has, in a commit and in the working tree."""
     versus.unpack(versus.commit_of("HEAD"), tmp_path / "old")
     versus.copy(tmp_path / "now")
     for tree in (tmp_path / "old", tmp_path / "now"):
+        versus.install(tree)
+        package = tmp_path / f"{tree.name}-site" / "sledenv"
         for folder in ("configs/scenarios", "agents/trained"):
-            files = {path.name for path in (versus.ROOT / folder).iterdir()}
-            assert {path.name for path in (tree / "src" / "sledenv" / folder).iterdir()} == files
+            assert {path.name for path in (package / folder).iterdir()} == {
+                path.name for path in (harness.ROOT / folder).iterdir()
+            }
+
+
+def test_a_worker_answers_by_units_and_seconds_or_says_what_is_wrong(tmp_path: Path) -> None:
+    """In a folder without a loop of its own, as an incomplete tree has it."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(Path(sledenv.__file__).parents[1]), str(harness.ROOT)]),
+    }
+    orders = "prepare simulate\ntime simulate\nprepare descent\ntime descent\n"
+    command = [sys.executable, "-P", "-m", "perf.workloads"]
+    done = subprocess.run(
+        command, input=orders, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    units, seconds, *wrong = map(json.loads, done.stdout.splitlines())
+    assert units == reference.FEW
+    assert seconds > 0.0
+    assert [text.partition(":")[0] for text in wrong] == ["ModuleNotFoundError", "KeyError"]
 
 
 def test_versus_takes_ratios_within_a_round() -> None:
     """A moment in which the whole machine is three times slower leaves them as they are."""
-    found = versus.row("descent", (320.0, 320.0), [(2e-6, 1e-6), (6e-6, 3e-6), (2.2e-6, 1e-6)])
-    assert found["times_faster"]["median"] == pytest.approx(2.0)
-    assert found["least_times_faster"] == pytest.approx(2.0)
-    assert found["old_s"]["median"] == pytest.approx(2.2e-6)
+    rows = [{"name": "descent", "units": [320.0, 320.0], "rounds_s": [[2e-6, 1e-6], [6e-6, 3e-6], [2.2e-6, 1e-6]]}]
+    line = versus.report("0123456789", rows).splitlines()[2]
+    assert line == "| descent | 2.20 µs a hop | 1.00 µs a hop | 2.000 | 2.000 to 2.100 | 2.000 |"
 
 
-def test_versus_shows_units_and_says_what_went_wrong() -> None:
+def test_versus_says_what_went_wrong() -> None:
     rows = [
-        versus.row("descent", (320.0, 320.0), [(2e-6, 1e-6)]),
-        versus.row("env", (1024.0, 1000.0), [(2e-5, 2e-5)]),
-        {"name": "ppo", "failed": "now: ImportError: gone"},
+        {"name": "env", "units": [1024.0, 1000.0], "rounds_s": [[2e-5, 2e-5]]},
+        {"name": "ppo", "rounds_s": [], "failed": "now: ImportError: gone"},
     ]
     lines = versus.report("0123456789", rows).splitlines()
     assert lines[0].startswith("| workload | 0123456 | now |")
-    assert "| 2.00 µs a hop | 1.00 µs a hop | 2.000 |" in lines[2]
-    assert "50,000 steps/s" in lines[3]
     assert lines[-2:] == [
-        "env is not the same work: 1024 steps in 0123456, 1000 now",
+        "env is not the same work: 1024 units in 0123456, 1000 now",
         "ppo has failed: now: ImportError: gone",
     ]
 
 
-def test_a_timing_is_that_of_a_unit_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock that every run puts forward by a second."""
-    clock = [0.0]
-    monkeypatch.setattr(workloads.time, "perf_counter", lambda: clock[0])
-
-    def run() -> None:
-        clock[0] += 1.0
-
-    measure, units = workloads._timed(run, 4.0)
-    assert (measure(), units) == (0.25, 4.0)
+@pytest.mark.jit_only
+def test_the_descents_of_steps_are_those_of_the_environment() -> None:
+    """Oracle: the rewards of the steps."""
+    given, fields = workloads.descents_of_episodes()
+    batch = sledenv.simulate_batch(*given, **reference.settings(**fields))
+    assert batch.jam.reward.tolist() == workloads.episodes()()
 
 
 def test_descents_part_where_a_rebound_differs() -> None:
