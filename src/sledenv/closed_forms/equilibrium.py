@@ -33,7 +33,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
     -------
     ndarray of bool
         The shape of ``phi``. Lying on its chord (phi = pi) a body touches with two corners, of which one is taken alone
-        here; see :func:`chord_rests`.
+        here; see :func:`sledenv.closed_forms.on_chord.chord_rests`.
 
     Raises
     ------

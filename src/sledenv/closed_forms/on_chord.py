@@ -25,7 +25,7 @@ def chord_loads(body: Body, law: ContactLaw, slope: Slope, slip: ArrayLike) -> t
     body : Body
         With corners.
     law, slope
-        As for :func:`static_jam`.
+        As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
     slip : array_like
         Velocity along the slope [m/s], or just its sign s_t; 0 at rest.
 
@@ -78,7 +78,7 @@ def chord_rests(body: Body, law: ContactLaw, slope: Slope) -> bool:
     body : Body
         With corners.
     law, slope
-        As for :func:`static_jam`.
+        As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def chord_slide(law: ContactLaw, slope: Slope, speed: ArrayLike, time: ArrayLike
     Parameters
     ----------
     law, slope
-        As for :func:`static_jam`; the length of the slope does not matter.
+        As for :func:`sledenv.closed_forms.equilibrium.static_jam`; the length of the slope does not matter.
     speed : array_like
         Velocity along the slope at the start [m/s].
     time : array_like

@@ -26,7 +26,7 @@ def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin:
     Parameters
     ----------
     body, law
-        As for :func:`static_jam`.
+        As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
     phi : array_like
         Orientation [rad].
     slip, spin : array_like

@@ -62,7 +62,7 @@ class Task:
     Attributes
     ----------
     controlled : tuple of str
-        What the agent chooses, in the order of its actions: of ``CONTROLS`` in :mod:`sledenv.scenarios.scenario`.
+        What the agent chooses, in the order of its actions: of ``CONTROLS`` in :mod:`sledenv.scenarios.sections`.
     control : str
         The first word for it, so that tasks with the same choice have the same.
     bounds : dict of ndarray, shape (2,)
@@ -271,8 +271,8 @@ class Task:
         ----------
         contexts : ndarray, shape (n, 8) or (n, 10)
         actions : ndarray, shape (n, k)
-            Out of :func:`checked_actions`, scaled to the control bounds of the scenario: a column for each of
-            ``controlled``.
+            Out of :func:`sledenv.envs.inputs.checked_actions`, scaled to the control bounds of the scenario: a column
+            for each of ``controlled``.
         """
         chosen = self.chosen(contexts, actions)
         if contexts.shape[1] > FIELDS:

@@ -160,7 +160,7 @@ def predictive_bands(
     Parameters
     ----------
     model : Predictor
-        Such as an :class:`ImpactModel`.
+        Such as an :class:`sledenv.identification.impact_model.ImpactModel`.
     rebounds : Rebounds
     level : float
         In (0, 1).

@@ -153,8 +153,9 @@ def identify(
         Values of parameters that are not to be fitted: ``restitution``, ``friction``, ``rolling_arm`` [m] of the arc,
         ``corner_rolling_arm`` [m], ``softening``.
     speed_dependent : bool
-        Whether ``softening`` is fitted as well, see :class:`.ImpactModel`; the restitution is then that at the median
-        approach speed. It is 0 otherwise.
+        Whether ``softening`` is fitted as well, see
+        :class:`sledenv.identification.impact_model.ImpactModel`; the restitution is then that at the median approach
+        speed. It is 0 otherwise.
     start : mapping, optional
         Where the first start begins.
     bounds : mapping, optional

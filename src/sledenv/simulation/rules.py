@@ -96,7 +96,7 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
     owner : str
         What the message calls a row; ``{lane}`` in it becomes the number of the row.
     kind : type
-        A named tuple of floats with ``rules``, one a field, such as :class:`Slope`.
+        A named tuple of floats with ``rules``, one a field, such as :class:`sledenv.Slope`.
     rows : ndarray of float, shape (N, fields)
 
     Raises
