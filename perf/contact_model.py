@@ -14,7 +14,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from perf.reference import BODY, DOWNHILL, INWARD, LAUNCH, LAW, Floats
+from perf.harness import Floats
+from perf.reference import BODY, DOWNHILL, INWARD, LAUNCH, LAW
 
 Mode = tuple[int, int, int]
 

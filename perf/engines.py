@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from perf.reference import BODY, DOWNHILL, FEW, INWARD, LAUNCH, LAW, TIMES, Floats, errors
+from perf.harness import Floats
+from perf.reference import BODY, DOWNHILL, FEW, INWARD, LAUNCH, LAW, TIMES, errors
 
 _BOX2D_SCALE = 100.0  # lengths in centimetres: Box2D's slop and thresholds suit bodies of that size in its units
 
-# Settings found by main(), by engine and step [s]: (frequency [rad/s], damping ratio) or (restitution,).
+# Settings found by tune(), by engine and step [s]: (frequency [rad/s], damping ratio) or (restitution,).
 TUNED: dict[tuple[str, float], tuple[float, ...]] = {
     ("mujoco", 0.0001): (1323.9808, 0.22),
     ("mujoco", 0.0005): (709.3062, 0.2),
@@ -70,7 +71,6 @@ def mujoco(dt: float, frequency: float, damping: float) -> Engine:
         data.qpos[:] = LAUNCH[:3]
         data.qvel[:] = LAUNCH[3:]
 
-    reset()
     return Engine(reset, lambda steps: mj.mj_step(model, data, nstep=steps), lambda: tuple(data.qvel))
 
 
@@ -91,8 +91,6 @@ def pymunk(dt: float, restitution: float) -> Engine:
     def reset() -> None:
         body.position, body.angle = LAUNCH[:2], LAUNCH.phi
         body.velocity, body.angular_velocity = LAUNCH[3:5], LAUNCH.omega
-
-    reset()
 
     def advance(steps: int) -> None:
         for _ in range(steps):
@@ -129,62 +127,54 @@ def box2d(dt: float, restitution: float) -> Engine:
     def velocity() -> tuple[float, float, float]:
         return body.linearVelocity[0] / scale, body.linearVelocity[1] / scale, body.angularVelocity
 
-    reset()
     return Engine(reset, advance, velocity)
 
 
 BUILDERS: dict[str, Callable[..., Engine]] = {"mujoco": mujoco, "pymunk": pymunk, "box2d": box2d}
 
 
-def build(name: str, dt: float) -> Engine:
-    """Return an engine with its tuned settings, at the launch."""
-    return BUILDERS[name](dt, *TUNED[name, dt])
+def build(name: str, dt: float, *settings: float) -> Engine:
+    """Return an engine at the launch, tuned unless settings are given."""
+    engine = BUILDERS[name](dt, *(settings or TUNED[name, dt]))
+    engine.reset()
+    return engine
 
 
-def steps_of(dt: float, rebounds: int = FEW) -> int:
-    """Steps that cover the first rebounds of the reference."""
-    return math.ceil(float(TIMES[rebounds - 1]) / dt)
+def steps_of(dt: float) -> int:
+    """Steps that cover the first five rebounds of the reference."""
+    return math.ceil(float(TIMES[FEW - 1]) / dt)
 
 
-def velocities(engine: Engine, dt: float, rebounds: int = FEW) -> Floats:
-    """Velocities after the engine's own rebounds, shape (n <= rebounds, 3).
+def velocities(engine: Engine, dt: float) -> Floats:
+    """Velocities after the engine's own first rebounds, shape (n <= 5, 3).
 
     A rebound ends with the last of a run of steps in which the normal velocity changes by more than gravity does. Half
     as much time again is allowed for them.
     """
     track = [engine.velocity()]
-    for _ in range(steps_of(dt, rebounds) * 3 // 2):
+    for _ in range(steps_of(dt) * 3 // 2):
         engine.advance(1)
         track.append(engine.velocity())
     found = np.array(track)
     pushed = np.abs(np.diff(found[:, 1]) + INWARD * dt) > 0.01 * INWARD * dt
     ends = np.flatnonzero(pushed[:-1] & ~pushed[1:]) + 1
-    return found[ends[:rebounds]]
+    return found[ends[:FEW]]
 
 
-def tune(name: str, dt: float) -> tuple[tuple[float, ...], Floats]:
-    """Search the grid; return the best settings and the errors of the rebounds with them."""
+def tune(name: str, dt: float) -> tuple[float, ...]:
+    """Search the grid for the settings of the least mean error; a missing rebound counts as an error of 1."""
+    grid: Any = ((restitution,) for restitution in np.linspace(0.3, 0.9, 121))
     if name == "mujoco":
         highest = min(1500.0, 1.5 / dt)  # stiffer springs than a step can follow are unstable
-        grid: Any = itertools.product(np.geomspace(0.05 * highest, highest, 25), np.linspace(0.02, 0.5, 25))
-    else:
-        grid = ((restitution,) for restitution in np.linspace(0.3, 0.9, 121))
-    best: tuple[float, tuple[float, ...], Floats] = (math.inf, (), np.ones(FEW))
-    for settings in grid:
-        given = tuple(round(float(value), 4) for value in settings)
-        found = errors(velocities(BUILDERS[name](dt, *given), dt))
-        found = np.pad(found, (0, FEW - len(found)), constant_values=1.0)
-        if found.mean() < best[0]:
-            best = (float(found.mean()), given, found)
-    return best[1], best[2]
+        grid = itertools.product(np.geomspace(0.05 * highest, highest, 25), np.linspace(0.02, 0.5, 25))
+
+    def wrong(settings: tuple[float, ...]) -> float:
+        found = errors(velocities(build(name, dt, *settings), dt))
+        return float(found.sum()) + FEW - len(found)
+
+    return min((tuple(round(float(value), 4) for value in settings) for settings in grid), key=wrong)
 
 
-def main() -> None:
-    """Print the settings to put into TUNED."""
+if __name__ == "__main__":  # the settings to put into TUNED
     for name, dt in TUNED:
-        settings, found = tune(name, dt)
-        print(f'    ("{name}", {dt:g}): {settings},  # {np.array2string(found, precision=3)}', flush=True)
-
-
-if __name__ == "__main__":
-    main()
+        print(f'    ("{name}", {dt:g}): {tune(name, dt)},', flush=True)

@@ -14,10 +14,10 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-import sledenv
 from perf import contact_model as model
 from perf.contact_model import CLOSING, OPENING, SEPARATED, START, V_N, Mode
-from perf.reference import BODY, DOWNHILL, INWARD, LAUNCH, LAW, SLOPE, Floats
+from perf.harness import Floats
+from perf.reference import BODY, DOWNHILL, INWARD, LAW
 
 _LONGEST = 10.0  # [s] of one flight or one mode; none comes near
 _UNDECIDED: Mode = (0, 0, 0)
@@ -26,17 +26,6 @@ _NUDGE = 1e-17
 _LIGHTNESS, _READINESS = 1.0 / BODY.mass, 1.0 / BODY.inertia
 # A centre higher than this is out of reach whatever the angle: no cosine needed.
 _CLEAR = BODY.radius + BODY.eccentricity
-
-
-def velocities(descent: sledenv.Descent) -> Floats:
-    """Velocities after each rebound, shape (n, 3)."""
-    return np.stack([descent.rebounds[name] for name in ("u_after", "v_after", "omega_after")], axis=-1)
-
-
-def sled(rebounds: int, **options: Any) -> sledenv.Descent:
-    """Simulate the reference descent with sledenv."""
-    return sledenv.simulate(BODY, LAW, SLOPE, LAUNCH, max_rebounds=rebounds, **options)
-
 
 _fast = numba.njit(error_model="numpy", fastmath=True)
 

@@ -2,14 +2,14 @@
 
 Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the reference descent again and again. Compiled
 code has no symbols that perf could find, so the process compiles the kernel anew and writes the address of every kernel
-function to the map file that perf looks for. What LLVM has inlined counts for the caller.
+function to the map file that perf looks for. What LLVM has inlined counts for the caller. It needs linux-perf and
+binutils.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,8 +17,9 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from perf.harness import figure_of, save, table
-from perf.methods import sled
+from perf import show
+from perf.harness import python
+from perf.peers import called
 from perf.reference import FEW, MANY
 
 SECONDS = 8.0
@@ -26,18 +27,7 @@ FREQUENCY = 4000  # [Hz] of the samples
 CASES = (("compliant", FEW), ("compliant", MANY), ("rigid", FEW))
 PYTHON, MATHS = "Python", "libm"
 _MOST = 12  # functions in a table
-_MANGLED = re.compile(r"_ZN7sledenv6kernel(\d+)(\w+)")
-
-
-def _plain_name(symbol: str) -> str:
-    """Turn numba's mangled symbol into module.function; "" if it is not a kernel function."""
-    found = _MANGLED.search(symbol)
-    if not found:
-        return ""
-    length = int(found[1])
-    module, rest = found[2][:length], found[2][length:]
-    name = re.match(r"(\d+)(\w+)", rest)
-    return f"{module}.{name[2][: int(name[1])]}" if name else module
+_MANGLED = re.compile(r"_ZN7sledenv6kernel\d+([a-z_]+)\d+([a-z_]+)")  # module and function
 
 
 def _write_map() -> None:
@@ -52,51 +42,32 @@ def _write_map() -> None:
             file.write(library._get_compiled_object())
             file.flush()
             listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
-        rows = [line.split() for line in listing.splitlines()]
-        # A kernel that has been compiled by itself before runs from there.
-        entries += [
-            f"{library.get_pointer_to_function(fields[7]):x} {int(fields[2], 0):x} {name}"
-            for fields in rows
-            if fields[3:4] == ["FUNC"] and (name := _plain_name(fields[7]))
-        ]
+        for fields in map(str.split, listing.splitlines()):
+            if fields[3:4] == ["FUNC"] and (found := _MANGLED.match(fields[7])):
+                address = library.get_pointer_to_function(fields[7])  # what has been compiled before runs from there
+                entries.append(f"{address:x} {int(fields[2], 0):x} {'.'.join(found.groups())}")
     Path(f"/tmp/perf-{os.getpid()}.map").write_text("\n".join(entries) + "\n")
 
 
-def _work(solver: str, rebounds: int) -> None:
-    """What the sampled process does, until it is ended."""
-    sled(rebounds, solver=solver)
+def _work(solver: str, rebounds: int, seconds: str) -> None:
+    """What the sampled process does; it prints the samples, while perf still finds the map."""
+    simulate = called("", "", rebounds, solver=solver).run
+    simulate()
     _write_map()
-    print("ready", flush=True)
-    while True:
-        sled(rebounds, solver=solver)
+    with tempfile.NamedTemporaryFile(suffix=".data") as data:
+        attach = ["perf", "record", "-q", "-e", "cpu-clock", "-F", str(FREQUENCY), "-p", str(os.getpid())]
+        record = subprocess.Popen([*attach, "-o", data.name, "--", "sleep", seconds], stdout=subprocess.DEVNULL)
+        while record.poll() is None:
+            for _ in range(1000):
+                simulate()
+        print(subprocess.check_output(["perf", "script", "-i", data.name, "-F", "ip,sym,dso"], text=True))
+    Path(f"/tmp/perf-{os.getpid()}.map").unlink()
 
 
 def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
     """Samples by module.function of the kernel, libm and everything else, which is Python."""
-    command = [sys.executable, "-m", "perf.profile", solver, str(rebounds)]
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen(
-            command,
-            cwd=Path(__file__).parents[1],
-            env={**os.environ, "NUMBA_CACHE_DIR": folder},  # numba keeps the object code only of what it has compiled
-            stdout=subprocess.PIPE,
-            text=True,
-        ) as process,
-    ):
-        data = f"{folder}/perf.data"
-        try:
-            assert process.stdout is not None
-            if process.stdout.readline().strip() != "ready":
-                raise RuntimeError(f"the process to be sampled has failed: {' '.join(command)}")
-            attach = ["perf", "record", "-q", "-e", "cpu-clock", "-F", str(FREQUENCY), "-p", str(process.pid)]
-            subprocess.run([*attach, "-o", data, "--", "sleep", str(seconds)], check=True, capture_output=True)
-            # perf finds the map only while the process lives.
-            script = ["perf", "script", "-i", data, "-F", "ip,sym,dso"]
-            listing = subprocess.run(script, capture_output=True, text=True, check=True).stdout
-        finally:
-            process.kill()
-        Path(f"/tmp/perf-{process.pid}.map").unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory() as cache:  # numba keeps the object code only of what it has compiled
+        listing = python("-m", "perf.profile", solver, str(rebounds), str(seconds), NUMBA_CACHE_DIR=cache)
     counts: Counter[str] = Counter()
     for line in filter(None, map(str.strip, listing.splitlines())):
         symbol, _, library = line.partition(" ")[2].rpartition(" ")
@@ -109,51 +80,31 @@ def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
     return counts
 
 
-def main(seconds: float = SECONDS) -> None:
-    """Sample and write."""
-    missing = [tool for tool in ("perf", "readelf") if shutil.which(tool) is None]
-    if missing:
-        raise SystemExit(f"{' and '.join(missing)} not found: install linux-perf and binutils")
+def measure(seconds: float = SECONDS) -> dict[str, Any]:
+    """Sample all cases."""
     cases = []
     for solver, rebounds in CASES:
         counts = sample(solver, rebounds, seconds)
-        total = sum(counts.values())
-        cases.append(
-            {
-                "solver": solver,
-                "rebounds": rebounds,
-                "samples": total,
-                "shares": {name: count / total for name, count in counts.most_common()},
-            }
-        )
-    result = {"seconds": seconds, "cases": cases}
-    save("profile", result)
-
-
-def _title(case: dict[str, Any]) -> str:
-    return f"{case['solver']}, {case['rebounds']} rebounds"
+        total = counts.total()
+        shares = {name: count / total for name, count in counts.most_common()}
+        cases.append({"solver": solver, "rebounds": rebounds, "samples": total, "shares": shares})
+    return {"seconds": seconds, "cases": cases}
 
 
 def tables(result: dict[str, Any]) -> str:
     """Return the tables of docs/performance.md."""
-    parts = []
-    for case in result["cases"]:
-        shares = sorted(case["shares"].items(), key=lambda item: -item[1])[:_MOST]
+
+    def part(case: dict[str, Any]) -> str:
         compiled = 1.0 - case["shares"].get(PYTHON, 0.0)
-        rows = [
-            (
-                f"`{name}`" if "." in name else name,
-                figure_of(100.0 * share),
-                figure_of(100.0 * share / compiled) if name != PYTHON else "-",
-            )
-            for name, share in shares
-        ]
-        parts.append(table((_title(case), "% of simulate()", "% of the compiled code"), rows))
-    return "\n\n".join(parts)
+        columns: show.Columns = {
+            f"{case['solver']}, {case['rebounds']} rebounds": lambda of: f"`{of[0]}`" if "." in of[0] else of[0],
+            "% of simulate()": lambda of: show.number(100.0 * of[1]),
+            "% of the compiled code": lambda of: show.number(100.0 * of[1] / compiled) if of[0] != PYTHON else "-",
+        }
+        return show.table(sorted(case["shares"].items(), key=lambda of: -of[1])[:_MOST], columns)
+
+    return "\n\n".join(map(part, result["cases"]))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3:
-        _work(sys.argv[1], int(sys.argv[2]))
-    else:
-        main()
+    _work(sys.argv[1], int(sys.argv[2]), sys.argv[3])

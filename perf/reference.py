@@ -7,12 +7,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import sledenv
-from perf.harness import ROOT
-
-Floats = NDArray[np.float64]
+from perf.harness import ROOT, Floats
 
 _RECORD: dict[str, Any] = json.loads((ROOT / "tests" / "data" / "reference_descent.json").read_text())["reference"]
 _GIVEN: dict[str, float] = _RECORD["parameters"]

@@ -13,21 +13,9 @@ import numba
 import numpy as np
 
 import sledenv
-from perf.harness import (
-    BLUE,
-    GREY,
-    ORANGE,
-    SKY,
-    Competitor,
-    drawing,
-    figure_of,
-    interleave,
-    ratio,
-    save,
-    spread,
-    table,
-)
-from perf.reference import BODY, FEW, LAW, SLOPE, Floats, launches, settings
+from perf import show
+from perf.harness import Floats, ratio, spread, take_turns, timed
+from perf.reference import BODY, FEW, LAW, SLOPE, launches, settings
 from perf.scalar_loop import scalar_loop
 
 ROUNDS = 3  # in each of so many
@@ -37,6 +25,7 @@ MOST_LOOPED = 10_000  # lanes of the compiled scalar loop
 MOST_CALLED = 1_000  # lanes simulated by one call each
 SOLVERS: tuple[Literal["compliant", "rigid"], ...] = ("compliant", "rigid")
 CALLS, LOOP = "simulate() a lane", "compiled scalar loop"
+_BATCHES = [show.BLUE, show.SKY, "#0A2F51", "#7FB2D0"]
 
 
 def batch_name(threads: int) -> str:
@@ -50,7 +39,7 @@ def thread_counts() -> list[int]:
     return sorted({*(2**k for k in range(int(math.log2(most)) + 1)), most})
 
 
-def _batch(states: Floats, solver: Literal["compliant", "rigid"], threads: int) -> Callable[[], sledenv.DescentBatch]:
+def _batch(states: Floats, solver: str, threads: int) -> Callable[[], sledenv.DescentBatch]:
     options = settings(solver=solver, max_rebounds=FEW)
 
     def run() -> sledenv.DescentBatch:
@@ -60,7 +49,7 @@ def _batch(states: Floats, solver: Literal["compliant", "rigid"], threads: int) 
     return run
 
 
-def _calls(states: Floats, solver: Literal["compliant", "rigid"]) -> Callable[[], None]:
+def _calls(states: Floats, solver: Any) -> Callable[[], None]:
     given = [sledenv.State(*row) for row in states]
 
     def run() -> None:
@@ -72,24 +61,23 @@ def _calls(states: Floats, solver: Literal["compliant", "rigid"]) -> Callable[[]
 
 def _measured(rounds: int, sizes: Sequence[int]) -> list[tuple[str, int, dict[str, Floats]]]:
     """Solver, lanes and time [s] a hop of all competitors, round by round."""
-    counts = thread_counts()
     found: list[tuple[str, int, dict[str, Floats]]] = []
     for solver in SOLVERS:
         for lanes in sizes:
             states = launches(lanes)
-            hops = float(_batch(states, solver, 1)().outcomes["rebounds"].sum())
-            competitors = [Competitor(batch_name(threads), _batch(states, solver, threads), hops) for threads in counts]
+            runs: dict[str, Callable[[], Any]] = {batch_name(k): _batch(states, solver, k) for k in thread_counts()}
+            hops = float(runs[batch_name(1)]().outcomes["rebounds"].sum())
             if lanes <= MOST_LOOPED:
-                loop = scalar_loop(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=FEW)
-                competitors.append(Competitor(LOOP, loop, hops))
+                runs[LOOP] = scalar_loop(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=FEW)
             if lanes <= MOST_CALLED:
-                competitors.append(Competitor(CALLS, _calls(states, solver), hops))
-            found.append((solver, lanes, interleave(competitors, rounds if lanes <= MOST_LOOPED else 1)))
+                runs[CALLS] = _calls(states, solver)
+            measures = {name: timed(run, hops) for name, run in runs.items()}
+            found.append((solver, lanes, take_turns(measures, rounds if lanes <= MOST_LOOPED else 1)))
     return found
 
 
-def main(rounds: int = ROUNDS, processes: int = PROCESSES, sizes: tuple[int, ...] = LANES) -> None:
-    """Measure, write and draw; in several processes, because one may be faster than the next from beginning to end."""
+def measure(rounds: int = ROUNDS, processes: int = PROCESSES, sizes: tuple[int, ...] = LANES) -> dict[str, Any]:
+    """Measure in several processes, because one may be faster than the next from beginning to end."""
     runs = []
     for _ in range(processes):
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
@@ -100,61 +88,35 @@ def main(rounds: int = ROUNDS, processes: int = PROCESSES, sizes: tuple[int, ...
         times = {name: np.concatenate([run[2][name] for run in alike]) for name in first}
         for name, found in times.items():
             row = {"solver": solver, "lanes": lanes, "name": name, "hops_per_s": spread(1.0 / found)}
-            if LOOP in times:
-                row["times_loop"] = ratio(times[LOOP], found)
-            if batch_name(1) in times:
-                row["times_one_thread"] = ratio(times[batch_name(1)], found)
-            rows.append(row)
-    result = {"rounds": rounds, "processes": processes, "rebounds": FEW, "rows": rows}
-    save("scaling", result)
-    draw(result)
+            bases = {"times_loop": LOOP, "times_one_thread": batch_name(1)}
+            rows.append(row | {key: ratio(times[base], found) for key, base in bases.items() if base in times})
+    return {"rounds": rounds, "processes": processes, "rebounds": FEW, "rows": rows}
 
 
 def draw(result: dict[str, Any]) -> None:
     """Hops a second over lanes, a panel a solver."""
-    colours = [BLUE, SKY, "#0A2F51", "#7FB2D0"]
     names = list(dict.fromkeys(row["name"] for row in result["rows"] if row["solver"] in SOLVERS))
-    batches = [name for name in names if name.startswith("simulate_batch")]
-    looks = {LOOP: (ORANGE, "s"), CALLS: (GREY, "v")}
-    looks |= {name: (colours[i % len(colours)], "o") for i, name in enumerate(batches)}
-    with drawing("scaling", (9.0, 4.4), (1, 2)) as (figure, axes):
+    batches = [name for name in names if name not in (LOOP, CALLS)]
+    looks = {name: (_BATCHES[i % len(_BATCHES)], "o") for i, name in enumerate(batches)}
+    looks |= {LOOP: (show.ORANGE, "s"), CALLS: (show.GREY, "v")}
+    with show.drawing("scaling", (9.0, 4.4), (1, 2)) as (figure, axes):
         for ax, solver in zip(axes, SOLVERS, strict=True):
-            for name in names:
+            for name, (colour, marker) in looks.items():
                 rows = [row for row in result["rows"] if row["solver"] == solver and row["name"] == name]
                 stats = [row["hops_per_s"] for row in rows]
-                colour, marker = looks[name]
-                low = [stat["median"] - stat["low"] for stat in stats]
-                high = [stat["high"] - stat["median"] for stat in stats]
-                ax.errorbar(
-                    [row["lanes"] for row in rows],
-                    [stat["median"] for stat in stats],
-                    yerr=[low, high],
-                    color=colour,
-                    marker=marker,
-                    label=name,
-                )
-            ax.set_xscale("log")
-            ax.set_yscale("log")
-            ax.set_xlabel("lanes")
+                medians = [stat["median"] for stat in stats]
+                look = {"color": colour, "marker": marker, "label": name}
+                ax.errorbar([row["lanes"] for row in rows], medians, yerr=show.errors(stats), **look)
+            ax.set(xscale="log", yscale="log", xlabel="lanes")
             ax.set_title(solver, loc="left")
         axes[0].set_ylabel("hops a second (higher is better)")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9.5)
 
 
-def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
-    rows = [
-        (
-            f"{row['solver']}, {row['lanes']:,}",
-            row["name"],
-            f"{row['hops_per_s']['median']:,.0f}",
-            figure_of(row["times_loop"]["median"]) if "times_loop" in row else "-",
-            figure_of(row["times_one_thread"]["median"]) if "times_one_thread" in row else "-",
-        )
-        for row in result["rows"]
-    ]
-    return table(("solver, lanes", "how", "hops/s", "times the scalar loop", "times one thread"), rows)
-
-
-if __name__ == "__main__":
-    main()
+COLUMNS: show.Columns = {
+    "solver, lanes": lambda row: f"{row['solver']}, {row['lanes']:,}",
+    "how": lambda row: row["name"],
+    "hops/s": lambda row: f"{row['hops_per_s']['median']:,.0f}",
+    "times the scalar loop": lambda row: show.median(row["times_loop"]) if "times_loop" in row else "-",
+    "times one thread": lambda row: show.median(row["times_one_thread"]) if "times_one_thread" in row else "-",
+}

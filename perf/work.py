@@ -6,13 +6,18 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import sledenv
-from perf.instructions import BASELINE
+from perf import show
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, launches, settings
 
+BASELINE = Path(__file__).parent / "baseline.json"
+STEPS = "steps_per_rebound"
 RANDOM = 500  # launches
 
 
@@ -30,23 +35,25 @@ def measure() -> dict[str, float]:
     return found
 
 
-def baseline() -> dict[str, float]:
+def baseline(key: str = STEPS) -> dict[str, float]:
     """The committed counts."""
-    found: dict[str, float] = json.loads(BASELINE.read_text())["steps_per_rebound"]
+    found: dict[str, float] = json.loads(BASELINE.read_text())[key]
     return found
 
 
-def main() -> None:
-    """Print the counts beside the baseline; ``--update`` replaces it."""
-    kept = json.loads(BASELINE.read_text()) if BASELINE.exists() else {}
-    before = kept.get("steps_per_rebound", {})
-    now = measure()
-    for name, value in now.items():
-        print(f"{name}: {value:.4f} (baseline {before.get(name, float('nan')):.4f})")
+def compare(key: str, now: Mapping[str, float]) -> None:
+    """Print counts beside the baseline; ``--update`` replaces it."""
+    before = baseline(key)
+    columns = {
+        key.replace("_", " "): lambda name: name,
+        "now": lambda name: f"{now[name]:,.6g}",
+        "baseline": lambda name: f"{before.get(name, math.nan):,.6g}",
+        "change": lambda name: f"{now[name] / before.get(name, math.nan) - 1.0:+.1%}",
+    }
+    print(show.table(now, columns))
     if "--update" in sys.argv:
-        kept["steps_per_rebound"] = now
-        BASELINE.write_text(json.dumps(kept, indent=1) + "\n")
+        BASELINE.write_text(json.dumps(json.loads(BASELINE.read_text()) | {key: now}, indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    main()
+    compare(STEPS, measure())
