@@ -323,18 +323,6 @@ def test_rows_of_the_completed_table_1(
     assert found == pytest.approx((u_1, 1.0, omega_1, force, 6.0, arm), abs=1e-14)
 
 
-def test_a_spinning_disc_dropped_on_the_plane_rolls_away() -> None:
-    """Published: the Siconos disc example; m = 1, r = .5, J = .1, omega = 2, a fall of .5 m, e = .9, f = .1."""
-    speed = math.sqrt(2.0 * 9.81 * 0.5)
-    result = collide_wheel(1.0, 0.1, 0.5, 0.1, 0.0, 0.9, 0.0, -speed, 2.0)
-    assert result.scenario == "stop-roll"
-    assert result.v == pytest.approx(2.818883, abs=1e-6)
-    assert result.omega == pytest.approx(4.0 / 7.0, rel=1e-14)
-    assert result.u == pytest.approx(-2.0 / 7.0, rel=1e-14)
-    # The regression file of that example has 2.781135, the speed after a fall shortened by its time step of 5 ms.
-    assert 0.9 * math.sqrt(2.0 * 9.81 * 0.486699) == pytest.approx(2.781135, abs=1e-5)
-
-
 def test_slip_and_spin_that_stop_together_leave_the_wheel_stuck() -> None:
     """Without friction and translation the slip is r omega: rolling resistance stops both after J omega/delta."""
     result = collide_wheel(1.0, 0.3, 0.7, 0.0, 0.1, 0.5, 0.0, -4.0, 1.3)

@@ -234,15 +234,6 @@ def test_a_place_that_cannot_be_written_is_refused(capsys: pytest.CaptureFixture
     assert "/proc/out cannot be written" in refused(capsys, "reproduce", "--out", "/proc/out")
 
 
-def test_a_missing_matplotlib_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert main(["simulate", "paper_impact", "--out", str(tmp_path / "out")]) == 2
-    assert "pip install 'sledenv[plot]'" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_killed_run_leaves_nothing(

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -39,7 +40,11 @@ Mass = Annotated[float, positive("kg")]
     ids=lambda value: type(value).__name__,
 )
 def test_an_error_is_one_line_and_a_status(
-    error: BaseException, status: int, message: str, capsys: pytest.CaptureFixture[str]
+    error: BaseException,
+    status: int,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     command = app("tool", "A tool.")
 
@@ -47,10 +52,10 @@ def test_an_error_is_one_line_and_a_status(
     def work() -> None:
         raise error
 
-    before = signal.getsignal(signal.SIGTERM)
+    request.addfinalizer(partial(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.SIG_IGN)))
     assert run(command, ["work"]) == status
     assert capsys.readouterr() == ("", f"tool work: {message}\n")
-    assert signal.getsignal(signal.SIGTERM) == before
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN  # as before
 
 
 def test_an_error_of_the_program_itself_has_its_traceback() -> None:

@@ -195,6 +195,22 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
         assert len(steps) == 1 or len(returns) > 1
 
 
+@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
+def test_pickles_and_copies_made_at_any_time_go_on_identically(kind):
+    for made in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
+        env = kind("ice_drop", launch_noise=(0.1, 0.2))
+        twin = made(env)
+        assert equal(env.reset(seed=5), twin.reset(seed=5))
+        for i in range(30):
+            twin = made(twin)
+            action = random_action(env, np.random.default_rng(i))
+            one, other = env.step(action), twin.step(action)
+            assert equal(one, other)
+            if one[2] or one[3]:
+                twin = made(twin)
+                assert equal(env.reset(), twin.reset())
+
+
 def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     """Oracle: SledLaunch, whose one step terminates; paper_impact has 0.04 s for its only impact, and no rider."""
     launch, descent = SledLaunch("paper_impact"), SledDescent("paper_impact")

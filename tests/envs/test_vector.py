@@ -200,6 +200,25 @@ def test_info_has_all_but_the_rebounds_by_default():
     assert set(CHEAP_INFO) == set(INFO_KEYS) - {"rebounds"}
 
 
+@pytest.mark.parametrize(("env_id", "mode"), list(zip([DESCENT_ID, LAUNCH_ID, DESCENT_ID], MODES, strict=True)))
+def test_a_pickled_and_a_copied_batch_go_on_identically(env_id, mode):
+    """Oracle: the batch itself; taken in the middle of a block of draws and of the episodes."""
+    env = native(3, mode, env_id, launch_noise=(0.1, 0.1))
+    env.reset(seed=8)
+    rng = np.random.default_rng(4)
+    twins = []
+    for k in range(25):
+        if k == 5:
+            twins += [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+        action = actions(rng, 3, env_id)
+        step = env.step(action)
+        assert all(equal(step, twin.step(action)) for twin in twins)
+        ended = step[2] | step[3]
+        if mode is AutoresetMode.DISABLED and ended.any():
+            begun = env.reset(options={"reset_mask": ended})
+            assert all(equal(begun, twin.reset(options={"reset_mask": ended})) for twin in twins)
+
+
 def changeable(data):
     """All that can be written into: arrays, dicts and lists, at any depth."""
     if isinstance(data, (dict, list, np.ndarray)):

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from sledenv.command.cli import main
-from tests.uncertainty.make import DROP, mapping
+from tests.uncertainty.make import DROP
 
 
 @pytest.fixture
@@ -69,18 +69,6 @@ def test_study_refuses(
     assert (status, out) == (2, "")
     assert message in err
     assert [path.name for path in tmp_path.iterdir()] == ["drop.yaml"]
-
-
-def test_a_distribution_that_leaves_its_range_is_told_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "drop.yaml"
-    path.write_text(yaml.safe_dump(mapping(DROP, launch__drop_m={"kind": "normal", "mean": 0.5, "sd": 0.25})))
-    assert main(["study", str(path), "--out", str(tmp_path / "out")]) == 2
-    assert capsys.readouterr().err == (
-        f"sledenv study: error: {path}: launch.drop_m: normal, mean 0.5, sd 0.25: a share of 0.023 lies outside "
-        "[0, inf) m: truncated_normal has bounds\n"
-    )
 
 
 def test_without_the_extra_the_command_to_install_it_is_named() -> None:
