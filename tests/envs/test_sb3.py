@@ -307,5 +307,3 @@ def test_only_a_native_batch_in_the_mode_of_sb3_is_adapted():
         SledVecEnv(SledLaunchVector(2))
     with pytest.raises(TypeError, match="must be a native vector environment"):
         SledVecEnv(gym.make_vec(LAUNCH_ID, num_envs=2, vectorization_mode="sync"))
-    with pytest.raises(sledenv.ScenarioError, match="brake_mta"):
-        make_vec_env(LAUNCH_ID, 2, env_kwargs={"scenario": "brake_mta"})
