@@ -16,7 +16,7 @@ TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients docs reproduce test test-slow test-nojit gymnasium-tests trial versions lint format clean-cache clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -29,12 +29,17 @@ $(STAMP): pyproject.toml constraints.txt
 			"$$($(PYTHON) --version 2>&1 || true); try: make PYTHON=python3.11" >&2; exit 1; }
 	@echo "Creating $(VENV) with $$($(PYTHON) --version)"
 	@$(PYTHON) -m venv $(VENV)
-	@echo "Installing sledenv and its development tools; PyTorch is large, so this takes some minutes"
+	@echo "Installing sledenv and its development tools; PyTorch is large, and the kernel is compiled: some minutes"
 	@set -o pipefail; $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off \
 		-c constraints.txt -e '.[dev]' | awk '/^Collecting/ {print "  " $$2; fflush()} \
-		/^Installing collected/ {print "  unpacking"; fflush()}'
+		/^Installing collected/ {print "  unpacking"; fflush()} \
+		/Building editable.*started/ {print "  compiling the kernel, about a minute"; fflush()}'
 	@touch $@
 	@echo "Ready: $(BIN)/python"
+
+wheel: $(STAMP) ## build the wheel with the kernel for all platforms, dist/
+	SLEDENV_TARGETS="linux-x86_64 linux-aarch64 darwin-arm64 win32-x86_64" $(BIN)/python -m pip wheel \
+		--disable-pip-version-check -q -c constraints.txt --no-deps --wheel-dir dist .
 
 demo: $(STAMP) ## train and judge a small agent, results in runs/demo
 	$(BIN)/python -m sledenv.agents.demo
@@ -117,9 +122,7 @@ format: $(STAMP) ## write Python and templates in the one style
 	$(BIN)/djlint --quiet --reformat $(TEMPLATES)
 	$(BIN)/oxfmt $(STYLED)
 
-clean-cache: ## remove the compiled kernels and byte code
+clean: ## remove every build product and cache, but not runs/
 	find src agents configs tests perf -name __pycache__ -prune -exec rm -rf {} +
-
-clean: clean-cache ## remove every build product and cache, but not runs/
-	rm -rf $(VENV) $(CLIENTS) build dist site jupyter_execute .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
+	rm -rf src/sledenv/objects $(VENV) $(CLIENTS) build dist site jupyter_execute .cache src/*.egg-info htmlcov .coverage* .hypothesis .import_linter_cache .mypy_cache \
 		.pytest_cache .ruff_cache

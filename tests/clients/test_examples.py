@@ -112,16 +112,14 @@ def rollout(**variables: str) -> list[list[str]]:
 
 
 @pytest.mark.slow
-def test_the_cache_changes_nothing_and_plain_python_no_more_than_rounding(tmp_path):
-    """Oracle: a process that compiles everything anew, one that loads what it wrote, and one that compiles nothing.
+def test_plain_python_changes_no_more_than_rounding():
+    """Oracle: the same episodes, compiled and interpreted.
 
     Compiled code contracts a product and a sum into one rounding, so plain Python differs in the last digits.
     """
-    fresh, cached = (rollout(NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
-    assert fresh == cached
-    plain = rollout(NUMBA_DISABLE_JIT="1")
-    assert [len(episode) for episode in plain] == [len(episode) for episode in fresh]
-    for one, other in zip(fresh, plain, strict=True):
+    fast, plain = rollout(), rollout(NUMBA_DISABLE_JIT="1")
+    assert [len(episode) for episode in plain] == [len(episode) for episode in fast]
+    for one, other in zip(fast, plain, strict=True):
         assert one[-1] == other[-1]
         compiled, interpreted = ([float.fromhex(x) for x in episode[:-1]] for episode in (one, other))
         assert interpreted == pytest.approx(compiled, rel=1e-6, abs=1e-6)

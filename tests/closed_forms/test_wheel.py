@@ -14,7 +14,6 @@ import pytest
 import sledenv
 from sledenv.closed_forms import wheel
 from sledenv.closed_forms.wheel import BRANCHES, collide_wheel, is_stuck, wheel_stuck_ratio
-from sledenv.compiler.entries import entry
 from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
 from sledenv.kernel.records import PHASE, Mode
@@ -22,6 +21,7 @@ from sledenv.kernel.state import HOP, new
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, State
 from tests.closed_forms.make import WHEEL
+from tests.compiled import compiled
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
 NO_PHASES = np.empty(0, PHASE)
@@ -47,7 +47,7 @@ def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.nd
         modes[i] = contact_mode(slip, omega, hop["v_t"], hop["omega"]) if count <= MOST_PHASES else 0
 
 
-kernel_impacts = entry(impacts)
+kernel_impacts = compiled(impacts)
 
 
 def solve(cases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

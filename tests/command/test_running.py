@@ -171,7 +171,7 @@ def test_help_loads_nothing_heavy() -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("module", ["gymnasium", "cyclopts", "numba", "pydantic"])
+@pytest.mark.parametrize("module", ["gymnasium", "cyclopts", "llvmlite", "pydantic"])
 def test_an_interrupt_while_the_package_is_loaded_is_one_line(module: str) -> None:
     """Oracle: a process that gets SIGINT as soon as it asks for a module."""
     program = f"""

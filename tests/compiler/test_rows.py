@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sledenv.compiler import rows
-from sledenv.compiler.entries import entry
 from sledenv.compiler.rows import WIDTH, sums
 from sledenv.compiler.trace import scalar, straight
 from sledenv.compiler.values import rough_angle, rough_root
 from sledenv.kernel.state import new, record
+from tests.compiled import compiled
 
 ANSWERS = (
     "powers",
@@ -52,17 +52,17 @@ _root = scalar(lambda a: tuple(rough_root(a, n) for n in ORDERS))
 _angle = scalar(lambda sine, cosine: (rough_angle(sine, cosine),))
 
 
-@entry
+@compiled
 def _run(given: np.ndarray) -> None:
     _program(given[0])
 
 
-@entry
+@compiled
 def _run_root(a: float) -> tuple[float, float, float]:
     return _root(a)
 
 
-@entry
+@compiled
 def _run_angle(sine: float, cosine: float) -> float:
     return _angle(sine, cosine)[0]
 

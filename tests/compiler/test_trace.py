@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sledenv.compiler.entries import entry
 from sledenv.compiler.trace import LANES, pack_of, packed, scalar, straight
 from sledenv.compiler.values import (
     absolute,
@@ -28,6 +27,7 @@ from sledenv.compiler.values import (
     with_sign,
 )
 from sledenv.kernel.state import new, record
+from tests.compiled import compiled
 
 GIVEN = record(*((name, "f8") for name in ("x", "y", *(f"answer_{i}" for i in range(9)))))
 MANY = pack_of(GIVEN)
@@ -80,32 +80,32 @@ def _moves(pack: Any, k: Any, pair: Any, other: Any) -> None:
 _move, _weigh = straight(_moves), scalar(lambda pair, given, s: (pair.x * given.x + s, root(pair.y)))
 
 
-@entry
+@compiled
 def _run(given: np.ndarray) -> None:
     _program(given[0])
 
 
-@entry
+@compiled
 def _alone(given: np.ndarray) -> None:
     _one(given[0])
 
 
-@entry
+@compiled
 def _side_by_side(given: np.ndarray) -> None:
     _many(given[0])
 
 
-@entry
+@compiled
 def _sums(x: float, y: float) -> tuple[float, float]:
     return _sum(x, y)
 
 
-@entry
+@compiled
 def _move_lane(pack: np.ndarray, k: int, pair: Pair, other: np.ndarray) -> None:
     _move(pack[0], k, pair, other[0])
 
 
-@entry
+@compiled
 def _weighed(pair: Pair, given: np.ndarray, s: float) -> tuple[float, float]:
     return _weigh(pair, given[0], s)
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 from functools import partial
 
 import gymnasium as gym
@@ -273,22 +271,6 @@ def test_a_wrong_action_is_refused_and_the_batch_stays_usable(make):
         with pytest.raises(InvalidAction):
             env.step(action)
     assert equal(env.step(np.zeros((2, 2))), twin.step(np.zeros((2, 2))))
-
-
-def test_the_batch_leaves_torch_the_number_of_threads_it_had():
-    """Oracle: torch's own count, in a fresh process in which torch has computed before numba's threads start."""
-    code = (
-        "import numpy as np, torch\n"
-        "torch.set_num_threads(1)\n"
-        "torch.tanh(torch.zeros(100_000))\n"
-        "from sledenv.envs.sb3 import make_vec_env\n"
-        "env = make_vec_env('sledenv/SledLaunch-v0', 8, env_kwargs={'scenario': 'paper_impact'})\n"
-        "env.reset()\n"
-        "env.step(np.zeros((8, 2)))\n"
-        "print(torch.get_num_threads())\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n"
 
 
 @both_ids

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sledenv import Body, ContactLaw, Settings, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv.simulation import lanes as lanes_module
 from sledenv.simulation.support import support_heights
 from tests.bodies import rod, same_bits
 
@@ -108,14 +108,12 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body],
     states = np.concatenate([ugly(rng, body, 1) for body in of_lanes])
     laws = [ContactLaw(10.0 ** rng.uniform(4.0, 7.0), *rng.choice((0.0, 0.3), 2), 1e-3) for _ in of_lanes]
     options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12}
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lanes_module, "_WORTH_A_THREAD", 1)
+        patch.setenv("NUMBA_NUM_THREADS", "1")
         batch = simulate_batch(of_lanes, laws, SLOPE, states, Settings(**options), keep_rebounds=True)
-        numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
+        patch.setenv("NUMBA_NUM_THREADS", "2")
         same_bits(simulate_batch(np.array(of_lanes), laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
-    finally:
-        numba.set_num_threads(threads)
     for i, (body, law, state) in enumerate(zip(of_lanes, laws, states, strict=True)):
         one = simulate(body, law, SLOPE, State(*state), **options)
         same_bits(batch.outcomes[i], one.outcome)

@@ -19,13 +19,13 @@ from sledenv import (
     simulate,
     simulate_batch,
 )
-from sledenv.compiler.entries import entry
 from sledenv.compiler.trace import LANES
 from sledenv.kernel.bounce import bounce
 from sledenv.kernel.flight import tell_body, tell_place
 from sledenv.kernel.impact import ENERGETIC, impact
 from sledenv.kernel.state import HOP, PACK, new
 from tests.bodies import rod, same_bits
+from tests.compiled import compiled
 
 BODIES = {
     "disc": Body(1.0, 0.1, 0.05, 7.5e-3),
@@ -118,13 +118,13 @@ def test_a_hop_is_ordinary_if_its_impact_lets_the_body_go() -> None:
     z["friction"], z["arc_arm"], z["law_restitution"], z["length"] = 0.2, 1e-3, 0.6, math.inf
     z["u"], z["length"][3], z["law_restitution"][5], z["horizon"][7] = 1.0, 0.01, 0.0, 1e-3
     given, count = packs.copy()[0], LANES - 4
-    entry(bounce_once)(body, count, packs, new(HOP))
+    compiled(bounce_once)(body, count, packs, new(HOP))
     others = [3, 5, 7, *range(count, LANES)]
     assert np.array_equal(np.flatnonzero(z["fine"] == 0.0), others)
     assert np.array_equal(z["rebounds"], z["fine"])
     for name in ("y", "v", "omega", "horizon"):
         assert np.array_equal(z[name][others], given[name][others])
-    compiled_hit, hops = entry(hit), new(HOP)
+    compiled_hit, hops = compiled(hit), new(HOP)
     for k in np.flatnonzero(z["fine"]):
         a, b, omega = z["a"][k], z["b"][k], given["omega"][k]
         assert z["v_n_landing"][k] == given["v"][k] - 9.81 * z["touchdown"][k] - a * omega < 0.0

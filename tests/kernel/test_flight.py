@@ -9,7 +9,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.compiler.entries import entry
 from sledenv.compiler.trace import LANES
 from sledenv.kernel import flight
 from sledenv.kernel.params import Incline
@@ -18,9 +17,10 @@ from sledenv.kernel.state import HOP, PACK, new
 from sledenv.simulation.bodies import Body, circular_segment
 from sledenv.simulation.support import arms, feature_at, support_height, whole_turns
 from tests.bodies import rod, segment
+from tests.compiled import compiled
 from tests.oracles import scanned_touchdown, support
 
-finish_time_of = entry(flight.finish_time)
+finish_time_of = compiled(flight.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 ROD = rod(1.0, 0.4, 0.02)
@@ -66,7 +66,7 @@ def land_all(body: Body, flights: np.ndarray, packs: np.ndarray, hops: np.ndarra
         found[k] = pack["touchdown"][k]
 
 
-land_each_compiled, land_all_compiled = entry(land_each), entry(land_all)
+land_each_compiled, land_all_compiled = compiled(land_each), compiled(land_all)
 
 
 def finish_time(x: float, u: float, acceleration: float, length: float) -> float:

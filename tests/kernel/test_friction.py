@@ -10,14 +10,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.compiler.entries import entry
 from sledenv.kernel import friction as box
 from sledenv.kernel.friction import Bounds, Drive, Mobility
+from tests.compiled import compiled
 from tests.oracles import box_rule
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 Branch = tuple[int, int, int]
-branch_forces, resolve = entry(box.branch_forces), entry(box.resolve)
+branch_forces, resolve = compiled(box.branch_forces), compiled(box.resolve)
 SIGNS = (-1, 0, 1)
 signs = st.sampled_from(SIGNS)
 arms = st.floats(-1.0, 1.0)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sledenv.compiler.entries import entry
 from sledenv.kernel import motion
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.records import FLIGHT_LOSSES
 from sledenv.simulation.scene import Slope
+from tests.compiled import compiled
 
-incline = entry(incline_of)
+incline = compiled(incline_of)
 SLOPES = [Slope(0.3), Slope(-0.2, gravity=1.6), Slope(0.0), Slope(0.1, gravity=0.0)]
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # where a program divides by zero and drops that
 TIMES = np.linspace(0.0, 2.0, 41)

@@ -8,10 +8,10 @@ import random
 import numpy as np
 import pytest
 
-from sledenv.compiler.entries import entry
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import PHASE
 from sledenv.kernel.state import HOP, new
+from tests.compiled import compiled
 from tests.oracles import ImpactResult, rational_impact, wang_mason
 
 HYPOTHESES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
@@ -84,7 +84,7 @@ def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hops: np.nda
                 row[10] += 1
 
 
-compiled_impacts = entry(impacts)
+compiled_impacts = compiled(impacts)
 
 
 def solve(case: list[float], hypothesis: int = ENERGETIC, phases: np.ndarray = NO_PHASES) -> tuple:

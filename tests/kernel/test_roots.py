@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sledenv.compiler.entries import entry
 from sledenv.compiler.rows import TERMS, WIDTH
 from sledenv.kernel import roots
+from tests.compiled import compiled
 
-first_root, horner, locate = entry(roots.first_root), entry(roots.horner), entry(roots.locate)
+first_root, horner, locate = compiled(roots.first_root), compiled(roots.horner), compiled(roots.locate)
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 

@@ -8,25 +8,25 @@ import math
 import numpy as np
 import pytest
 
-from sledenv.compiler.entries import entry
 from sledenv.compiler.rows import WIDTH
 from sledenv.kernel.descend import SPACE
 from sledenv.kernel.friction import Drive, Mobility, rates_of
 from sledenv.kernel.recurrence import expand
 from sledenv.kernel.state import new
 from sledenv.kernel.step import complete
+from tests.compiled import compiled
 
 BRANCHES = [branch for branch in itertools.product((0, -1, 1), repeat=3) if any(branch)]
 MASS, INERTIA, H, R, FRICTION, ARM, STIFFNESS = 1.3, 0.02, 0.07, 0.15, 0.4, 0.01, 2e5
 INWARD, DOWNHILL = 9.0, 2.5
 
 
-@entry
+@compiled
 def _expand(spaces: np.ndarray) -> None:
     expand(spaces[0])
 
 
-@entry
+@compiled
 def _complete(spaces: np.ndarray) -> None:
     complete(spaces[0]["contact"], spaces[0]["step"])
 

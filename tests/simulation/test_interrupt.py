@@ -57,14 +57,18 @@ def set_work(monkeypatch: pytest.MonkeyPatch, work: float) -> None:
 def counted(monkeypatch: pytest.MonkeyPatch, loop: str) -> list[tuple[int, int]]:
     """Note steps and rows that a descent has come to after each call of the kernel."""
     calls: list[tuple[int, int]] = []
-    simulated: Callable[..., None] = getattr(simulate_module, loop)
+    simulated: Callable[..., Any] = getattr(simulate_module, loop)
 
-    def count(*arguments: Any) -> None:
-        simulated(*arguments)
-        outcomes = arguments[8]
-        calls.append((int(outcomes[0]["steps"]), int(outcomes[0]["samples"])))
+    def noted(run: Callable[..., None]) -> Callable[..., None]:
+        def note(*arguments: Any) -> None:
+            run(*arguments)
+            outcomes = arguments[8]
+            calls.append((int(outcomes[0]["steps"]), int(outcomes[0]["samples"])))
 
-    monkeypatch.setattr(simulate_module, loop, count)
+        return note
+
+    by_law = loop == "run_descent"
+    monkeypatch.setattr(simulate_module, loop, (lambda law: noted(simulated(law))) if by_law else noted(simulated))
     return calls
 
 
@@ -84,7 +88,7 @@ def test_a_descent_in_many_calls_is_that_in_one(
     options = OPTIONS[solver] | record
     set_work(monkeypatch, 1e18)
     whole = simulate(*CASES[name], **options)
-    calls = counted(monkeypatch, "_descend_euler" if solver == "euler" else "run_descent")
+    calls = counted(monkeypatch, "run_euler" if solver == "euler" else "run_descent")
     for work in (1.0, 13.0, 100.0):
         set_work(monkeypatch, work)
         calls.clear()
@@ -140,14 +144,17 @@ def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.Mo
     ride = Ride(*CASES["chord"], settings, record="trajectory")
     ride.hop()
     before = ride.descent()
-    hop, calls = ride_module.run_descent, 0
+    descend, calls = ride_module.run_descent, 0
 
-    def interrupted(*arguments: Any) -> Any:
-        nonlocal calls
-        calls += 1
-        if calls == 3:
-            raise KeyboardInterrupt
-        return hop(*arguments)
+    def interrupted(law: Any) -> Callable[..., None]:
+        def run(*arguments: Any) -> None:
+            nonlocal calls
+            calls += 1
+            if calls == 3:
+                raise KeyboardInterrupt
+            descend(law)(*arguments)
+
+        return run
 
     with monkeypatch.context() as patch:
         patch.setattr(ride_module, "run_descent", interrupted)
@@ -165,15 +172,15 @@ def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.M
     settings = Settings(solver, max_rebounds=12)
     set_work(monkeypatch, 1e18)
     whole = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
-    simulated, calls = simulate_module.run_batch, 0
+    simulated, calls = simulate_module.follow, 0
 
     def count(*arguments: Any) -> None:
         nonlocal calls
         calls += 1
         simulated(*arguments)
 
-    monkeypatch.setattr(simulate_module, "run_batch", count)
-    for work in (1.0, 30.0, 1000.0):
+    monkeypatch.setattr(simulate_module, "follow", count)
+    for work in (1.0, 7.0, 100.0):  # of a block of lanes
         set_work(monkeypatch, work)
         calls = 0
         batch = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
@@ -194,10 +201,11 @@ def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
     """Oracle: KeyboardInterrupt, in a process that gets SIGINT while it simulates."""
     program = f"""
     import signal, sledenv
-    from sledenv.simulation import simulate as descent
+    from sledenv.simulation import settings, simulate as descent
+
+    calls = []
 
     def told(loop):
-        calls = []
         def run(*arguments):
             calls.append(None)
             if len(calls) == 3:
@@ -208,8 +216,9 @@ def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
         return run
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    descent.WORK, descent._EULER_STEPS = 1e4, 1e5
-    descent.run_descent, descent._descend_euler = map(told, (descent.run_descent, descent._descend_euler))
+    settings.WORK, settings.EULER_WORK = 1e4, 1e5
+    by_law, descent.run_euler = descent.run_descent, told(descent.run_euler)
+    descent.run_descent = lambda law: told(by_law(law))
     body, law = sledenv.Body(1.0, 0.1, 0.0, 5e-3), sledenv.ContactLaw(1e6, 0.0, 0.0, 0.0)
     try:
         while True:

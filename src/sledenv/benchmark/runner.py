@@ -18,9 +18,9 @@ from sledenv.benchmark.oracle import map_table, oracle
 from sledenv.benchmark.problem import TREMBLE, TREMBLES, TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
-from sledenv.compiler.entries import FINGERPRINT
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
+from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.records import LOSSES
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.workers import Call, runner
@@ -98,7 +98,7 @@ def _key(suite: Suite, job: Job, problem: Problem) -> str:
     """Digest of all that the numbers of a job depend on."""
     content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise]
     content += [TRIALS, TREMBLE, TREMBLES]
-    content += [DescentJam._fields, FINGERPRINT]
+    content += [DescentJam._fields, LIBRARY.fingerprint]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
 

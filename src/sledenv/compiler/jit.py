@@ -1,23 +1,33 @@
-"""How kernels are compiled, each in the same way."""
+"""How kernels are written: plain Python functions, of which numba is told when it is to compile them, not before."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
-import numba
-from numba import config
-from numba.extending import overload, register_jitable
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 # No fastmath: it would drop NaN checks, and the kernels report a non-finite state as a status.
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy"}
 
+_untold: list[Callable[[], object]] = []  # what numba has not been told yet
+
+
+def when_compiled(tell: Callable[[], object]) -> None:
+    """Call a function, which tells numba of something, before anything is compiled; so numba is not loaded for it."""
+    _untold.append(tell)
+
+
+def tell_numba() -> None:
+    """Tell numba of all kernels that there are."""
+    while _untold:
+        _untold.pop()()
+
 
 def kernel(function: _F) -> _F:
-    """Let compiled code call a function; for Python, which calls :mod:`sledenv.compiler.entries`, it stays as it is."""
-    return function if config.DISABLE_JIT else register_jitable(**OPTIONS)(function)  # type: ignore[attr-defined]
+    """Let compiled code call a function; for Python it stays as it is, slow and without fused multiply-adds."""
+    when_compiled(lambda: _register(function))
+    return function
 
 
 def part(function: _F) -> _F:
@@ -25,9 +35,14 @@ def part(function: _F) -> _F:
 
     Compiled by itself, it would be compiled with all that it calls, and its caller with all of this once more.
     """
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return function
-    return numba.njit(inline="always", **OPTIONS)(function)  # type: ignore[no-any-return]
+    when_compiled(lambda: _register(function, inline="always"))
+    return function
+
+
+def _register(function: Callable[..., Any], **options: Any) -> None:
+    from numba.extending import register_jitable
+
+    register_jitable(**options, **OPTIONS)(function)
 
 
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
@@ -42,10 +57,13 @@ def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Cal
     def choice(*given: Any) -> Any:
         return chosen(type(given[place]))(*given)
 
-    if not config.DISABLE_JIT:  # type: ignore[attr-defined]
+    def compiled(*given: Any) -> Any:
+        return chosen(given[place].instance_class)
 
-        def compiled(*given: Any) -> Any:
-            return chosen(given[place].instance_class)
+    def tell() -> None:
+        from numba.extending import overload
 
         overload(choice, strict=False)(compiled)
+
+    when_compiled(tell)
     return choice

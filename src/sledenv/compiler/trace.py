@@ -20,14 +20,12 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import config, types
-from numba.extending import intrinsic
 
-from sledenv.compiler.jit import kernel
+from sledenv.compiler.jit import kernel, when_compiled
 from sledenv.compiler.values import DOUBLE, Value, constant
 
 Program = Callable[..., None]
@@ -111,6 +109,8 @@ class _Fields:
         return self._builder.gep(data, [ir.Constant(ir.IntType(64), self._record.offset(name))], source_etype=byte)
 
     def __getattr__(self, name: str) -> Any:
+        from numba import types
+
         if name not in self._known:
             of: Any = self._record.typeof(name)
             if isinstance(of, types.Record):
@@ -170,6 +170,8 @@ def _as_it_stands(given: Any) -> Any:
 
 def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int) -> Any:
     """What a program that is being compiled gets for an argument."""
+    from numba import types
+
     if isinstance(kind, types.Record):
         return _Fields(builder, argument, kind, lanes)
     if hasattr(kind, "instance_class"):
@@ -190,6 +192,8 @@ class _Unknown(float):
 
 def _unknown(kind: Any) -> Any:
     """What a program that only tells how many answers it has gets for an argument."""
+    from numba import types
+
     number = _Unknown(math.nan)
     if hasattr(kind, "instance_class"):
         return _tuple(kind.instance_class, [number] * len(kind))
@@ -197,6 +201,40 @@ def _unknown(kind: Any) -> Any:
 
 
 # How programs are compiled.
+
+
+def _written_out(
+    run: Callable[..., Any],
+    like: Callable[..., Any],
+    write: Callable[..., Any],
+    count: Callable[[tuple[Any, ...]], int] | None = None,
+) -> None:
+    """Let compiled code contain, in place of a call of ``run``, what ``write`` writes there.
+
+    It takes arguments ``like`` another function; numba looks for their names. ``count`` tells how many doubles it
+    returns for arguments of some kinds; without it nothing is returned.
+    """
+
+    def tell() -> None:
+        from numba import types
+        from numba.extending import lower_builtin, type_callable
+
+        def typed(typing_context: Any) -> Any:
+            def returned(*given: Any) -> Any:
+                if count is None:
+                    return types.void(*given)
+                kinds = tuple(types.float64 if isinstance(kind, types.Number) else kind for kind in given)
+                several: Any = types.UniTuple(types.float64, count(kinds))  # type: ignore[no-untyped-call]
+                return several(*kinds)
+
+            returned.__signature__ = inspect.signature(like)  # type: ignore[attr-defined]
+            return returned
+
+        type_callable(run)(typed)
+        any_arguments = types.VarArg(types.Any)  # type: ignore[no-untyped-call]
+        lower_builtin(run, any_arguments)(write)  # type: ignore[no-untyped-call]
+
+    when_compiled(tell)
 
 
 def straight(program: Program) -> Callable[..., None]:
@@ -229,26 +267,20 @@ def pack_of(record: np.dtype) -> np.dtype:
 
 
 def _of_records(program: Program, lanes: int) -> Callable[..., None]:
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+    def run(*given: Any) -> None:
+        with np.errstate(all="ignore"):
+            program(*map(_as_it_stands, given))
 
-        def interpreted(*given: Any) -> None:
-            with np.errstate(all="ignore"):
-                program(*map(_as_it_stands, given))
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # Or vectors that are kept on the stack would lie across two lines.
+        builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
+        builder.function.attributes.alignstack = _LINE
+        given = zip(signature.args, arguments, strict=True)
+        program(*(_as_values(context, builder, kind, argument, lanes) for kind, argument in given))
+        return context.get_dummy_value()
 
-        return interpreted
-
-    def typed(typing_context: Any, *kinds: Any) -> Any:
-        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            # Or vectors that are kept on the stack would lie across two lines.
-            builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
-            builder.function.attributes.alignstack = _LINE
-            given = zip(signature.args, arguments, strict=True)
-            program(*(_as_values(context, builder, kind, argument, lanes) for kind, argument in given))
-            return context.get_dummy_value()
-
-        return types.void(*kinds), write
-
-    return cast(Callable[..., None], _intrinsic_like(program, typed))
+    _written_out(run, program, write)
+    return run
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
@@ -256,55 +288,36 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
 
     Series are contiguous arrays of doubles that are read, and may be written as a whole: see :func:`write_series`.
     """
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
-        def interpreted(*numbers: Any) -> tuple[float, ...]:
-            with np.errstate(all="ignore"):
-                return function(*(np.float64(n) if isinstance(n, int | float) else _as_it_stands(n) for n in numbers))
+    def run(*numbers: Any) -> tuple[float, ...]:
+        with np.errstate(all="ignore"):
+            return function(*(np.float64(n) if isinstance(n, int | float) else _as_it_stands(n) for n in numbers))
 
-        return interpreted
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        given = zip(signature.args, arguments, strict=True)
+        zero = Value(builder, ir.Constant(DOUBLE, None))
+        values = function(*(_as_values(context, builder, kind, argument, 1) for kind, argument in given))
+        return context.make_tuple(builder, signature.return_type, [zero.lift(value) for value in values])
 
-    def typed(typing_context: Any, *numbers: Any) -> Any:
-        kinds = tuple(types.float64 if isinstance(number, types.Number) else number for number in numbers)
-        results = len(function(*map(_unknown, kinds)))
-
-        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            given = zip(signature.args, arguments, strict=True)
-            zero = Value(builder, ir.Constant(DOUBLE, None))
-            values = function(*(_as_values(context, builder, kind, argument, 1) for kind, argument in given))
-            found = [zero.lift(value) for value in values]
-            return context.make_tuple(builder, signature.return_type, found)
-
-        returned: Any = types.UniTuple(types.float64, results)  # type: ignore[no-untyped-call]
-        return returned(*kinds), write
-
-    return cast(Callable[..., tuple[float, ...]], _intrinsic_like(function, typed))
+    _written_out(run, function, write, lambda kinds: len(function(*map(_unknown, kinds))))
+    return run
 
 
 def _attribute(name: str) -> Callable[[], None]:
     """Return a function that gives the kernel in which it is called an attribute of LLVM's."""
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return lambda: None
 
-    def typed(typing_context: Any) -> Any:
-        def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            builder.function.attributes.add(name)
-            return context.get_dummy_value()
+    def run() -> None:
+        pass
 
-        return types.void(), write
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.function.attributes.add(name)
+        return context.get_dummy_value()
 
-    return cast(Callable[[], None], intrinsic(typed))
+    _written_out(run, run, write)
+    return run
 
 
 # Called in a kernel: keep its code out of its callers, because many call it where speed does not matter; or copy it
 # into them, because handing over its many arguments takes longer than it does.
 keep_apart = _attribute("noinline")
 copy_into_callers = _attribute("alwaysinline")
-
-
-def _intrinsic_like(function: Callable[..., Any], typed: Any) -> Any:
-    """Return an intrinsic function with the arguments of a program: numba looks for their names."""
-    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    names = (context, *inspect.signature(function).parameters.values())
-    typed.__signature__ = inspect.Signature(names)
-    return intrinsic(typed)

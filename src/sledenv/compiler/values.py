@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils
 
 DOUBLE = ir.DoubleType()
 
@@ -76,8 +75,8 @@ class Value:
         kind = self.value.type
         suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         signature = ir.FunctionType(kind, [kind] * (1 + len(others)))
-        write: Any = cgutils.get_or_insert_function
-        function = write(self.builder.module, signature, f"{name}.{suffix}")
+        module, name = self.builder.module, f"{name}.{suffix}"
+        function = module.globals.get(name) or ir.Function(module, signature, name)
         return self.make(self.builder.call(function, [self.value, *(self.lift(other) for other in others)]))
 
 
@@ -244,3 +243,22 @@ def sine_cosine(angle: Any) -> tuple[Any, Any]:
     sine = where_less(left, -0.5, -sine, where_less(1.5, left, -sine, sine))
     cosine = where_less(absolute(left), 1.5, where_less(0.5, left, -cosine, cosine), -cosine)
     return sine, cosine
+
+
+def angle_of(sine: Any, cosine: Any) -> Any:
+    """Angle of a direction, to 1 ulp or two; the lengths of both arguments play no part. NaN for two zeros."""
+    rough = rough_angle(sine, cosine)
+    s, c = sine_cosine(rough)
+    # Tangent of the angle that is left: below a hundredth, so that four terms of the series suffice.
+    left = fma(sine, c, -(cosine * s)) / fma(cosine, c, sine * s)
+    square = left * left
+    series = fma(square, fma(square, fma(square, -1.0 / 7.0, 1.0 / 5.0), -1.0 / 3.0), 1.0)
+    return fma(left, series, rough)
+
+
+def length_of(a: Any, b: Any) -> Any:
+    """Length of a vector, to 1 ulp or two, without overflow or underflow in between."""
+    a, b = absolute(a), absolute(b)
+    long, short = larger(a, b), smaller(a, b)
+    ratio = where_less(0.0, long, short / long, 0.0)
+    return long * root(fma(ratio, ratio, 1.0))

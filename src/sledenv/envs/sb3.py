@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
-import numba
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from sledenv.envs.vector import SledVectorEnv
 from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
-    import torch
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
@@ -81,7 +79,6 @@ class SledVecEnv(VecEnv):
             raise TypeError(f"env = {env!r}: must be a native vector environment, not wrapped")
         if native.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode = {native.autoreset_mode.value!r}: must be 'SameStep'")
-        _start_threads()
         self.env = native
         self.spec = native.spec
         super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
@@ -207,17 +204,6 @@ def lane_infos(infos: dict[str, Any], lanes: int) -> list[dict[str, Any]]:
         for i in np.flatnonzero(infos[f"_{key}"]).tolist():
             listed[i][key] = column[i]
     return listed
-
-
-def _start_threads() -> None:
-    """Start numba's threads now and give torch back the number it had.
-
-    Both use the same OpenMP runtime. numba sets its number of threads when it starts its own, at the first batch, and
-    so would overrule an earlier ``torch.set_num_threads``.
-    """
-    threads = torch.get_num_threads()
-    numba.get_num_threads()
-    torch.set_num_threads(threads)
 
 
 def _shared_options(options: list[dict[str, Any]], default: dict[str, Any]) -> dict[str, Any] | None:

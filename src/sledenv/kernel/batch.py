@@ -1,4 +1,4 @@
-"""Many descents, one a lane: threads share blocks of lanes, and the lanes of a block are followed in packs."""
+"""Many descents, one a lane, followed in packs; whoever calls this may give blocks of lanes to threads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import get_thread_id, prange  # type: ignore[attr-defined]
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import LANES, straight
@@ -17,7 +16,7 @@ from sledenv.kernel.flight import FEW, tell_body, tell_flight, tell_place, touch
 from sledenv.kernel.geometry import has_corners, incline_of
 from sledenv.kernel.laws import Law, by_law, law_of_row
 from sledenv.kernel.params import Body, Incline, Limits, RigidLaw, Slope, State, body_of, reader, row_of
-from sledenv.kernel.records import LOG_FULL, LOSSES, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.records import LOG_FULL, LOSSES, RUNNING
 from sledenv.kernel.state import FLYING, MOTION, SUMS, copy
 
 
@@ -27,6 +26,7 @@ class Lanes(NamedTuple):
     bodies: np.ndarray  # fields of Body, shape (N or 1, 5)
     laws: np.ndarray  # fields of the law, shape (N or 1, 5)
     inclines: np.ndarray  # fields of Incline, shape (N or 1, fields)
+    launches: np.ndarray  # fields of State, shape (N, 6)
     flights: np.ndarray  # of OUTCOME, shape (N,)
     logs: np.ndarray  # of REBOUND, shape (N or 1, any); that of one row is never read
 
@@ -44,21 +44,19 @@ def _told(bodies: np.ndarray, lane: int, hop: np.void) -> Body:
     return body
 
 
-@kernel
-def _inclines_of(slopes: np.ndarray) -> np.ndarray:
-    """Return the fields of Incline in the rows of many slopes."""
-    inclines = np.empty((slopes.shape[0], _INCLINE))
+def write_inclines(slopes: np.ndarray, inclines: np.ndarray) -> None:
+    """Write the fields of Incline, shape (N, 4), for many slopes."""
     for i in range(slopes.shape[0]):
         incline = incline_of(_slope_at(slopes, i))
         for j in range(_INCLINE):
             inclines[i, j] = incline[j]
-    return inclines
 
 
 @kernel
-def block_size(lanes: int) -> int:
-    """Lanes that a thread follows at a time: enough to fill packs, few enough to keep all threads busy."""
-    return min(max(lanes // 64, LANES), 4 * LANES)
+def _close(lanes: Lanes, lane: int) -> None:
+    """Close the books of a lane."""
+    slope, launch = _incline_at(lanes.inclines, lane), _launch_at(lanes.launches, lane)
+    close_books(body_of(lanes.bodies, lane), slope, launch, lanes.flights[lane])
 
 
 @kernel
@@ -208,6 +206,7 @@ def follow_lanes(
                 if pack["fine"][k] > 0.0 and pack["rebounds"][k] < limits.max_rebounds and not once:
                     continue
                 if not _end_hop(like, lanes, limits, k, once, space, trajectory):
+                    _close(lanes, int(pack["lane"][k]))
                     count -= 1
                     if k < count:  # the last one moves here
                         lane = int(pack["lane"][count])
@@ -221,61 +220,58 @@ def follow_lanes(
                 _hop_alone(like, lanes, limits, lane, space, trajectory)
                 if once:
                     break
+            _close(lanes, lane)
 
 
-@kernel
-def descend_batch(
-    bodies: np.ndarray,
+def descend_lanes(
     like: Law,
-    laws: np.ndarray,
-    slopes: np.ndarray,
-    launches: np.ndarray,
     limits: Limits,
+    bodies: np.ndarray,
+    laws: np.ndarray,
+    inclines: np.ndarray,
+    launches: np.ndarray,
     trims: np.ndarray,
     flights: np.ndarray,
     rebounds: np.ndarray,
+    trajectory: np.ndarray,
     spaces: np.ndarray,
+    first: int,
+    last: int,
 ) -> None:
-    """Follow many descents, one a lane, or a hop of each; a lane does not depend on its neighbours or on the threads.
+    """Follow the descents of some lanes, or a hop of each; a lane does not depend on its neighbours.
 
-    A thread that has done ``limits.most_work`` leaves its lanes RUNNING, for calls that go on with them; one that
-    follows a hop alone does not stop.
+    With ``limits.most_work`` done the lanes are left RUNNING, for calls that go on with them; what follows a hop alone
+    does not stop.
 
     Parameters
     ----------
-    bodies, laws, slopes : ndarray, one row for all lanes or one a lane
-        Fields of Body, of the law and of Slope.
     like : ContactLaw or RigidLaw
         Of which kind the rows of ``laws`` are.
-    launches : ndarray, shape (N, 6)
-        Fields of State.
     limits : Limits
         Shared by all lanes.
+    bodies, laws, inclines : ndarray, one row for all lanes or one a lane
+        Fields of Body, of the law and of Incline.
+    launches : ndarray, shape (N, 6)
+        Fields of State.
     trims : ndarray, shape (N, 2) or (0, 2)
         For one hop, spin that the rider's rotor lends to each body [rad/s] and inertia of the rotor [kg m^2]; no row
         follows all hops. (In a tuple with other arguments the table would cost a fifth of the speed.)
     flights : ndarray of OUTCOME, shape (N,)
         Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
         whose status is not RUNNING are left alone.
-    rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``), (N, 1) or (0, 0)
-        The logs; of a hop, the last contact; (0, 0) keeps none.
-    spaces : ndarray of SPACE
-        Work space, one a thread.
+    rebounds : ndarray of REBOUND, shape (N, ``limits.max_rebounds``), (N, 1) or (1, 1)
+        The logs; of a hop, the last contact; one row is room that nobody reads.
+    trajectory : ndarray of TRAJECTORY, shape (0,)
+    spaces : ndarray of SPACE, shape (1,)
+        Work space, of this call alone.
+    first, last : int
+        The lanes are ``first`` to ``last - 1``.
     """
-    count, once = flights.shape[0], trims.shape[0] > 0
-    size = block_size(count)
-    inclines = _inclines_of(slopes)
-    for i in range(spaces.shape[0]):
-        spaces[i]["work"] = 0.0
-    for block in prange((count + size - 1) // size):
-        first, last = block * size, min((block + 1) * size, count)
-        logs = rebounds if rebounds.shape[0] > 0 else np.empty((1, 1), REBOUND)
-        lanes, trajectory = Lanes(bodies, laws, inclines, flights, logs), np.empty(0, TRAJECTORY)
-        moved = flights["status"][first:last] == RUNNING
+    once = trims.shape[0] > 0
+    lanes = Lanes(bodies, laws, inclines, launches, flights, rebounds)
+    spaces[0]["work"] = 0.0
+    if once:
         for i in range(first, last):
-            if once and moved[i - first]:
+            if flights[i]["status"] == RUNNING:
                 trim(body_of(bodies, i), trims[i, 1], flights[i], trims[i, 0])
-        follow_lanes(like, lanes, limits, first, last, once, spaces[get_thread_id()], trajectory)
-        for i in range(first, last):
-            if moved[i - first]:
-                close_books(body_of(bodies, i), _incline_at(inclines, i), _launch_at(launches, i), flights[i])
+    follow_lanes(like, lanes, limits, first, last, once, spaces[0], trajectory)

@@ -17,6 +17,7 @@ from sledenv.compiler.trace import of_step, straight
 from sledenv.compiler.values import absolute, equal, larger, less, not_more, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.friction import CLEAR
+from sledenv.kernel.geometry import sine_and_cosine
 from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.state import CONTACT, PEAKS, SUMS, add, clear, copy
@@ -82,7 +83,8 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
     _take(second, contact)
     _start(second)
     theta = phi + contact["shift"]
-    apart = contact["other"] + contact["other_sine"] * math.sin(theta) + contact["other_cosine"] * math.cos(theta)
+    sine, cosine = sine_and_cosine(theta)
+    apart = contact["other"] + contact["other_sine"] * sine + contact["other_cosine"] * cosine
     turn = math.copysign(2.0 * math.pi, phi)
     second["phi"], second["turns"] = phi - turn, contact["turns"] + turn
     second["feature"] = records.NOSE if phi > 0.0 else records.TAIL
@@ -90,10 +92,10 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
     progress.tell_feature(body, second)
     if not abs(gap + apart) <= AT_SURFACE * contact["size"]:
         return False
-    theta_2 = second["phi"] + second["shift"]
+    sine_2, _ = sine_and_cosine(second["phi"] + second["shift"])
     flat = abs(apart) <= normal.ROUNDING * contact["size"]
     second["gap"] = gap if flat else min(gap + apart, 0.0)
-    second["v_n"] += (contact["h"] * math.sin(theta) - second["h"] * math.sin(theta_2)) * omega
+    second["v_n"] += (contact["h"] * sine - second["h"] * sine_2) * omega
     second["v_t"] += (gap - second["gap"]) * omega
     for point in (contact, second):
         point["other"], point["other_sine"], point["other_cosine"] = math.inf, 0.0, 0.0

@@ -19,7 +19,7 @@ from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, unite
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
-from sledenv.kernel.geometry import whole_turns
+from sledenv.kernel.geometry import sine_and_cosine, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
 from sledenv.kernel.roots import horner, locate
@@ -238,7 +238,8 @@ def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np
     for i in range(first, last):
         t = length * (i / rows)  # never beyond the step
         phi, omega = horner(step["phi"], t), horner(step["omega"], t)
-        a, b = h * math.sin(phi + shift), r - h * math.cos(phi + shift)
+        sine, cosine = sine_and_cosine(phi + shift)
+        a, b = h * sine, r - h * cosine
         row = next_row(trajectory, flight)
         write_motion(
             row,

@@ -16,7 +16,7 @@ from sledenv.compiler.rows import EIGHT, element, repeated
 from sledenv.compiler.trace import copy_into_callers, scalar, write_series
 from sledenv.compiler.values import fma
 from sledenv.kernel import normal
-from sledenv.kernel.geometry import has_corners
+from sledenv.kernel.geometry import has_corners, sine_and_cosine
 from sledenv.kernel.params import Body
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.roots import first_root, horner
@@ -119,7 +119,7 @@ def _chord_down(contact: np.void, step: np.void) -> float:
         falling = at
         for _ in range(MOST_POLISHED):
             theta = step["theta"] - contact["phi"] + horner(step["phi"], at)
-            sine, cosine = math.sin(theta), math.cos(theta)
+            sine, cosine = sine_and_cosine(theta)
             turning = reach * cosine - height * sine
             rate = step["unit"] * (horner(step["v_n"], at) + turning * horner(step["omega"], at))
             if not rate < 0.0:

@@ -15,11 +15,21 @@ import numpy as np
 from sledenv.compiler.jit import kernel, part
 from sledenv.compiler.trace import LANES, packed, scalar, straight
 from sledenv.kernel import ballistics, motion
-from sledenv.kernel.geometry import arms, corner_lengths, feature_at, feature_geometry, has_corners, whole_turns
+from sledenv.kernel.geometry import (
+    arms,
+    corner_lengths,
+    distance,
+    feature_at,
+    feature_geometry,
+    has_corners,
+    sine_and_cosine,
+    whole_turns,
+)
 from sledenv.kernel.params import Body, Incline
 from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
 
 EDGE = 1e-9  # [rad]
+CLEARED = 100.0  # rounding errors of a gap that is open for certain
 FEW = 3  # lanes from which on a pack is faster than each by itself
 
 
@@ -56,7 +66,7 @@ def tell_body(body: Body, hop: np.void) -> None:
     h, (along, across) = body.eccentricity, corner_lengths(body)
     hop["radius"], hop["eccentricity"], hop["half_angle"] = body.radius, h, body.half_angle
     hop["along"], hop["across"] = along, across
-    hop["furthest"] = max(h, math.hypot(along, across)) if has_corners(body) else h
+    hop["furthest"] = max(h, distance(along, across)) if has_corners(body) else h
     hop["size"] = body.radius + body.eccentricity
     hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
 
@@ -75,6 +85,22 @@ def _angle_left(body: Body, phi: float, omega: float) -> float:
 
 
 @kernel
+def _cube_root(number: float) -> float:
+    """Cube root of a number >= 0, by Newton's method between two powers of eight."""
+    if not 0.0 < number < math.inf:
+        return number
+    scale = 1.0
+    while number > 8.0:
+        number, scale = 0.125 * number, 2.0 * scale
+    while number < 1.0:
+        number, scale = 8.0 * number, 0.5 * scale
+    root = 0.5 + 0.25 * number
+    for _ in range(5):
+        root -= (root - number / (root * root)) / 3.0
+    return scale * root
+
+
+@kernel
 def _lift(hop: np.void) -> float:
     """Time [s] from which to search for the touchdown of a body without a gap rate; -1 if it stays down."""
     body = Body(math.nan, hop["radius"], hop["eccentricity"], math.nan, hop["half_angle"])  # its shape, that is
@@ -86,14 +112,15 @@ def _lift(hop: np.void) -> float:
     h, _, shift = feature_geometry(body, feature_at(body, ahead - whole_turns(ahead)))
     square = omega * omega
     bound = abs(pull) + furthest * square
-    lift = -pull - h * math.cos(local + shift) * square
-    jerk = h * math.sin(local + shift) * square * omega + change
+    sine, cosine = sine_and_cosine(local + shift)
+    lift = -pull - h * cosine * square
+    jerk = h * sine * square * omega + change
     if lift > 1e-9 * bound:
         # gap''' >= -h |omega|^3 and that of the height keep the gap open this long, if the feature does not end before.
         open_for = 1.5 * lift / (furthest * square * abs(omega) + most_change)
         return float(min(open_for, _angle_left(body, local, omega) / abs(omega)))
     if lift > -1e-9 * bound and jerk > 0.0:
-        return float((600.0 * hop["noise"] / jerk) ** (1.0 / 3.0))  # lifted off where the normal force vanished
+        return _cube_root(6.0 * CLEARED * hop["noise"] / jerk)  # lifted off where the normal force vanished
     a, _ = arms(body, feature_at(body, local), local)
     return 0.0 if hop["v"] - a * omega > 0.0 else -1.0
 

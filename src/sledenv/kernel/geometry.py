@@ -13,19 +13,28 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar
-from sledenv.compiler.values import nearest, sine_cosine
+from sledenv.compiler.values import angle_of, length_of, nearest, sine_cosine
 from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 
 TURN = 2.0 * math.pi
 
-straight_sine_cosine = scalar(lambda angle: sine_cosine(angle))
+# No library of mathematical functions has a say in a descent: those of two platforms round differently.
+sine_and_cosine = scalar(lambda angle: sine_cosine(angle))
+_polar = scalar(lambda across, along: (length_of(along, across), angle_of(across, along)))
+_distance = scalar(lambda along, across: (length_of(along, across),))
+
+
+@kernel
+def distance(along: float, across: float) -> float:
+    """Length of a vector."""
+    return _distance(along, across)[0]
 
 
 @kernel
 def incline_of(slope: Slope) -> Incline:
     """Return what kernels need of a slope."""
-    sine, cosine = straight_sine_cosine(slope.angle)
+    sine, cosine = sine_and_cosine(slope.angle)
     return Incline(slope.gravity * sine, slope.gravity * cosine, *slope[1:])
 
 
@@ -57,7 +66,7 @@ def feature_at(body: Body, phi: float) -> int:
 @kernel
 def corner_lengths(body: Body) -> tuple[float, float]:
     """Distance H [m] of the mass centre from the chord, and half of the length L [m] of the chord: (8.2)."""
-    sine, cosine = straight_sine_cosine(body.half_angle)
+    sine, cosine = sine_and_cosine(body.half_angle)
     return body.eccentricity - body.radius * cosine, body.radius * sine
 
 
@@ -68,7 +77,8 @@ def feature_geometry(body: Body, feature: int) -> tuple[float, float, float]:
         return body.eccentricity, body.radius, 0.0
     side = 1.0 if feature == TAIL else -1.0
     along, across = corner_lengths(body)
-    return math.hypot(along, across), 0.0, math.atan2(side * across, along)
+    reach, shift = _polar(side * across, along)
+    return reach, 0.0, shift
 
 
 def arms_of(along: Any, across: Any, radius: Any, phi: Any) -> tuple[Any, Any]:
@@ -115,11 +125,13 @@ def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, 
     """
     if not has_corners(body):
         return math.inf, 0.0, 0.0
-    across = body.radius * math.sin(body.half_angle)
+    sine, cosine = sine_and_cosine(body.half_angle)
+    across = body.radius * sine
     if feature == ARC:
         if body.half_angle <= 0.5 * math.pi:
             return math.inf, 0.0, 0.0
         # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
-        return body.radius, across, -body.radius * math.cos(body.half_angle)
+        return body.radius, across, -body.radius * cosine
     reach = 2.0 * across * (1.0 if feature == TAIL else -1.0)
-    return 0.0, reach * math.cos(shift), -reach * math.sin(shift)
+    sine, cosine = sine_and_cosine(shift)
+    return 0.0, reach * cosine, -reach * sine

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
 from sledenv.compiler.jit import by_type, kernel, part
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
-from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader, row_of
+from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader
 from sledenv.kernel.progress import begin_with_approaching
 from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
 from sledenv.kernel.state import TOUCHING
 
 Law = CompliantLaw | RigidLaw
-_Law = TypeVar("_Law", bound=Law)
 
 
 @kernel
@@ -61,16 +59,10 @@ def touch(
     return status
 
 
-def law_of_row(like: _Law, laws: np.ndarray, lane: int) -> _Law:
-    """Return a law of the same kind as ``like`` with the fields that a lane has in a table of laws."""
-    return type(like)(*row_of(laws, lane))
-
-
-@overload(law_of_row)
-def _law_of_row(like: Any, laws: Any, lane: Any) -> Callable[..., Any]:
-    read = reader(like.instance_class)
-
-    def build(like: Any, laws: Any, lane: Any) -> Any:
-        return read(laws, lane)
-
-    return build
+# law_of_row(like, laws, lane): a law of the same kind as ``like``, with the fields of a lane in a table of laws.
+_rigid_of_row, _compliant_of_row = reader(RigidLaw), reader(CompliantLaw)
+law_of_row = by_type(
+    0,
+    {RigidLaw: lambda like, laws, lane: _rigid_of_row(laws, lane)},
+    lambda like, laws, lane: _compliant_of_row(laws, lane),
+)

@@ -6,38 +6,23 @@ import copy
 import math
 from typing import Self
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.compiler.entries import entry
-from sledenv.kernel.descend import SPACE, begin, close_books, trim
-from sledenv.kernel.geometry import incline_of
+from sledenv.kernel.descend import SPACE
+from sledenv.kernel.entries import run_descent, run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION, TAKING_OFF, new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import descent_jam
+from sledenv.simulation.lanes import Tables, follow
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
-from sledenv.simulation.simulate import FIRST_TRAJECTORY, NO_ROWS, put_at_launch, run_batch, run_descent
-
-
-@entry
-def _embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
-    """Put a descent at its launch, and open its books."""
-    begin(launch, flights[0])
-    close_books(body, incline_of(slope), launch, flights[0])
-
-
-@entry
-def _trim(body: Body, slope: Slope, launch: State, rotor_inertia: float, flights: np.ndarray, spin: float) -> None:
-    """Trim a descent, and close its books."""
-    trim(body, rotor_inertia, flights[0], spin)
-    close_books(body, incline_of(slope), launch, flights[0])
+from sledenv.simulation.simulate import FIRST_TRAJECTORY, NO_ROWS, put_at_launch
 
 
 class Ride:
@@ -82,7 +67,7 @@ class Ride:
         self._rebounds = new_log(self.settings.max_rebounds)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         self._flight = np.zeros(1, OUTCOME)
-        _embark(self.body, self.slope, self.launch, self._flight)
+        run_embark(self.body, self.slope, self.launch, self._flight)
 
     @property
     def status(self) -> Status:
@@ -118,7 +103,7 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        _trim(self.body, self.slope, self.launch, self.rotor_inertia, self._flight, lent)
+        run_trim(self.body, self.slope, self.launch, self.rotor_inertia, lent, self._flight)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -165,8 +150,9 @@ class Ride:
         """Where the descent is after one hop."""
         body, slope, launch, limits = self.body, self.slope, self.launch, self.settings.limits
         log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
+        descend = run_descent(self._touching)
         while space["stage"][0] != TAKING_OFF:  # an interrupt takes effect between two calls
-            run_descent(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
+            descend(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
         return flight
 
     def _check_running(self) -> None:
@@ -267,18 +253,9 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        run_batch(
-            self._bodies,
-            self._like,
-            self._laws,
-            self._slopes,
-            self._launches,
-            self._limits,
-            np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1),
-            self._flights,
-            self._touched[:, np.newaxis],
-            new(SPACE, numba.get_num_threads()),
-        )
+        tables = Tables(self._like, self._limits, self._bodies, self._laws, self._slopes, self._launches)
+        trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
+        follow(tables, trimmed, self._flights, self._touched[:, np.newaxis])
         if before is not None:
             touching = np.flatnonzero(self._flights["rebounds"] > before)
             self._rebounds[touching, before[touching]] = self._touched[touching]

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from sledenv.compiler.entries import entry
-from sledenv.compiler.jit import kernel
 from sledenv.kernel.descend import contact_mode
-from sledenv.kernel.flight import tell_body
-from sledenv.kernel.geometry import arms, feature_at, whole_turns
-from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
-from sledenv.kernel.records import ARC, PHASE, Mode
+from sledenv.kernel.entries import run_collision, run_collisions
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
+from sledenv.kernel.records import PHASE, Mode
 from sledenv.kernel.state import HOP, PACK, new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
@@ -67,49 +63,6 @@ class RigidImpact:
     loss_rolling: float
 
 
-@entry
-def collide(
-    body: Body, law: ContactLaw, state: State, restitution: float, hypothesis: int, hops: np.ndarray, phases: np.ndarray
-) -> int:
-    """Follow the impact of a body in some state, as the kernel does. ``hops``, of HOP, has one record, overwritten."""
-    hop = hops[0]
-    tell_body(body, hop)
-    local = state.phi - whole_turns(state.phi)
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
-    hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
-    _touch(hop, a, b, state.u, state.v, state.omega)
-    return impact(hypothesis, hop, phases)
-
-
-@kernel
-def _touch(hop: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
-    """Write the arms of the contact point and the velocities of the body at touch."""
-    hop["a"], hop["b"] = a, b
-    hop["v_t_landing"] = hop["v_t"] = u + b * omega
-    hop["v_n"], hop["omega"] = v - a * omega, omega
-
-
-@entry
-def _collide_each(
-    gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: int, hops: np.ndarray, after: np.ndarray
-) -> int:
-    """Follow many impacts; return the number of the first that did not end, -1 if all did. The mass is 1."""
-    hop = hops[0]
-    hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2
-    for i in range(contacts.shape[0]):
-        a, b = contacts[i, 0], contacts[i, 1]
-        hop["size"] = gyration_radius + math.hypot(a, b)
-        hop["restitution"], hop["friction"], hop["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
-        _touch(hop, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
-        if impact(hypothesis, hop, None) > MOST_PHASES:
-            return i
-        omega = hop["omega"]
-        after[i, 0], after[i, 1], after[i, 2] = hop["v_t"] - b * omega, hop["v_n"] + a * omega, omega
-    return -1
-
-
 def velocities_after(
     gyration_radius: float, contacts: np.ndarray, laws: np.ndarray, hypothesis: Hypothesis = "energetic"
 ) -> np.ndarray:
@@ -140,9 +93,10 @@ def velocities_after(
     """
     after = np.empty((len(contacts), 3))
     contacts, laws = np.ascontiguousarray(contacts, float), np.ascontiguousarray(laws, float)
-    lost = _collide_each(float(gyration_radius), contacts, laws, _CODES[hypothesis], new(HOP), after)
-    if lost >= 0:
-        raise ArithmeticError(f"the impact of row {lost} did not end within {MOST_PHASES} phases")
+    lost = np.empty(1, np.int64)
+    run_collisions(float(gyration_radius), contacts, laws, _CODES[hypothesis], new(HOP), after, lost)
+    if lost[0] >= 0:
+        raise ArithmeticError(f"the impact of row {lost[0]} did not end within {MOST_PHASES} phases")
     return after
 
 
@@ -187,7 +141,9 @@ def rigid_impact(
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
-    count = collide(body, law, touching, e, _CODES[hypothesis], hops, rows)
+    phases_found = np.empty(1, np.int64)
+    run_collision(body, law, touching, e, _CODES[hypothesis], hops, rows, phases_found)
+    count = int(phases_found[0])
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
     hop = {name: float(hops[name][0]) for name in PACK.names or ()}

@@ -6,21 +6,17 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.compiler.entries import entry, parallel_entry
-from sledenv.kernel.batch import descend_batch
-from sledenv.kernel.descend import SPACE, descend
-from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Limits
-from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.descend import SPACE
+from sledenv.kernel.entries import run_descent, run_euler
+from sledenv.kernel.records import OUTCOME, RUNNING, TRAJECTORY
 from sledenv.kernel.state import CONTACT, new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes
-from sledenv.simulation.euler import descend_euler
 from sledenv.simulation.jam import DescentJam, descent_jam
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, Tables, follow
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
@@ -33,8 +29,6 @@ if TYPE_CHECKING:
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
 NO_ROWS = np.zeros(0, TRAJECTORY)
 _BLOCK = 8192  # lanes of a batch that are simulated together
-
-run_descent, run_batch, _descend_euler = entry(descend), parallel_entry(descend_batch), entry(descend_euler)
 
 
 def simulate(
@@ -108,10 +102,10 @@ def simulate(
     def run() -> None:
         euler = settings.solver == "euler"
         space = new(CONTACT if euler else SPACE)
-        follow: Any = _descend_euler if euler else run_descent
+        descend: Any = run_euler if euler else run_descent(touching)
         once = () if euler else (False,)
         while True:
-            follow(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes, *once)
+            descend(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes, *once)
             if outcome["status"] != RUNNING:
                 return
 
@@ -130,40 +124,34 @@ def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
 
 
 class _Lanes(NamedTuple):
-    """A batch that has been checked: what the kernel is given."""
+    """A batch that has been checked."""
 
-    bodies: np.ndarray
-    like: Law
-    laws: np.ndarray
-    slopes: np.ndarray
-    launches: np.ndarray
-    limits: Limits
+    tables: Tables
 
     def parts(self, block: int) -> Iterator[slice]:
         """Split the lanes into blocks."""
-        lanes = len(self.launches)
+        lanes = len(self.tables.launches)
         return (slice(start, min(start + block, lanes)) for start in range(0, lanes, block))
 
     def log(self, lanes: int, keep: bool) -> np.ndarray:
         """Return empty rebound logs, of no lane unless they are kept."""
-        return new_logs(lanes, int(self.limits.max_rebounds)) if keep else np.zeros((0, 0), REBOUND)
+        return new_logs(lanes, int(self.tables.limits.max_rebounds)) if keep else NO_LOGS
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
-        tables = self.bodies, self.laws, self.slopes
-        bodies, laws, slopes = (table[part] if len(table) > 1 else table for table in tables)
-        launches, spaces, all_hops = self.launches[part], new(SPACE, numba.get_num_threads()), np.empty((0, 2))
-        put_at_launch(outcomes, launches)
+        like, limits, *rows = self.tables
+        tables = Tables(like, limits, *(table[part] if len(table) > 1 else table for table in rows))
+        put_at_launch(outcomes, tables.launches)
         while (outcomes["status"] == RUNNING).any():
-            run_batch(bodies, self.like, laws, slopes, launches, self.limits, all_hops, outcomes, rebounds, spaces)
-        return descent_jam(outcomes, bodies[:, 0], slopes[:, 1])
+            follow(tables, ALL_HOPS, outcomes, rebounds)
+        return descent_jam(outcomes, tables.bodies[:, 0], tables.slopes[:, 1])
 
 
 def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings | None) -> _Lanes:
     """Check a batch."""
     settings = checked_settings(settings)
     given = checked_lanes(body, law, slope, launches, settings)
-    return _Lanes(given.bodies, given.like(), given.laws, given.slopes, given.launches, settings.limits)
+    return _Lanes(Tables(given.like(), settings.limits, given.bodies, given.laws, given.slopes, given.launches))
 
 
 def simulate_batch(
@@ -178,7 +166,7 @@ def simulate_batch(
 ) -> DescentBatch:
     """Simulate many descents on all cores; lane i equals ``simulate`` of launch i bit for bit.
 
-    An interrupt (Ctrl-C) takes effect once each thread has ended its hop, or some more of them.
+    An interrupt (Ctrl-C) takes effect once each thread has ended the block of lanes that it is at.
 
     Parameters
     ----------
@@ -208,7 +196,7 @@ def simulate_batch(
         If tqdm is missing and ``progress`` is asked for.
     """
     lanes = _lanes(body, law, slope, launches, settings)
-    count = len(lanes.launches)
+    count = len(lanes.tables.launches)
     rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
     outcomes = np.zeros(count, OUTCOME)
     jam = np.empty((len(DescentJam._fields), count))
@@ -256,7 +244,8 @@ def simulate_blocks(
     lanes = _lanes(body, law, slope, launches, settings)
     block = checked_count("block", block)
     keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
-    lanes.log(min(block, len(lanes.launches)), keep_rebounds)  # refuses what will not fit before anything is simulated
+    # Refuses what will not fit before anything is simulated.
+    lanes.log(min(block, len(lanes.tables.launches)), keep_rebounds)
 
     def blocks() -> Iterator[DescentBatch]:
         for part in lanes.parts(block):

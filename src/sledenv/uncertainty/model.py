@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
-from sledenv.compiler.entries import FINGERPRINT
+from sledenv.kernel.entries import LIBRARY
 from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import ContactSection, LaunchSection, SlopeSection
@@ -157,7 +157,8 @@ class Study(Document):
     @property
     def key(self) -> str:
         """Identity of what is simulated for given draws: neither words nor the number of launches count."""
-        content: list[Any] = [self.base.hash, self.solver, self.stations.tolist(), DescentJam._fields, FINGERPRINT]
+        content: list[Any] = [self.base.hash, self.solver, self.stations.tolist()]
+        content += [DescentJam._fields, LIBRARY.fingerprint]
         content.append({name: one.model_dump() for name, one in self.parameters.items()})
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
 

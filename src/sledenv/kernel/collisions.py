@@ -1,0 +1,103 @@
+"""Rigid impacts by themselves, apart from a descent: of a body in some state, and many told by their arms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.flight import tell_body
+from sledenv.kernel.geometry import arms, distance, feature_at, whole_turns
+from sledenv.kernel.impact import MOST_PHASES, impact
+from sledenv.kernel.params import Body, ContactLaw, State
+from sledenv.kernel.records import ARC
+
+
+@kernel
+def collide(
+    body: Body,
+    law: ContactLaw,
+    state: State,
+    restitution: float,
+    hypothesis: int,
+    hops: np.ndarray,
+    phases: np.ndarray,
+    count: np.ndarray,
+) -> None:
+    """Follow the impact of a body in some state, as a descent does.
+
+    Parameters
+    ----------
+    body, law, state
+        See :mod:`sledenv.kernel.params`.
+    restitution : float
+        [-].
+    hypothesis : int
+        As for :func:`sledenv.kernel.impact.impact`.
+    hops : ndarray of HOP, shape (1,)
+        Overwritten.
+    phases : ndarray of PHASE
+        Filled from the front.
+    count : ndarray of int, shape (1,)
+        Set to the number of phases, MOST_PHASES + 1 if they did not suffice.
+    """
+    hop = hops[0]
+    tell_body(body, hop)
+    local = state.phi - whole_turns(state.phi)
+    feature = feature_at(body, local)
+    a, b = arms(body, feature, local)
+    hop["friction"], hop["restitution"] = law.friction, restitution
+    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    _touch(hop, a, b, state.u, state.v, state.omega)
+    count[0] = impact(hypothesis, hop, phases)
+
+
+@kernel
+def _touch(hop: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
+    """Write the arms of the contact point and the velocities of the body at touch."""
+    hop["a"], hop["b"] = a, b
+    hop["v_t_landing"] = hop["v_t"] = u + b * omega
+    hop["v_n"], hop["omega"] = v - a * omega, omega
+
+
+@kernel
+def collide_each(
+    gyration_radius: float,
+    contacts: np.ndarray,
+    laws: np.ndarray,
+    hypothesis: int,
+    hops: np.ndarray,
+    after: np.ndarray,
+    lost: np.ndarray,
+) -> None:
+    """Follow many impacts of a body of mass 1.
+
+    Parameters
+    ----------
+    gyration_radius : float
+        [m].
+    contacts : ndarray, shape (N, 5)
+        Arms a, b [m] of the contact point; u, v [m/s] and omega [rad/s] at touch.
+    laws : ndarray, shape (N, 3)
+        Restitution [-], friction [-] and rolling arm [m].
+    hypothesis : int
+        As for :func:`sledenv.kernel.impact.impact`.
+    hops : ndarray of HOP, shape (1,)
+        Overwritten.
+    after : ndarray, shape (N, 3)
+        Filled with u, v and omega.
+    lost : ndarray of int, shape (1,)
+        Set to the number of the first impact that did not end, after which none is followed; -1 if all ended.
+    """
+    hop = hops[0]
+    hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2
+    lost[0] = -1
+    for i in range(contacts.shape[0]):
+        a, b = contacts[i, 0], contacts[i, 1]
+        hop["size"] = gyration_radius + distance(a, b)
+        hop["restitution"], hop["friction"], hop["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
+        _touch(hop, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
+        if impact(hypothesis, hop, None) > MOST_PHASES:
+            lost[0] = i
+            return
+        omega = hop["omega"]
+        after[i, 0], after[i, 1], after[i, 2] = hop["v_t"] - b * omega, hop["v_n"] + a * omega, omega

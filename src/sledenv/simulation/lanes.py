@@ -1,0 +1,99 @@
+"""Many descents at once: blocks of lanes, which threads take one after the other."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sledenv.kernel.descend import SPACE
+from sledenv.kernel.entries import run_inclines, run_lanes
+from sledenv.kernel.laws import Law
+from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.records import REBOUND, TRAJECTORY
+from sledenv.kernel.state import new
+from sledenv.simulation.rules import checked_count
+
+ALL_HOPS = np.empty((0, 2))  # trims of descents that are followed to their ends
+NO_LOGS = np.zeros((0, 0), REBOUND)
+_FEWEST, _MOST = 16, 128  # lanes of a block: enough to fill a pack, few enough to heed an interrupt
+_BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one
+_WORTH_A_THREAD = 64  # lanes that take longer than to wake it
+_NO_ROWS = np.zeros(0, TRAJECTORY)
+
+
+class Tables(NamedTuple):
+    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`."""
+
+    like: Law
+    limits: Limits
+    bodies: np.ndarray
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+
+
+def num_threads() -> int:
+    """Threads that a batch may use: ``NUMBA_NUM_THREADS``, which joblib sets for its workers, or else all cores.
+
+    Raises
+    ------
+    ValueError
+        If that variable is not a whole number from 1 on.
+    """
+    given = os.environ.get("NUMBA_NUM_THREADS")
+    if given:
+        return checked_count("NUMBA_NUM_THREADS", int(given) if given.isdecimal() else given)  # type: ignore[arg-type]
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def follow(tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray) -> None:
+    """Follow many descents, or a hop of each, and return when all have been at it; some may still be RUNNING.
+
+    Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
+    """
+    inclines = np.empty((len(tables.slopes), len(Incline._fields)))
+    run_inclines(tables.slopes, inclines)
+    lanes = len(flights)
+    threads = min(num_threads(), max(1, lanes // _WORTH_A_THREAD))
+    size = min(max(lanes // (_BLOCKS * threads), _FEWEST), _MOST)
+    given = (tables.like, tables.limits, tables.bodies, tables.laws, inclines, tables.launches, trims, flights)
+    starts = deque(range(0, lanes, size))
+
+    def work() -> None:
+        logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+        run = run_lanes(tables.like).prepared(*given, logs, _NO_ROWS, new(SPACE))
+        while True:
+            try:
+                start = starts.popleft()
+            except IndexError:  # another thread has taken the last one
+                return
+            run(start, min(start + size, lanes))
+
+    _share(work, threads, starts)
+
+
+def _share(work: Callable[[], None], threads: int, left: deque[Any]) -> None:
+    """Do some work in this thread and in others, until nothing is left; an error or an interrupt leaves the rest."""
+    others = []
+    try:
+        if threads > 1:
+            pool = _pool(os.getpid(), threads - 1)
+            others = [pool.submit(work) for _ in range(threads - 1)]
+        work()
+    finally:
+        left.clear()
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@functools.cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads of a process: one that has been forked has none of its parent's."""
+    return ThreadPoolExecutor(threads, f"sledenv-{threads}")
