@@ -93,9 +93,7 @@ def train(args: Arguments) -> Agent:
     torch.manual_seed(args.seed)
     rng = np.random.default_rng(args.seed)
     envs = make(args, args.num_envs, "train")
-    next_observation, _ = envs.reset(seed=args.seed)
-    envs.step(np.zeros(envs.action_space.shape, np.float32))  # numba starts its threads here ...
-    torch.set_num_threads(args.torch_threads)  # ... and would overrule an earlier number of torch
+    torch.set_num_threads(args.torch_threads)
     next_observation, _ = envs.reset(seed=args.seed)
 
     observation_shape, action_shape = envs.single_observation_space.shape, envs.single_action_space.shape

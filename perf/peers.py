@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 import sledenv
@@ -110,7 +110,7 @@ def methods(rebounds: int) -> list[Peer]:
 
 def rows(peers: Sequence[Peer], rebounds: int, rounds: int) -> list[dict[str, Any]]:
     """Largest errors of some methods, and their times [s] a hop, round by round."""
-    numba.set_num_threads(1)
+    os.environ["NUMBA_NUM_THREADS"] = "1"
     errors = [worst(peer.answer(), rebounds) for peer in peers]
     times = take_turns({i: timed(peer.run, peer.copies * rebounds) for i, peer in enumerate(peers)}, rounds)
     found = zip(peers, errors, times.values(), strict=True)

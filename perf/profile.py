@@ -1,9 +1,8 @@
 """Where the time of one hop goes: a sampling profile of the compiled code, by kernel module and function.
 
-Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the reference descent again and again. Compiled
-code has no symbols that perf could find, so the process compiles the kernel anew and writes the address of every kernel
-function to the map file that perf looks for. What LLVM has inlined counts for the caller. It needs linux-perf and
-binutils.
+Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the reference descent again and again. It cannot
+find the symbols of the object file, so the process writes the address of every function in it to the map file that perf
+looks for. What LLVM has inlined counts for the caller. It needs linux-perf and binutils.
 """
 
 from __future__ import annotations
@@ -25,27 +24,29 @@ from perf.reference import FEW, MANY
 SECONDS = 8.0
 FREQUENCY = 4000  # [Hz] of the samples
 CASES = (("compliant", FEW), ("compliant", MANY), ("rigid", FEW))
-PYTHON, MATHS = "Python", "libm"
+PYTHON = "Python"
+_LABEL = "sledenv_descend_compliant"  # an entry whose address is known
 _MOST = 12  # functions in a table
-_MANGLED = re.compile(r"_ZN7sledenv6kernel\d+([a-z_]+)\d+([a-z_]+)")  # module and function
+_MANGLED = re.compile(r"(?:_ZN7sledenv(?:6kernel|8compiler)\d+([a-z_]+)\d+|sledenv_)([a-z_]+)")  # module and function
 
 
 def _write_map() -> None:
-    """Write /tmp/perf-PID.map: address, size and name of every function in the library of the descent."""
-    from sledenv.simulation.simulate import run_descent
+    """Write /tmp/perf-PID.map: address, size and name of every function of the object file."""
+    from sledenv.kernel.entries import LIBRARY
 
+    path = Path(LIBRARY.ready().split(".kernel,")[0] + ".kernel")
+    with tempfile.NamedTemporaryFile(suffix=".o") as file:
+        file.write(path.read_bytes().partition(b"\n")[2])
+        file.flush()
+        listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
+    functions = [fields for fields in map(str.split, listing.splitlines()) if fields[3:4] == ["FUNC"]]
+    places = {fields[7]: int(fields[1], 16) for fields in functions}
+    start = LIBRARY.find(_LABEL.removeprefix("sledenv_")) - places[_LABEL]  # all lie in one section
     entries = []
-    versions = run_descent._versions.values()  # type: ignore[attr-defined]
-    for overload in (overload for version in versions for overload in version.overloads.values()):
-        library = overload.library
-        with tempfile.NamedTemporaryFile(suffix=".o") as file:
-            file.write(library._get_compiled_object())
-            file.flush()
-            listing = subprocess.run(["readelf", "-sW", file.name], capture_output=True, text=True, check=True).stdout
-        for fields in map(str.split, listing.splitlines()):
-            if fields[3:4] == ["FUNC"] and (found := _MANGLED.match(fields[7])):
-                address = library.get_pointer_to_function(fields[7])  # what has been compiled before runs from there
-                entries.append(f"{address:x} {int(fields[2], 0):x} {'.'.join(found.groups())}")
+    for fields in functions:
+        found = _MANGLED.match(fields[7])
+        name = f"{found[1] or 'entries'}.{found[2]}" if found else "other.code"
+        entries.append(f"{start + places[fields[7]]:x} {int(fields[2], 0):x} {name}")
     Path(f"/tmp/perf-{os.getpid()}.map").write_text("\n".join(entries) + "\n")
 
 
@@ -65,16 +66,12 @@ def _work(solver: str, rebounds: int, seconds: str) -> None:
 
 
 def sample(solver: str, rebounds: int, seconds: float) -> Counter[str]:
-    """Samples by module.function of the kernel, libm and everything else, which is Python."""
-    with tempfile.TemporaryDirectory() as cache:  # numba keeps the object code only of what it has compiled
-        listing = python("-m", "perf.profile", solver, str(rebounds), str(seconds), NUMBA_CACHE_DIR=cache)
+    """Samples by module.function of the kernel, and of everything else, which is Python."""
+    listing = python("-m", "perf.profile", solver, str(rebounds), str(seconds))
     counts: Counter[str] = Counter()
     for line in filter(None, map(str.strip, listing.splitlines())):
         symbol, _, library = line.partition(" ")[2].rpartition(" ")
-        if "perf-" in library:
-            counts[symbol if "." in symbol else "unknown"] += 1
-        else:
-            counts[MATHS if "libm" in library else PYTHON] += 1
+        counts[(symbol if "." in symbol else "unknown") if "perf-" in library else PYTHON] += 1
     if not any("." in name for name in counts):
         raise RuntimeError("perf has found no kernel function among the samples")
     return counts

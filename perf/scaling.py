@@ -9,7 +9,6 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any, Literal
 
-import numba
 import numpy as np
 
 import sledenv
@@ -17,6 +16,7 @@ from perf import show
 from perf.harness import Floats, ratio, spread, take_turns, timed
 from perf.reference import BODY, FEW, LAW, SLOPE, launches, settings
 from perf.scalar_loop import scalar_loop
+from sledenv.simulation.lanes import num_threads
 
 ROUNDS = 3  # in each of so many
 PROCESSES = 5
@@ -34,8 +34,8 @@ def batch_name(threads: int) -> str:
 
 
 def thread_counts() -> list[int]:
-    """1, 2, 4, ... up to the number of threads that numba may use."""
-    most = int(os.environ.get("NUMBA_NUM_THREADS", os.cpu_count() or 1))
+    """1, 2, 4, ... up to the number of threads that a batch may use."""
+    most = num_threads()
     return sorted({*(2**k for k in range(int(math.log2(most)) + 1)), most})
 
 
@@ -43,7 +43,7 @@ def _batch(states: Floats, solver: str, threads: int) -> Callable[[], sledenv.De
     options = settings(solver=solver, max_rebounds=FEW)
 
     def run() -> sledenv.DescentBatch:
-        numba.set_num_threads(threads)
+        os.environ["NUMBA_NUM_THREADS"] = str(threads)
         return sledenv.simulate_batch(BODY, LAW, SLOPE, states, **options)
 
     return run
@@ -62,10 +62,11 @@ def _calls(states: Floats, solver: Any) -> Callable[[], None]:
 def _measured(rounds: int, sizes: Sequence[int]) -> list[tuple[str, int, dict[str, Floats]]]:
     """Solver, lanes and time [s] a hop of all competitors, round by round."""
     found: list[tuple[str, int, dict[str, Floats]]] = []
+    counts = thread_counts()  # before a batch is told how many
     for solver in SOLVERS:
         for lanes in sizes:
             states = launches(lanes)
-            runs: dict[str, Callable[[], Any]] = {batch_name(k): _batch(states, solver, k) for k in thread_counts()}
+            runs: dict[str, Callable[[], Any]] = {batch_name(k): _batch(states, solver, k) for k in counts}
             hops = float(runs[batch_name(1)]().outcomes["rebounds"].sum())
             if lanes <= MOST_LOOPED:
                 runs[LOOP] = scalar_loop(BODY, LAW, SLOPE, states, solver=solver, max_rebounds=FEW)

@@ -1,9 +1,9 @@
 """Time another commit and the present working tree side by side: ``python -m perf versus COMMIT``.
 
-Both are installed in a temporary folder and have a worker process (:mod:`perf.workloads`), with a cache of compiled
-kernels of its own. The two are asked in turn, so that a busy moment of the machine hits both, and a ratio is taken
-within each turn. On a machine that is never quiet the ratio of the least times of all turns says more: what disturbs
-only adds.
+Both are installed in a temporary folder, where the kernels are compiled, and have a worker process
+(:mod:`perf.workloads`). An older tree compiles at its first calls: these are not timed, and it keeps what it compiles
+for itself. The two are asked in turn, so that a busy moment of the machine hits both, and a ratio is taken within each
+turn. On a machine that is never quiet the ratio of the least times of all turns says more: what disturbs only adds.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import numpy as np
 
 from perf import show
 from perf.harness import ROOT, Floats, git, ratio, stamp, take_turns
+from perf.startup import keeping
 from perf.workloads import WORKLOADS
 
 ROUNDS = 15
@@ -39,11 +40,11 @@ class Worker:
 
     def __init__(self, label: str, tree: Path, now: Path) -> None:
         self._label = label
-        paths = {"NUMBA_CACHE_DIR": f"{tree}-cache", "PYTHONPATH": os.pathsep.join([f"{tree}-site", str(now)])}
+        paths = {**keeping(f"{tree}-cache"), "PYTHONPATH": os.pathsep.join([f"{tree}-site", str(now)])}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "perf.workloads"],  # -P: no module of the folder that it runs in is found
             cwd=tree,
-            env={**os.environ, "PYTHONHASHSEED": "0", **paths},
+            env={**os.environ, "PYTHONHASHSEED": "0", "NUMBA_NUM_THREADS": "1", **paths},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -97,7 +98,7 @@ def install(tree: Path) -> None:
 
 def turns(pair: Sequence[Worker], name: str, rounds: int) -> dict[str, list[Any]]:
     """Units of work of a run in both trees, and the times [s] of a unit in both, round by round."""
-    with ThreadPoolExecutor() as both:  # they compile side by side
+    with ThreadPoolExecutor() as both:  # older trees compile, side by side
         units = list(both.map(lambda worker: worker.ask("prepare", name), pair))
     times = take_turns({i: partial(worker.ask, "time", name) for i, worker in enumerate(pair)}, rounds)
     return {"units": units, "rounds_s": np.column_stack([times[0], times[1]]).tolist()}
@@ -165,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("commit", type=commit_of, metavar="COMMIT", help="what the working tree is compared with")
     parser.add_argument("--only", nargs="+", choices=WORKLOADS, metavar="NAME", help="all but cold by default")
-    parser.add_argument("--all", action="store_true", help="cold too, which takes a minute")
+    parser.add_argument("--all", action="store_true", help="cold too, for which older trees compile")
     parser.add_argument("--rounds", type=int, default=ROUNDS, metavar="N", help=f"turns of each, {ROUNDS} by default")
     parser.add_argument("--json", type=Path, metavar="FILE", help="where to write all times too")
     given = parser.parse_args(arguments)

@@ -1,7 +1,7 @@
 """What ``python -m perf versus`` times, and the process that times it in one of two trees, one order a line.
 
 Both trees are given the same work by the same code, that of this folder, which knows public names of sledenv alone;
-only the loop around the scalar kernel is the tree's own. Everything runs on one thread, except what a new process does.
+only the loop around the scalar kernel is the tree's own. Everything runs on one thread: NUMBA_NUM_THREADS says so.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
-import numba
 import numpy as np
 
 import sledenv
 from perf.env import IDS, SCENARIO, vector
 from perf.harness import timed
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, contexts, launches, problem, settings
-from perf.startup import STEP, first
+from perf.startup import BASE, STEP, first
 
 _LEAST, _SLICE = 0.2, 0.005  # [s] that one timing, and each of its slices, should take
 _KIND, _LANES = "SledLaunch", 1024
@@ -111,7 +110,7 @@ def _ppo() -> Prepared:
 
 
 def _start(warm: bool) -> Prepared:
-    measure = partial(first, STEP, os.environ["NUMBA_CACHE_DIR"] if warm else None, "import gymnasium")
+    measure = partial(first, STEP, os.environ["NUMBA_CACHE_DIR"] if warm else None, BASE)
     if warm:
         measure()
     return measure, 1.0
@@ -136,8 +135,10 @@ WORKLOADS: dict[str, Workload] = {
     "step-kernel": Workload("these descents as a batch", "descent", lambda: _batch(descents_of_episodes(), False)),
     "env": Workload("the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES), _LANES)),
     "ppo": Workload(f"PPO of stable-baselines3 on that, {_SAMPLES:,} samples", "sample", _ppo),
-    "warm": Workload("first make, reset and step of a process, kernels cached", "start", lambda: _start(True)),
-    "cold": Workload("the same with an empty cache", "start", lambda: _start(False), once=True),
+    "warm": Workload("first make, reset and step of a process, not the first", "start", lambda: _start(True)),
+    "cold": Workload(
+        "the same in the first process: nothing is kept of others", "start", lambda: _start(False), once=True
+    ),
 }
 
 
@@ -150,10 +151,9 @@ def _foreign() -> list[str]:
 
 def main() -> None:
     """Answer orders until there are no more: ``prepare NAME`` by units of work, ``time NAME`` by seconds for one."""
-    logging.getLogger("sledenv").setLevel("ERROR")  # that it compiles is no news here
+    logging.getLogger("sledenv").setLevel("ERROR")  # that an older tree compiles is no news here
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what a library prints is no answer
-    numba.set_num_threads(1)
     prepared: dict[str, Prepared] = {}
     for order in sys.stdin:
         verb, name = order.split()
