@@ -17,29 +17,33 @@ from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Settings, Slope, State
 from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import LIBRARY, run_descent
-from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
+from sledenv.kernel.entries import LIBRARY, run_lanes
+from sledenv.kernel.records import OUTCOME, REBOUND
 from sledenv.kernel.state import new
 from sledenv.simulation.checks import checked_descent
+from sledenv.simulation.simulate import put_at_launch
 
-# Result and error, of which there are none; numbers; log, spaces, trajectory and outcome with their lengths; once.
-_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 12)
-_ROW = OUTCOME.itemsize
+# Result and error, of which there are none; numbers; eight tables with their lengths; work space; the last lane.
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 28)
+_LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
 
 
 @functools.cache
 def _loop(name: str) -> Callable[..., None]:
-    """Return the loop around the entry of a name, which is called by its address."""
+    """Return the loop around the entry of a name, which is called by its address for one lane after the other."""
     descend = _SIGNATURE(LIBRARY.find(name))
 
     @numba.njit
-    def loop(numbers: Any, place: int, starts: Any, nowhere: Any, log: Any, space: Any, path: Any, ends: Any) -> None:
+    def loop(numbers: Any, body: Any, law: Any, slope: Any, starts: Any, log: Any, space: Any, ends: Any) -> None:
+        here = numbers.ctypes.data
         for i in range(starts.shape[0]):
-            for j in range(starts.shape[1]):
-                numbers[place + j] = starts[i, j]
-            none, end = nowhere.ctypes.data, ends.ctypes.data + i * _ROW
-            given, rows, work, samples = numbers.ctypes.data, log.ctypes.data, space.ctypes.data, path.ctypes.data
-            descend(none, none, given, rows, log.size, work, space.size, samples, path.size, end, 1, 0)
+            space[0]["lane"] = 0.0
+            start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
+            descend(
+                here, here, here, body.ctypes.data, 1, body.size, law.ctypes.data, 1, law.size,
+                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2, end, 1,
+                log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
+            )  # fmt: skip
 
     return loop  # type: ignore[no-any-return]
 
@@ -56,13 +60,14 @@ def scalar_loop(
     starts = np.array(launches, dtype=float, ndmin=2)
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
     touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
-    log, path, outcomes = np.zeros(max_rebounds, REBOUND), np.zeros(0, TRAJECTORY), np.zeros(len(starts), OUTCOME)
-    loop = _loop(run_descent(touching).name)
-    numbers, nowhere = np.array([*body, *touching, *slope, *starts[0], *limits]), np.zeros(2)
-    place = len(body) + len(touching) + len(slope)  # of the launch among the numbers
+    log, outcomes = np.zeros(max_rebounds, REBOUND), np.zeros(len(starts), OUTCOME)
+    loop = _loop(run_lanes(touching).name)
+    numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (body, touching, slope)]
 
     def run() -> np.ndarray:
-        loop(numbers, place, starts, nowhere, log, new(SPACE), path, outcomes)
+        outcomes[:] = 0
+        put_at_launch(outcomes, starts)
+        loop(numbers, *rows, starts, log, new(SPACE), outcomes)
         return outcomes
 
     return run

@@ -8,7 +8,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -82,7 +81,7 @@ def test_whoever_calls_gets_the_same_bits(caller: str, threads: int, alone: np.n
 
 def follow_each(patch: pytest.MonkeyPatch, run: Callable[[int, int], None]) -> None:
     """Do something else with each block of lanes than to follow it."""
-    patch.setattr(lanes, "run_lanes", lambda law: SimpleNamespace(prepared=lambda *given: run))
+    patch.setattr(lanes, "follower", lambda *given, **named: run)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
@@ -117,7 +116,27 @@ def test_an_error_of_another_thread_alone_reaches_the_caller() -> None:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        lanes._share(work, 2, deque())
+        lanes._share(work, 2, deque(), threading.Event())
+
+
+def test_an_interrupt_of_this_thread_ends_the_others_in_the_middle_of_a_block() -> None:
+    """Oracle: the other thread, which works until it is told to end."""
+    here, ended = threading.get_ident(), threading.Event()
+    working = threading.Event()
+
+    def work() -> None:
+        if threading.get_ident() == here:
+            working.wait()
+            raise KeyboardInterrupt
+        working.set()
+        ended.wait()
+
+    with pytest.raises(KeyboardInterrupt):
+        lanes._share(work, 2, deque(), ended)
+    flights = np.zeros(4, OUTCOME)
+    tables = lanes.Tables(LAW, Settings().limits, *np.zeros((4, 1, 6)))
+    lanes.follower(tables, lanes.ALL_HOPS, flights, lanes.NO_LOGS, ended=ended)(0, 4)
+    assert not flights["status"].any()  # all still running
 
 
 @pytest.mark.parametrize("count", [1, 16, 17, 127, 128, 129, 5000])
@@ -126,7 +145,7 @@ def test_every_lane_is_followed_once(count: int, threads: int, monkeypatch: pyte
     taken: list[int] = []
     follow_each(monkeypatch, lambda start, end: taken.extend(range(start, end)))
     tables = lanes.Tables(LAW, Settings().limits, *np.zeros((4, 1, 6)))
-    lanes.follow(tables._replace(slopes=np.zeros((1, 3))), lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
+    lanes.follow_all(tables, lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
     assert sorted(taken) == list(range(count))
 
 

@@ -596,8 +596,8 @@ def test_an_interrupt_takes_effect_between_blocks(
             signal.raise_signal(signal.SIGINT)
         simulated(*arguments)
 
-    simulated = simulate_module.follow
-    monkeypatch.setattr(simulate_module, "follow", interrupted)
+    simulated = simulate_module.follow_all
+    monkeypatch.setattr(simulate_module, "follow_all", interrupted)
     monkeypatch.setattr(simulate_module, "_BLOCK", 4)
     request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
@@ -628,7 +628,7 @@ def test_progress_shows_a_bar_or_says_what_is_missing(
     assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), progress=True))
     assert "24.0/24.0" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    monkeypatch.setattr(simulate_module, "follow", None)
+    monkeypatch.setattr(simulate_module, "follow_all", None)
     with pytest.raises(ImportError, match="the bar needs tqdm: pip install tqdm"):
         simulate_batch(SEGMENT, LAW, INCLINE, states, progress=True)
 
@@ -840,7 +840,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("run_descent", "follow", "run_euler"):
+    for loop in ("follower", "follow_all", "run_euler"):
         monkeypatch.setattr(simulate_module, loop, run)
 
 

@@ -13,12 +13,17 @@ import numpy as np
 INTERPRETED: Final = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels run as plain Python
 
 
+_DOUBLE = np.dtype(float)
+_byte_of: Any = ctypes.c_char.from_buffer
 _RESULT = (ctypes.c_void_p * 2)()
 _NOWHERE = ctypes.addressof(_RESULT)  # no entry has a result or an error
 
 
 class Table(NamedTuple):
-    """Kind of an argument: a C-contiguous array, in C a pointer to its first element, and its lengths."""
+    """Kind of an argument: a C-contiguous array, in C a pointer to its first element, and its lengths.
+
+    A tuple of floats is taken for an array of them, or for one row of a table.
+    """
 
     dtype: np.dtype
     dimensions: int = 1
@@ -64,26 +69,46 @@ class Entry:
             For an array of another type or layout.
         """
         if INTERPRETED:
-            return lambda *numbers: self.function(*given, *numbers)
+            tables = [_table(kind, one) for kind, one in zip(self.kinds, given, strict=False)]
+            return lambda *numbers: self.function(*tables, *numbers)
         run = self._run or self._found()
         doubles = array("d")
         passed: list[Any] = [_NOWHERE, _NOWHERE, 0]
+        rows: list[tuple[int, tuple[float, ...]]] = []  # tuples that stand for arrays, and where their pointers go
         for kind, argument in zip(self.kinds, given, strict=False):
-            if isinstance(kind, Table):
-                if not _fits(kind, argument):
-                    raise TypeError(f"{self.name} takes {kind}, not {argument.dtype} of shape {argument.shape}")
-                passed += [argument.ctypes.data, *argument.shape]
-            elif isinstance(argument, tuple):
-                doubles.extend(argument)
-            else:
+            if isinstance(argument, np.ndarray):
+                passed += self._pointer(kind, argument)
+            elif not isinstance(argument, tuple):
                 passed.append(argument)
-        passed[2] = doubles.buffer_info()[0]
+            elif isinstance(kind, Table):
+                rows.append((len(passed), argument))
+                passed += [0, *(1, len(argument))[-kind.dimensions :]]
+            else:
+                doubles.extend(argument)
+        for place, row in rows:
+            passed[place] = 8 * len(doubles)  # behind the first of them
+            doubles.extend(row)
+        first = passed[2] = doubles.buffer_info()[0]
+        for place, _ in rows:
+            passed[place] += first
 
         def call(*numbers: Any, _kept: Any = (doubles, given)) -> None:
             if run(*passed, *numbers):
                 raise RuntimeError(f"{self.name} has failed: this is a bug of sledenv")
 
         return call
+
+    def _pointer(self, kind: Any, table: np.ndarray) -> tuple[int, ...]:
+        """Where an array lies, and its lengths."""
+        dtype, shape = table.dtype, table.shape
+        alike = dtype is kind.dtype or dtype == kind.dtype
+        if not (alike and len(shape) == kind.dimensions and table.flags.c_contiguous):
+            raise TypeError(f"{self.name} takes {kind}, not {dtype} of shape {shape}")
+        if 0 in shape:
+            return 0, *shape
+        if dtype is _DOUBLE and table.flags.writeable:  # found faster so
+            return ctypes.addressof(_byte_of(table)), *shape
+        return table.ctypes.data, *shape
 
     def forget(self) -> None:
         """Ask anew where the function is."""
@@ -102,6 +127,8 @@ class Entry:
         return self._run
 
 
-def _fits(kind: Table, table: np.ndarray) -> bool:
-    alike = table.dtype is kind.dtype or table.dtype == kind.dtype
-    return alike and table.ndim == kind.dimensions and table.flags.c_contiguous
+def _table(kind: Kind, given: Any) -> Any:
+    """Return the array that a tuple stands for, and anything else as it is."""
+    if isinstance(kind, Table) and isinstance(given, tuple):
+        return np.array(given).reshape((1, len(given))[-kind.dimensions :])
+    return given

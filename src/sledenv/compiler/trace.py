@@ -6,11 +6,8 @@ An unrolled recurrence of thousands of instructions then costs no type inference
 the processor finds many instructions that do not wait for each other.
 
 A program is given records and knows their fields by name: ``step.length`` loads a field, ``step.length = 2.0`` stores
-one. :func:`straight` makes a function of records that hold one number in a field, or a series of them. :func:`packed`
-makes one of records whose every field holds LANES numbers, one of each lane: the same text then works on all lanes at
-once, with vector instructions. Each lane goes through the same correctly rounded operations as a single number does, so
-the results agree bit for bit. ``pack.at(k)`` is one lane of a pack that a program of :func:`straight` is given, as a
-record of one. :func:`scalar` makes a function of numbers. A named tuple of numbers is read like a record.
+one. A field holds a number, or a series of them. :func:`straight` makes a function of records, :func:`scalar` one of
+numbers. A named tuple of numbers is read like a record.
 
 With NUMBA_DISABLE_JIT the program runs as it stands; a fused multiply-add is then a multiplication and an addition.
 """
@@ -30,7 +27,6 @@ from sledenv.compiler.values import DOUBLE, Value, constant
 
 Program = Callable[..., None]
 
-LANES = 16  # of a pack: two AVX-512 registers; while one of them waits for a result the other goes on
 _LINE = 64  # bytes of cache
 _ROOM = 64  # numbers of a series that a function of numbers may look at
 
@@ -89,19 +85,13 @@ def write_series(numbers: Any, blocks: Sequence[Any]) -> None:
 class _Fields:
     """A record in the function that is being written.
 
-    Reading an attribute loads the field of that name, once; setting one stores it. A field is a number, or as many as
-    there are lanes. In a record of one lane it may also be a series, which is set to a list of vectors.
+    Reading an attribute loads the field of that name, once; setting one stores it. A field is a number, or a series,
+    which is set to a list of vectors.
     """
 
-    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any, lanes: int, kind: Any = None) -> None:
-        kind = kind or (ir.VectorType(DOUBLE, lanes) if lanes > 1 else DOUBLE)
+    def __init__(self, builder: ir.IRBuilder, data: ir.Value, record: Any) -> None:
         # Past __setattr__, which stores.
-        self.__dict__.update(_builder=builder, _data=data, _record=record, _lanes=lanes, _kind=kind, _known={})
-
-    def at(self, lane: Value) -> _Fields:
-        numbers = self._builder.bitcast(self._data, ir.PointerType(DOUBLE))
-        first = self._builder.gep(numbers, [lane.value], source_etype=DOUBLE)
-        return _Fields(self._builder, first, self._record, LANES, DOUBLE)
+        self.__dict__.update(_builder=builder, _data=data, _record=record, _known={})
 
     def _place(self, name: str) -> ir.Value:
         byte = ir.IntType(8)
@@ -114,12 +104,12 @@ class _Fields:
         if name not in self._known:
             of: Any = self._record.typeof(name)
             if isinstance(of, types.Record):
-                self._known[name] = _Fields(self._builder, self._place(name), of, self._lanes)
-            elif isinstance(of, types.NestedArray) and of.shape != (self._lanes,):
+                self._known[name] = _Fields(self._builder, self._place(name), of)
+            elif isinstance(of, types.NestedArray):
                 self._known[name] = Series(self._builder, self._place(name))
             else:
-                place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
-                loaded = self._builder.load(place, align=8, typ=self._kind)
+                place = self._builder.bitcast(self._place(name), ir.PointerType(DOUBLE))
+                loaded = self._builder.load(place, align=8, typ=DOUBLE)
                 self._known[name] = Value(self._builder, loaded)
         return self._known[name]
 
@@ -127,33 +117,24 @@ class _Fields:
         if isinstance(value, list):
             getattr(self, name).write(value)
             return
-        lifted = value.value if isinstance(value, Value) else constant(self._kind, value)
+        lifted = value.value if isinstance(value, Value) else constant(DOUBLE, value)
         self._known[name] = Value(self._builder, lifted)
-        place = self._builder.bitcast(self._place(name), ir.PointerType(self._kind))
+        place = self._builder.bitcast(self._place(name), ir.PointerType(DOUBLE))
         self._builder.store(lifted, place, align=8)
 
 
 class _Interpreted:
     """A record for a program that runs as it stands."""
 
-    def __init__(self, record: Any, lane: Any = ()) -> None:
-        self.__dict__.update(_record=record, _lane=lane)
-
-    def at(self, lane: int) -> _Interpreted:
-        return _Interpreted(self._record, lane)
+    def __init__(self, record: Any) -> None:
+        self.__dict__["_record"] = record
 
     def __getattr__(self, name: str) -> Any:
-        field = self._record[name][self._lane]
-        if isinstance(field, np.void):
-            return _Interpreted(field)
-        # A copy, or the old number would change with the new one; but a series can be written.
-        return field.copy() if isinstance(field, np.ndarray) and len(field) == LANES else field
+        field = self._record[name]
+        return _Interpreted(field) if isinstance(field, np.void) else field
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if self._lane != ():
-            self._record[name][self._lane] = value
-        else:
-            self._record[name] = np.concatenate(value) if isinstance(value, list) else value
+        self._record[name] = np.concatenate(value) if isinstance(value, list) else value
 
 
 def _tuple(kind: type[Any], numbers: Iterable[Any]) -> Any:
@@ -168,12 +149,12 @@ def _as_it_stands(given: Any) -> Any:
     return _Interpreted(given) if isinstance(given, np.void) else given
 
 
-def _as_values(context: Any, builder: Any, kind: Any, argument: Any, lanes: int) -> Any:
+def _as_values(context: Any, builder: Any, kind: Any, argument: Any) -> Any:
     """What a program that is being compiled gets for an argument."""
     from numba import types
 
     if isinstance(kind, types.Record):
-        return _Fields(builder, argument, kind, lanes)
+        return _Fields(builder, argument, kind)
     if hasattr(kind, "instance_class"):
         numbers = (builder.extract_value(argument, i) for i in range(len(kind)))
         doubles = (builder.sitofp(n, DOUBLE) if isinstance(n.type, ir.IntType) else n for n in numbers)
@@ -242,7 +223,21 @@ def straight(program: Program) -> Callable[..., None]:
 
     Each call in a kernel writes the whole program into it: call it in one kernel of its own.
     """
-    return _of_records(program, 1)
+
+    def run(*given: Any) -> None:
+        with np.errstate(all="ignore"):
+            program(*map(_as_it_stands, given))
+
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # Or vectors that are kept on the stack would lie across two lines.
+        builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
+        builder.function.attributes.alignstack = _LINE
+        given = zip(signature.args, arguments, strict=True)
+        program(*(_as_values(context, builder, kind, argument) for kind, argument in given))
+        return context.get_dummy_value()
+
+    _written_out(run, program, write)
+    return run
 
 
 def of_step(program: Program) -> Callable[[np.void, np.void], None]:
@@ -254,33 +249,6 @@ def of_step(program: Program) -> Callable[[np.void, np.void], None]:
         run(contact, step)
 
     return whole
-
-
-def packed(program: Program) -> Callable[..., None]:
-    """Return a function that runs a program of packs, for use in kernels, which compile it; see :func:`pack_of`."""
-    return _of_records(program, LANES)
-
-
-def pack_of(record: np.dtype) -> np.dtype:
-    """Return the type of a pack: a record with the same fields, each of LANES numbers."""
-    return np.dtype([(name, "f8", (LANES,)) for name in record.names or () if record[name].shape == ()], align=True)
-
-
-def _of_records(program: Program, lanes: int) -> Callable[..., None]:
-    def run(*given: Any) -> None:
-        with np.errstate(all="ignore"):
-            program(*map(_as_it_stands, given))
-
-    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        # Or vectors that are kept on the stack would lie across two lines.
-        builder.function.attributes.add("nounwind")  # llvmlite heeds the alignment beside another attribute only
-        builder.function.attributes.alignstack = _LINE
-        given = zip(signature.args, arguments, strict=True)
-        program(*(_as_values(context, builder, kind, argument, lanes) for kind, argument in given))
-        return context.get_dummy_value()
-
-    _written_out(run, program, write)
-    return run
 
 
 def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[float, ...]]:
@@ -296,7 +264,7 @@ def scalar(function: Callable[..., tuple[Any, ...]]) -> Callable[..., tuple[floa
     def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         given = zip(signature.args, arguments, strict=True)
         zero = Value(builder, ir.Constant(DOUBLE, None))
-        values = function(*(_as_values(context, builder, kind, argument, 1) for kind, argument in given))
+        values = function(*(_as_values(context, builder, kind, argument) for kind, argument in given))
         return context.make_tuple(builder, signature.return_type, [zero.lift(value) for value in values])
 
     _written_out(run, function, write, lambda kinds: len(function(*map(_unknown, kinds))))

@@ -23,7 +23,7 @@ from sledenv.kernel.geometry import sine_and_cosine, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
 from sledenv.kernel.roots import horner, locate
-from sledenv.kernel.state import FLYING, TOUCHING, followed_by
+from sledenv.kernel.state import followed_by
 from sledenv.kernel.step import begin_step, complete, expect, orient
 from sledenv.kernel.trajectory import (
     CONTACT_ROWS,
@@ -226,16 +226,12 @@ def write_contact(space: np.void, t: float, row: np.void) -> None:
 
 @part
 def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> None:
-    """Add rows over one step, both its ends included: forces may jump between it and the next.
-
-    Some may be left for the next call.
-    """
+    """Add rows over one step, both its ends included: forces may jump between it and the next."""
     contact, step = space["contact"], space["step"]
     h, r, shift = contact["h"], contact["r"], contact["shift"]
     unit, length = step["unit"], step["length"]
     rows = max(float(CONTACT_ROWS), np.ceil(length * unit / limits.sample_interval))
-    first, last = rows_to_write(rows + 1.0, flight, space, trajectory)
-    for i in range(first, last):
+    for i in range(rows_to_write(rows + 1.0, flight, trajectory)):
         t = length * (i / rows)  # never beyond the step
         phi, omega = horner(step["phi"], t), horner(step["omega"], t)
         sine, cosine = sine_and_cosine(phi + shift)
@@ -313,8 +309,7 @@ def follow(
 ) -> int:
     """Follow a contact from touchdown to separation, rest or the end of the slope: docs/physics.md, section 5.
 
-    The body touches with one point, or with two while both ends of its chord are down. A contact that takes more than
-    ``space["most_work"]`` is left PAUSED, and ``space`` at the stage TOUCHING, from which the next call goes on.
+    The body touches with one point, or with two while both ends of its chord are down.
 
     Parameters
     ----------
@@ -332,39 +327,30 @@ def follow(
     Returns
     -------
     int
-        SEPARATED, PAUSED, of rigid surfaces INCONSISTENT or BOTH_CORNERS; or the status with which the descent ends.
+        SEPARATED, of rigid surfaces INCONSISTENT or BOTH_CORNERS; or the status with which the descent ends.
     """
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    if space["stage"] != TOUCHING:
-        _begin(body, slope, limits, contact)
-        if contact["paired"] != 0.0:
-            join(body, contact, second)
-    space["stage"] = FLYING
+    _begin(body, slope, limits, contact)
+    if contact["paired"] != 0.0:
+        join(body, contact, second)
     while True:
-        if space["row"] == 0.0:  # no rows of the last step are left to write
-            if space["work"] >= space["most_work"]:
-                space["stage"] = TOUCHING
-                return records.PAUSED
-            status = records.RUNNING
-            if contact["paired"] != 0.0:
-                status = look_at_both(body, limits, flight, space)
-            if contact["paired"] == 0.0 and status == records.RUNNING:
-                status = _look(body, limits, flight, contact, step)
-            if status != records.RUNNING:
-                break
-            flight["steps"] += 1
-            space["work"] += 1.0
-            status = _step(body, slope, limits, space)
-            if status != records.RUNNING and status != records.TIMEOUT:
-                break
-            space["bounded"] = status
-            if contact["undecided"] != 0.0 and step["length"] > LASTING:
-                _note(contact, second)
+        status = records.RUNNING
+        if contact["paired"] != 0.0:
+            status = look_at_both(body, limits, flight, space)
+        if contact["paired"] == 0.0 and status == records.RUNNING:
+            status = _look(body, limits, flight, contact, step)
+        if status != records.RUNNING:
+            break
+        flight["steps"] += 1
+        space["work"] += 1.0
+        bounded = _step(body, slope, limits, space)
+        if bounded != records.RUNNING and bounded != records.TIMEOUT:
+            status = bounded
+            break
+        if contact["undecided"] != 0.0 and step["length"] > LASTING:
+            _note(contact, second)
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
             _sample_step(limits, flight, space, trajectory)
-            if space["row"] > 0.0:
-                space["stage"] = TOUCHING
-                return records.PAUSED
         both = contact["paired"] != 0.0
         contact["undecided"] = 1.0 if progress.move_on(contact, step) else 0.0
         if both:
@@ -373,7 +359,7 @@ def follow(
             status = _feel(body, contact, step, second)
         if status != records.RUNNING:
             break
-        if contact["undecided"] == 0.0 and step["event"] == events.NOTHING and space["bounded"] == records.TIMEOUT:
+        if contact["undecided"] == 0.0 and step["event"] == events.NOTHING and bounded == records.TIMEOUT:
             status = records.TIMEOUT
             break
         if step["event"] != events.NOTHING and step["event"] != events.MIDDLE_PASSED:

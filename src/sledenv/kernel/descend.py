@@ -13,25 +13,21 @@ from sledenv.compiler.trace import copy_into_callers, straight
 from sledenv.kernel import records
 from sledenv.kernel.ballistics import LANDED
 from sledenv.kernel.contact import write_contact
-from sledenv.kernel.flight import arrive, begin_search, finish_time, go_on, search, tell_body, tell_flight
-from sledenv.kernel.geometry import arms, incline_of, lowest_support, whole_turns
+from sledenv.kernel.flight import arrive, begin_search, finish_time, go_on, search, tell_flight
+from sledenv.kernel.geometry import arms, lowest_support, whole_turns
 from sledenv.kernel.laws import Law, touch
-from sledenv.kernel.params import Body, Incline, Limits, Slope, State
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, PAUSED, RUNNING, SEPARATED, TIMEOUT
+from sledenv.kernel.params import Body, Incline, Limits, State
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
 from sledenv.kernel.state import (
     CONTACT,
-    FLYING,
     HOP,
     IMPULSES,
-    LAUNCHING,
     MOTION,
-    PACK,
     PEAKS,
     SEEKING,
     STEP,
     SUMS,
     TAKING_OFF,
-    TOUCHING,
     add,
     clear,
     copy,
@@ -44,7 +40,6 @@ NEARLY_STUCK = 0.05  # of the entry speed
 
 # What a descent works in; it may get the same again and again.
 SPACE = record(
-    ("pack", PACK),
     ("step", STEP),
     ("second_step", STEP),
     # Series of both points that touch, see pair.py: the sum of their normal forces; moments, and what bounds them.
@@ -57,11 +52,10 @@ SPACE = record(
     ("second", CONTACT),  # the second point that touches, while there are two
     ("hop", HOP),
     # How far a call has come, and where the next one goes on.
-    ("work", "f8"),  # [-] steps, hops and rows of this call;
-    ("most_work", "f8"),  # [-] with so many it leaves a search, rows or a contact unfinished
-    ("stage", "f8"),  # what comes next, see state.py
-    ("row", "f8"),  # rows that have been written of a flight or a step, 0 unless some are left
-    ("bounded", "f8"),  # status with which the series of that step ended
+    ("lane", "f8"),  # which lane of a batch,
+    ("stage", "f8"),  # and what comes next there, see state.py
+    ("work", "f8"),  # [-] steps and hops of this call;
+    ("most_work", "f8"),  # [-] with so many it leaves a search unfinished, and begins no other hop
     ("strikes", "f8"),  # impacts of rigid bodies since the touchdown
 )
 
@@ -206,12 +200,10 @@ def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: f
 
 
 @kernel
-def _sample_flight(limits: Limits, flight: np.void, duration: float, space: np.void, trajectory: np.ndarray) -> None:
-    """Add rows of a flight that is at its start, this included; some may be left for the next call."""
-    at = space["hop"]
+def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void, trajectory: np.ndarray) -> None:
+    """Add rows of a flight that is at its start, this included."""
     rows = max(1.0, np.ceil(duration / limits.sample_interval))
-    first, last = rows_to_write(rows, flight, space, trajectory)
-    for i in range(first, last):
+    for i in range(rows_to_write(rows, flight, trajectory)):
         go_on(at, duration * i / rows)
         row = next_row(trajectory, flight)
         _come(at, row)
@@ -221,8 +213,7 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, space: np.v
 def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> int:
     """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
 
-    ``space["hop"]``, in which the touchdown was found, then says how the body touches. While rows are left the flight
-    stays at its start, and the status is PAUSED.
+    ``space["hop"]``, in which the touchdown was found, then says how the body touches.
     """
     copy_into_callers()
     at = space["hop"]
@@ -239,9 +230,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.
     if not math.isfinite(duration):
         return NON_FINITE
     if trajectory.shape[0] > 0:
-        _sample_flight(limits, flight, duration, space, trajectory)
-        if space["row"] > 0.0:
-            return PAUSED
+        _sample_flight(limits, flight, duration, space["hop"], trajectory)
     arrive(body, duration, at)
     _come(at, flight)
     if status == FINISH:
@@ -267,17 +256,17 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 
 @kernel
 def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
-    """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`."""
+    """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`.
+
+    With ``space["most_work"]`` done the stage is SEEKING, and the next call goes on with the search.
+    """
     copy_into_callers()
     at = space["hop"]
-    if space["stage"] < SEEKING:
+    if space["stage"] == TAKING_OFF:
         tell_flight(at, slope, limits, flight)
         begin_search(body, at)
-        space["stage"] = SEEKING
-    if space["stage"] == SEEKING:
-        space["work"] += search(body, space["most_work"] - space["work"], at)
-        if at["phase"] == LANDED:
-            space["stage"] = FLYING
+    space["work"] += search(body, space["most_work"] - space["work"], at)
+    space["stage"] = TAKING_OFF if at["phase"] == LANDED else SEEKING
 
 
 @part
@@ -293,8 +282,6 @@ def hop(
 ) -> None:
     """Follow one hop: the flight to its touchdown and the contact up to the rebound, or whatever ends the descent.
 
-    A hop that takes more than ``space["most_work"]`` is left unfinished, and ``space`` tells how to go on.
-
     Parameters
     ----------
     body, law, slope, limits
@@ -307,24 +294,17 @@ def hop(
         the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
     space : record of SPACE
         Work space, told the body by :func:`sledenv.kernel.flight.tell_body`; ``space["hop"]`` holds the flight and its
-        touchdown, see :func:`find_touchdown`; ``stage`` says what comes next, from FLYING on.
+        touchdown, see :func:`find_touchdown`.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
     contact = space["contact"]
-    status = RUNNING
-    if space["stage"] != TOUCHING:
-        status = _fly(body, slope, limits, flight, space, trajectory)
-        if status == RUNNING:
-            _touch_down(space["hop"], contact)
+    space["stage"], space["work"] = TAKING_OFF, space["work"] + 1.0
+    status = _fly(body, slope, limits, flight, space, trajectory)
     touched = status == RUNNING
     if touched:
+        _touch_down(space["hop"], contact)
         status = touch(body, law, slope, limits, flight, space, trajectory)
-    if status == PAUSED:
-        return
-    space["stage"] = TAKING_OFF
-    space["work"] += 1.0
-    if touched:
         _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], contact)
         if status == SEPARATED:
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
@@ -339,46 +319,26 @@ def hop(
 def descend(
     body: Body,
     law: Law,
-    slope: Slope,
-    launch: State,
+    slope: Incline,
     limits: Limits,
+    flight: np.void,
     log: np.ndarray,
-    spaces: np.ndarray,
+    space: np.void,
     trajectory: np.ndarray,
-    outcomes: np.ndarray,
     once: bool,
-) -> None:
-    """Simulate one descent, hop after hop, or a hop of one that has begun; either may be left unfinished.
+) -> bool:
+    """Follow a descent hop after hop to its end, or one hop of it; say whether that is done.
 
-    With ``limits.most_work`` done the descent is still RUNNING, or the stage of the hop not TAKING_OFF, and to be
-    called again: it then goes on where it was, for the same arguments, as if it had not returned.
-
-    Parameters
-    ----------
-    body, law, slope, launch, limits
-        See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
-    log : ndarray of REBOUND, shape (max_rebounds,)
-    spaces : ndarray of SPACE, shape (1,)
-        Work space; of another descent only if that has ended.
-    trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
-    outcomes : ndarray of OUTCOME, shape (1,)
-        Overwritten; where the descent is, if only a hop is to be followed.
-    once : bool
-        Whether to follow a hop, to the next rebound or to the end of the descent.
+    It is not once ``space["work"]`` is ``space["most_work"]``: the same call then goes on as if it had not returned.
+    Arguments are those of :func:`hop`.
     """
-    space, flight = spaces[0], outcomes[0]
-    if space["stage"] == LAUNCHING and not once:
-        begin(launch, flight)
-    incline = incline_of(slope)
-    tell_body(body, space["hop"])
-    space["work"], space["most_work"] = 0.0, limits.most_work
-    while flight["status"] == RUNNING and space["work"] < limits.most_work:
-        find_touchdown(body, incline, limits, flight, space)
-        if space["stage"] > SEEKING:
-            hop(body, law, incline, limits, flight, log, space, trajectory)
-        if once and space["stage"] == TAKING_OFF:
+    while flight["status"] == RUNNING:
+        if space["work"] >= space["most_work"]:
+            return False
+        find_touchdown(body, slope, limits, flight, space)
+        if space["stage"] == SEEKING:
+            return False
+        hop(body, law, slope, limits, flight, log, space, trajectory)
+        if once:
             break
-    if flight["status"] != RUNNING and not once:
-        space["stage"] = LAUNCHING
-    close_books(body, incline, launch, flight)
+    return True

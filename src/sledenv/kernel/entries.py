@@ -13,9 +13,9 @@ import numpy as np
 from sledenv.compiler.entries import Entry, Table
 from sledenv.compiler.library import Library
 from sledenv.kernel import geometry
-from sledenv.kernel.batch import descend_lanes, write_inclines
+from sledenv.kernel.batch import descend_lanes
 from sledenv.kernel.collisions import collide, collide_each
-from sledenv.kernel.descend import SPACE, begin, close_books, descend, trim
+from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State, body_of
@@ -74,15 +74,12 @@ def _by_law(name: str, function: Any, *kinds: Any) -> Callable[[Law], Entry]:
     return lambda law: rigid if isinstance(law, RigidLaw) else compliant
 
 
-_DESCENT = (Slope, State, Limits, _LOG)
 _TABLES = (_ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _OUTCOMES, _LOGS, _TRAJECTORY)
 
-run_descent: Final = _by_law("descend", descend, Body, None, *_DESCENT, _SPACES, _TRAJECTORY, _OUTCOMES, bool)
-run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, *_TABLES, _SPACES, int, int)
+run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, *_TABLES, _SPACES, int)
 run_euler: Final = LIBRARY.entry(
-    "descend_euler", descend_euler, Body, ContactLaw, *_DESCENT, _CONTACTS, _TRAJECTORY, _OUTCOMES
+    "descend_euler", descend_euler, Body, ContactLaw, Slope, State, Limits, _LOG, _CONTACTS, _TRAJECTORY, _OUTCOMES
 )
-run_inclines: Final = LIBRARY.entry("write_inclines", write_inclines, _ROWS, _ROWS)
 run_embark: Final = LIBRARY.entry("embark", _embark, Body, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, Body, Slope, State, float, float, _OUTCOMES)
 run_collision: Final = LIBRARY.entry("collide", collide, Body, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
@@ -99,12 +96,18 @@ def _known() -> str:
     body, slope = Body(1.0, 0.1, 0.05, 7.5e-3, 2.0), Slope(math.pi / 18.0, math.inf, 9.81)
     launch = State(0.0, 0.6, 0.7, 0.5, 0.0, 1.0)
     limits = Limits(3.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 12.0, 0.0, 1e6)
-    laws = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
+    compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
-    runs: Any = [(law, run_descent(law), SPACE, (False,)) for law in laws]
-    for law, run, space, once in [*runs, (laws[0], run_euler, CONTACT, ())]:
+
+    for law in (compliant, rigid, None):
         log, rows, outcomes = np.zeros(12, REBOUND), np.zeros(400, TRAJECTORY), np.zeros(1, OUTCOME)
-        run(body, law, slope, launch, limits, log, new(space), rows, outcomes, *once)
+        if law:
+            for name, value in zip(State._fields, launch, strict=True):
+                outcomes[name] = value
+            tables = body, law, slope, launch, np.empty((0, 2)), outcomes, log[np.newaxis], rows
+            run_lanes(law)(law, limits, *tables, new(SPACE), 1)
+        else:
+            run_euler(body, compliant, slope, launch, limits, log, new(CONTACT), rows, outcomes)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

@@ -1,7 +1,7 @@
 """Ballistic flight up to the first touchdown, which is never stepped over: docs/physics.md, section 7.
 
-A search is a few steps of one program, for a single flight or for many side by side. It first goes straight for a root
-and proves that none comes before. Where that fails, it goes on in steps that pass none, however many there are.
+A search first goes straight for a root and proves that none comes before. Where that fails, it goes on in steps that
+pass none, however many there are.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sledenv.compiler.jit import kernel, part
-from sledenv.compiler.trace import LANES, packed, scalar, straight
+from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import ballistics, motion
 from sledenv.kernel.geometry import (
     arms,
@@ -25,17 +25,15 @@ from sledenv.kernel.geometry import (
     sine_and_cosine,
     whole_turns,
 )
-from sledenv.kernel.params import Body, Incline
-from sledenv.kernel.state import BODY, MOTION, SEARCH, copy
+from sledenv.kernel.params import Body
 
 EDGE = 1e-9  # [rad]
 CLEARED = 100.0  # rounding errors of a gap that is open for certain
-FEW = 3  # lanes from which on a pack is faster than each by itself
 
 
-def for_bodies(program: Callable[[Any, bool], None], compiled: Callable[..., Any]) -> Callable[[Body, Any], None]:
+def _for_bodies(program: Callable[[Any, bool], None]) -> Callable[[Body, Any], None]:
     """Return a kernel that runs a program of hops, for bodies with corners or without."""
-    with_corners, without = compiled(lambda hop: program(hop, True)), compiled(lambda hop: program(hop, False))
+    with_corners, without = straight(lambda hop: program(hop, True)), straight(lambda hop: program(hop, False))
 
     @part
     def run(body: Body, hop: Any) -> None:
@@ -47,17 +45,12 @@ def for_bodies(program: Callable[[Any, bool], None], compiled: Callable[..., Any
     return run
 
 
-_take_off, _take_off_all = for_bodies(ballistics.take_off, straight), for_bodies(ballistics.take_off, packed)
-_fall, _fall_all = for_bodies(ballistics.fall, straight), for_bodies(ballistics.fall, packed)
-_march, _march_all = for_bodies(ballistics.march, straight), for_bodies(ballistics.march, packed)
-_arrive = for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, corners), straight)
+_take_off, _fall, _march = _for_bodies(ballistics.take_off), _for_bodies(ballistics.fall), _for_bodies(ballistics.march)
+_arrive = _for_bodies(lambda hop, corners: ballistics.arrival(hop, hop.duration, corners))
 # Write where a flight starts, from a record of OUTCOME, and what it is subject to; where it is after some time [s].
 tell_flight, go_on = straight(ballistics.begin_flight), straight(ballistics.move)
 _finish = scalar(lambda hop: (motion.finish_of(hop),))
 _drawn = scalar(lambda hop: (motion.pull(hop, hop.v), *motion.jerks(hop)))
-# Write whose hop that at place ``k`` of a pack is: that of a hop, which has been told the body.
-tell_place = straight(lambda hop, pack, k: copy(hop, pack.at(k), BODY))
-_take_out = straight(lambda pack, k, hop: copy(pack.at(k), hop, (*BODY, *Incline._fields, *MOTION, *SEARCH)))
 
 
 @kernel
@@ -154,41 +147,6 @@ def search(body: Body, most: float, hop: np.void) -> float:
         else:
             _march(body, hop)
     return steps
-
-
-@kernel
-def _number(phase: float, pack: np.void) -> int:
-    """Number of the flights of a pack that are in a phase."""
-    count = 0
-    for k in range(LANES):
-        count += pack["phase"][k] == phase
-    return count
-
-
-@kernel
-def _search_alone(body: Body, k: int, pack: np.void, hop: np.void) -> None:
-    """Go on with the search at place ``k`` of a pack by itself, in ``hop``."""
-    _take_out(pack, k, hop)
-    search(body, math.inf, hop)
-    pack["touchdown"][k], pack["phase"][k] = hop["touchdown"], ballistics.LANDED
-
-
-@kernel
-def touchdowns(body: Body, count: int, pack: np.void, hop: np.void) -> None:
-    """Find the touchdowns of the first ``count`` flights of a pack, each as :func:`search` finds it, bit for bit.
-
-    Each place has been told its body. All have corners or none has, as ``body`` tells; ``hop`` is a work space.
-    """
-    _take_off_all(body, pack)
-    for k in range(count, LANES):
-        pack["phase"][k] = ballistics.LANDED
-    while _number(ballistics.FALLING, pack) > 0:
-        _fall_all(body, pack)
-    while _number(ballistics.SEARCHING, pack) >= FEW:
-        _march_all(body, pack)
-    for k in range(count):
-        if pack["phase"][k] != ballistics.LANDED:
-            _search_alone(body, k, pack, hop)
 
 
 @kernel

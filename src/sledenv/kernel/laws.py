@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw,
 from sledenv.kernel.progress import begin_with_approaching
 from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
 from sledenv.kernel.rigid import strike
-from sledenv.kernel.state import TOUCHING
 
 Law = CompliantLaw | RigidLaw
 
@@ -32,12 +30,7 @@ def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.vo
     return RUNNING
 
 
-def by_law(compliant: Callable[..., Any], rigid: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function whose second argument is a law, which chooses one of two kernels when it is compiled."""
-    return by_type(1, {RigidLaw: rigid}, compliant)
-
-
-_meet_by = by_law(_meet, strike)
+_meet_by: Callable[..., int] = by_type(1, {RigidLaw: strike}, _meet)
 
 
 @part
@@ -49,9 +42,7 @@ def touch(
     Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
     touchdown, and ``space["hop"]`` has been told the body.
     """
-    status = RUNNING
-    if space["stage"] != TOUCHING:
-        status = _meet_by(body, law, slope, status, space)
+    status = _meet_by(body, law, slope, RUNNING, space)
     while status == RUNNING:
         status = follow(body, slope, limits, flight, space, trajectory)
         if status in (INCONSISTENT, BOTH_CORNERS):  # only an impact can help rigid surfaces then

@@ -87,7 +87,7 @@ class Limits(NamedTuple):
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on its chord, 0: it goes on
-    most_work: float  # [-] steps, hops and rows of one call, which then returns to be called again
+    most_work: float  # [-] steps and hops of one call, which then returns to be called again
 
 
 @kernel

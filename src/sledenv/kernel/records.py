@@ -15,7 +15,6 @@ RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BU
 SEPARATED: Final = -1  # the body leaves the slope
 BOTH_CORNERS: Final = -2  # the corner on the other side of a rigid body has come down
 INCONSISTENT: Final = -3  # no finite normal force keeps rigid surfaces apart: an impact follows
-PAUSED: Final = -4  # a call has done its share: the next one goes on with this flight or contact
 
 ARC, NOSE, TAIL, CHORD = range(1, 5)
 

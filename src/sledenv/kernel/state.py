@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.rows import WIDTH
-from sledenv.compiler.trace import pack_of
 from sledenv.compiler.values import nearest, where
 from sledenv.kernel import normal
 from sledenv.kernel.params import Incline, State
@@ -73,9 +72,8 @@ SEARCH: Final = (  # for the touchdown; times are counted from the start of the 
     "alone_from",  # [s] and from when on there is no other before it
 )
 
-# What comes next in a descent: at its launch, at the start of a later flight; while its touchdown is sought; from there
-# to the touchdown; in a contact that a call has left unfinished.
-LAUNCHING, TAKING_OFF, SEEKING, FLYING, TOUCHING = range(5)
+# What comes next in a descent: the start of a flight, or the rest of the search for its touchdown.
+TAKING_OFF, SEEKING = range(2)
 
 # A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
 # not suffer from cancellation.
@@ -215,17 +213,10 @@ STEP: Final = record(
     ("safe_moment_back", "f8"),
 )
 
-# One hop: a flight, its touchdown, and the impact of a rigid body there. A pack of hops has LANES of each number.
+# One hop: a flight, its touchdown, and the impact of a rigid body there.
 HOP: Final = record(
-    ("lane", "f8"),  # whose hop it is, in a batch
     *((name, "f8") for name in BODY),
     *((name, "f8") for name in Incline._fields),  # what it is subject to
-    # The law of a rigid contact.
-    ("friction", "f8"),  # [-]
-    ("arc_arm", "f8"),  # [m] rolling arm of the arc
-    ("corner_arm", "f8"),  # [m] and of a corner
-    ("law_restitution", "f8"),  # [-]
-    ("settle_speed", "f8"),  # [m/s]
     *((name, "f8") for name in MOTION),  # at the start of the flight; the impact changes omega
     ("max_time", "f8"),  # [s] when the descent ends
     *((name, "f8") for name in SEARCH),
@@ -239,6 +230,7 @@ HOP: Final = record(
     ("b", "f8"),  # [m]
     # The impact, while it goes on and after it.
     ("going", "f8"),  # 1 while it goes on, 0 when it has ended, -1 if there is none
+    ("friction", "f8"),  # [-]
     ("arm", "f8"),  # [m] rolling arm of what touches
     ("restitution", "f8"),  # [-] 0 of a plastic impact
     ("v_t", "f8"),  # [m/s] slip velocity
@@ -257,13 +249,7 @@ HOP: Final = record(
     ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
     ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
     *((name, "f8") for name in LOSSES),  # [J] of the impact, and of the flight before it
-    # What the descent has come to, in a pack of rigid bodies.
-    ("fine", "f8"),  # 1 if this hop was an ordinary one, see bounce.py
-    ("rebounds", "f8"),
-    *((f"lost_{name}", "f8") for name in LOSSES),  # [J] of all hops
 )
-
-PACK: Final = pack_of(HOP)
 
 
 def change(record: Any, mask: Any, **fields: Any) -> None:

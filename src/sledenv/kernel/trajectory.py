@@ -31,20 +31,12 @@ def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
 
 
 @kernel
-def rows_to_write(rows: float, flight: np.void, space: np.void, trajectory: np.ndarray) -> tuple[int, int]:
-    """Return which rows of a flight or of a step, of ``rows`` in all, this call writes: the first, and the next one's.
-
-    ``space["row"]`` is where the next call goes on, 0 if none is left. Once there is no room they are only counted.
-    """
-    first, last = space["row"], rows
-    if flight["samples"] >= trajectory.shape[0]:
-        flight["samples"] = int(min(flight["samples"] + (rows - first), MOST_ROWS))
-        first = rows
-    else:
-        last = min(rows, first + max(space["most_work"] - space["work"], 1.0))
-    space["work"] += last - first
-    space["row"] = last if last < rows else 0.0
-    return int(first), int(last)
+def rows_to_write(rows: float, flight: np.void, trajectory: np.ndarray) -> int:
+    """Return ``rows``, of a flight or of a step; or none, which are only counted, where there is no room for all."""
+    if flight["samples"] + rows <= trajectory.shape[0]:
+        return int(rows)
+    flight["samples"] = int(min(flight["samples"] + rows, MOST_ROWS))
+    return 0
 
 
 @kernel

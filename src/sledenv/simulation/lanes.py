@@ -7,35 +7,36 @@ import os
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from threading import Event
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import run_inclines, run_lanes
+from sledenv.kernel.entries import run_lanes
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
 from sledenv.simulation.rules import checked_count
 
 ALL_HOPS = np.empty((0, 2))  # trims of descents that are followed to their ends
 NO_LOGS = np.zeros((0, 0), REBOUND)
-_FEWEST, _MOST = 16, 128  # lanes of a block: enough to fill a pack, few enough to heed an interrupt
+_FEWEST, _MOST = 16, 128  # lanes of a block: enough to be worth a call, few enough to heed an interrupt
 _BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one
 _WORTH_A_THREAD = 64  # lanes that take longer than to wake it
-_NO_ROWS = np.zeros(0, TRAJECTORY)
+NO_ROWS = np.zeros(0, TRAJECTORY)
 
 
 class Tables(NamedTuple):
-    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`."""
+    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`. A tuple is one row."""
 
     like: Law
     limits: Limits
-    bodies: np.ndarray
-    laws: np.ndarray
-    slopes: np.ndarray
-    launches: np.ndarray
+    bodies: Any
+    laws: Any
+    slopes: Any
+    launches: Any
 
 
 def num_threads() -> int:
@@ -52,40 +53,59 @@ def num_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def follow(tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray) -> None:
-    """Follow many descents, or a hop of each, and return when all have been at it; some may still be RUNNING.
+def follower(
+    tables: Tables,
+    trims: np.ndarray,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray = NO_ROWS,
+    ended: Event | None = None,
+) -> Callable[[int, int], None]:
+    """Return what follows the lanes from a first one to a last one, or a hop of each, until ``ended``; for one thread.
 
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
-    inclines = np.empty((len(tables.slopes), len(Incline._fields)))
-    run_inclines(tables.slopes, inclines)
+    space, logs = new(SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    run, lane = run_lanes(tables.like).prepared(*tables, trims, flights, logs, trajectory, space), space["lane"]
+
+    def follow(first: int, last: int) -> None:
+        lane[0] = first
+        while lane[0] < last and not (ended and ended.is_set()):  # an interrupt takes effect between two calls
+            run(last)
+
+    return follow
+
+
+def follow_all(tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray) -> None:
+    """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`."""
     lanes = len(flights)
     threads = min(num_threads(), max(1, lanes // _WORTH_A_THREAD))
     size = min(max(lanes // (_BLOCKS * threads), _FEWEST), _MOST)
-    given = (tables.like, tables.limits, tables.bodies, tables.laws, inclines, tables.launches, trims, flights)
-    starts = deque(range(0, lanes, size))
+    starts, ended = deque(range(0, lanes, size)), Event()
 
     def work() -> None:
-        logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
-        run = run_lanes(tables.like).prepared(*given, logs, _NO_ROWS, new(SPACE))
+        follow = follower(tables, trims, flights, rebounds, ended=ended)
         while True:
             try:
                 start = starts.popleft()
             except IndexError:  # another thread has taken the last one
                 return
-            run(start, min(start + size, lanes))
+            follow(start, min(start + size, lanes))
 
-    _share(work, threads, starts)
+    _share(work, threads, starts, ended)
 
 
-def _share(work: Callable[[], None], threads: int, left: deque[Any]) -> None:
-    """Do some work in this thread and in others, until nothing is left; an error or an interrupt leaves the rest."""
+def _share(work: Callable[[], None], threads: int, left: deque[Any], ended: Event) -> None:
+    """Do some work in this thread and in others, until nothing is left; an error or an interrupt ends it for all."""
     others = []
     try:
         if threads > 1:
             pool = _pool(os.getpid(), threads - 1)
             others = [pool.submit(work) for _ in range(threads - 1)]
         work()
+    except BaseException:
+        ended.set()
+        raise
     finally:
         left.clear()
         wait(others)

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import copy
-import math
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import run_descent, run_embark, run_trim
+from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.kernel.state import MOTION, TAKING_OFF, new
+from sledenv.kernel.state import MOTION
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import descent_jam
-from sledenv.simulation.lanes import Tables, follow
+from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
-from sledenv.simulation.simulate import FIRST_TRAJECTORY, NO_ROWS, put_at_launch
+from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
 
 
 class Ride:
@@ -148,11 +146,10 @@ class Ride:
 
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
-        body, slope, launch, limits = self.body, self.slope, self.launch, self.settings.limits
-        log, trajectory, flight, space = self._rebounds, self._trajectory, self._flight.copy(), new(SPACE)
-        descend = run_descent(self._touching)
-        while space["stage"][0] != TAKING_OFF:  # an interrupt takes effect between two calls
-            descend(body, self._touching, slope, launch, limits, log, space, trajectory, flight, True)
+        law, flight = self._touching, self._flight.copy()
+        tables = Tables(law, self.settings.limits, self.body, law, self.slope, self.launch)
+        trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
+        follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
 
     def _check_running(self) -> None:
@@ -198,7 +195,6 @@ class RideBatch:
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._limits = self.settings.limits._replace(most_work=math.inf)  # a call is one hop of each lane
         given = checked_lanes(self.body, law, slope, launches, self.settings)
         lanes = len(given.launches)
         self._like, self._bodies = given.like(), given.bodies
@@ -253,9 +249,9 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        tables = Tables(self._like, self._limits, self._bodies, self._laws, self._slopes, self._launches)
+        tables = Tables(self._like, self.settings.limits, self._bodies, self._laws, self._slopes, self._launches)
         trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
-        follow(tables, trimmed, self._flights, self._touched[:, np.newaxis])
+        follow_all(tables, trimmed, self._flights, self._touched[:, np.newaxis])
         if before is not None:
             touching = np.flatnonzero(self._flights["rebounds"] > before)
             self._rebounds[touching, before[touching]] = self._touched[touching]

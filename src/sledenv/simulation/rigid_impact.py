@@ -11,7 +11,7 @@ from sledenv.kernel.descend import contact_mode
 from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.state import HOP, PACK, new
+from sledenv.kernel.state import HOP, new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
 from sledenv.simulation.scene import ContactLaw, State
@@ -146,7 +146,7 @@ def rigid_impact(
     count = int(phases_found[0])
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
-    hop = {name: float(hops[name][0]) for name in PACK.names or ()}
+    hop = {name: float(hops[name][0]) for name in HOP.names or () if name != "filling"}
     slip, omega = hop["v_t"], hop["omega"]
     after = state
     if count > 0:

@@ -14,7 +14,7 @@ BatchSolver = Literal["compliant", "rigid"]
 FrictionSign = Literal["dissipative", "printed"]
 
 # Of one call of the kernel, a fraction of a second: an interrupt takes effect between two of them.
-WORK = 1e5  # steps in contact, hops and rows
+WORK = 1e5  # steps in contact, and hops
 EULER_WORK = 2e6
 
 _SOLVERS, _BATCH_SOLVERS, _SIGNS = get_args(Solver), get_args(BatchSolver), get_args(FrictionSign)

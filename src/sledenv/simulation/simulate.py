@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import run_descent, run_euler
+from sledenv.kernel.entries import run_euler
 from sledenv.kernel.records import OUTCOME, RUNNING, TRAJECTORY
 from sledenv.kernel.state import CONTACT, new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, Tables, follow
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
-NO_ROWS = np.zeros(0, TRAJECTORY)
 _BLOCK = 8192  # lanes of a batch that are simulated together
 
 
@@ -100,14 +98,16 @@ def simulate(
     outcome = outcomes[0]
 
     def run() -> None:
-        euler = settings.solver == "euler"
-        space = new(CONTACT if euler else SPACE)
-        descend: Any = run_euler if euler else run_descent(touching)
-        once = () if euler else (False,)
-        while True:
-            descend(body, touching, slope, launch, limits, rebounds, space, trajectory, outcomes, *once)
-            if outcome["status"] != RUNNING:
-                return
+        outcomes[:] = 0
+        if settings.solver == "euler":
+            given = body, touching, slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes
+            go_on = run_euler.prepared(*given)
+            while outcome["status"] == RUNNING:  # an interrupt takes effect between two calls
+                go_on()
+        else:
+            put_at_launch(outcomes, launch)
+            tables = Tables(touching, limits, body, touching, slope, launch)
+            follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
 
     run()
     if record == "trajectory" and outcome["samples"] > len(trajectory):
@@ -116,10 +116,10 @@ def simulate(
     return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
 
 
-def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
+def put_at_launch(flights: np.ndarray, launches: np.ndarray | State) -> None:
     """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
     flights["t_on_chord"] = flights["x_on_chord"] = np.inf
-    for name, column in zip(State._fields, launches.T, strict=True):
+    for name, column in zip(State._fields, launches.T if isinstance(launches, np.ndarray) else launches, strict=True):
         flights[name] = column
 
 
@@ -142,8 +142,7 @@ class _Lanes(NamedTuple):
         like, limits, *rows = self.tables
         tables = Tables(like, limits, *(table[part] if len(table) > 1 else table for table in rows))
         put_at_launch(outcomes, tables.launches)
-        while (outcomes["status"] == RUNNING).any():
-            follow(tables, ALL_HOPS, outcomes, rebounds)
+        follow_all(tables, ALL_HOPS, outcomes, rebounds)
         return descent_jam(outcomes, tables.bodies[:, 0], tables.slopes[:, 1])
 
 

@@ -58,7 +58,9 @@ def lowest_support(body: Body) -> float:
 
 def support_height(body: Body, phi: float) -> float:
     """Height [m] of the mass centre above the slope when the lowest point of the body touches it."""
-    return float(support_heights(body, np.array([phi], float))[0])
+    height = np.empty(1)
+    run_support_heights(body, (phi,), height)
+    return float(height[0])
 
 
 def support_heights(bodies: Body | NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
