@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from sledenv.compiler.entries import INTERPRETED
-from sledenv.compiler.jit import OPTIONS, kernel, tell_numba
+from sledenv.compiler.jit import OPTIONS, kernel, register_all
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -19,8 +19,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     run = numba.njit(**OPTIONS)(kernel(function))
 
     @functools.wraps(function)
-    def told(*given: Any) -> Any:
-        tell_numba()
+    def registered(*given: Any) -> Any:
+        register_all()
         return run(*given)
 
-    return told
+    return registered

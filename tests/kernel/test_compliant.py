@@ -449,4 +449,4 @@ def test_a_contact_that_ends_on_another_feature_is_continuous() -> None:
     assert row["feature"] == Feature.ARC
     assert row["u_after"] - row["u_before"] == pytest.approx(row["tangential_impulse"], abs=1e-13)
     assert row["v_after"] - row["v_before"] == pytest.approx(row["normal_impulse"], abs=1e-13)
-    assert abs(descent.energy.residual) < 1e-13 * descent.energy.supplied
+    assert abs(descent.energy.residual) < 1e-13 * descent.energy.turnover

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel import flight
+from sledenv.kernel import flight, motion
 from sledenv.kernel.records import ARC, TAIL
 from sledenv.kernel.state import HOP, new
 from sledenv.simulation.bodies import Body, circular_segment
@@ -18,7 +18,7 @@ from tests.bodies import rod, segment
 from tests.compiled import compiled
 from tests.oracles import scanned_touchdown, support
 
-finish_time_of = compiled(flight.finish_time)
+finish_time_of = compiled(motion.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
 ROD = rod(1.0, 0.4, 0.02)
@@ -40,13 +40,13 @@ spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0)
 def land_each(body: Body, flights: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
     """Find the touchdown of each of some flights, rows gravity, y, phi, v, omega, horizon, by itself."""
     hop = hops[0]
-    flight.tell_body(body, hop)
+    flight.write_body(body, hop)
     for i in range(len(flights)):
         row = flights[i]
         hop["inward"], hop["y"], hop["phi"] = row[0], row[1], row[2]
         hop["v"], hop["omega"], hop["horizon"] = row[3], row[4], row[5]
-        flight.begin_search(body, hop)
-        flight.search(body, math.inf, hop)
+        flight.begin_search(hop)
+        flight.search(math.inf, hop)
         found[i] = hop["touchdown"]
 
 

@@ -15,7 +15,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from sledenv.compiler.entries import Entry, Table
-from sledenv.compiler.jit import OPTIONS, kernel, tell_numba
+from sledenv.compiler.jit import OPTIONS, kernel, register_all
 from sledenv.compiler.library import Library
 from sledenv.compiler.targets import Target, machine, target_of
 
@@ -72,7 +72,7 @@ def _module(library: Library) -> Any:
     llvm.initialize_all_asmprinters()
     for entry in library.entries.values():
         kernel(entry.function)
-    tell_numba()
+    register_all()
     whole = llvm.parse_assembly(_NO_COUNTS)
     exported = {}
     for entry in library.entries.values():

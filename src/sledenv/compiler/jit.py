@@ -1,4 +1,4 @@
-"""How kernels are written: plain Python functions, of which numba is told when it is to compile them, not before."""
+"""How kernels are written: plain Python functions, registered with numba when it is to compile them, not before."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 # No fastmath: it would drop NaN checks, and the kernels report a non-finite state as a status.
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy"}
 
-_untold: list[Callable[[], object]] = []  # what numba has not been told yet
+_unregistered: list[Callable[[], object]] = []  # what numba does not know yet
 
 
-def when_compiled(tell: Callable[[], object]) -> None:
-    """Call a function, which tells numba of something, before anything is compiled; so numba is not loaded for it."""
-    _untold.append(tell)
+def when_compiled(register: Callable[[], object]) -> None:
+    """Call a function, which registers something with numba, before anything is compiled; numba is not loaded now."""
+    _unregistered.append(register)
 
 
-def tell_numba() -> None:
-    """Tell numba of all kernels that there are."""
-    while _untold:
-        _untold.pop()()
+def register_all() -> None:
+    """Register all kernels that there are with numba."""
+    while _unregistered:
+        _unregistered.pop()()
 
 
 def kernel(function: _F) -> _F:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sledenv.kernel.descend import close_books, descend, trim
-from sledenv.kernel.flight import tell_body
+from sledenv.kernel.flight import write_body
 from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.laws import Law, law_of_row
 from sledenv.kernel.params import Limits, Slope, State, body_of, reader, row_of
@@ -67,7 +67,7 @@ def descend_lanes(
             if once and space["stage"] == TAKING_OFF:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])
             incline, law = incline_of(_slope_of(slopes, lane)), law_of_row(like, laws, lane)
-            tell_body(body, space["hop"])
+            write_body(body, space["hop"])
             done = descend(body, law, incline, limits, flight, row_of(logs, lane), space, trajectory, once)
             close_books(body, incline, _launch_of(launches, lane), flight)
             if not done:

@@ -89,7 +89,7 @@ def join(body: Body, contact: np.void, second: np.void) -> bool:
     second["phi"], second["turns"] = phi - turn, contact["turns"] + turn
     second["feature"] = records.NOSE if phi > 0.0 else records.TAIL
     second["at_edge"] = 0.0
-    progress.tell_feature(body, second)
+    progress.write_feature(body, second)
     if not abs(gap + apart) <= AT_SURFACE * contact["size"]:
         return False
     sine_2, _ = sine_and_cosine(second["phi"] + second["shift"])
@@ -113,7 +113,7 @@ def _part(body: Body, first_stays: bool, contact: np.void, second: np.void) -> N
     if not first_stays:
         _take(contact, second)
     contact["paired"], contact["other_left"] = 0.0, 1.0
-    progress.tell_feature(body, contact)
+    progress.write_feature(body, contact)
 
 
 @kernel
@@ -168,7 +168,7 @@ def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
 
 @part
 def prepare_both(slope: Incline, space: np.void) -> None:
-    """Tell a step of both points what its series need, and the bounds of locked normal forces."""
+    """Write what the series of a step of both points need, and the bounds of locked normal forces."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     step["unit"] = second_step["unit"] = _unit(slope, contact, second)
     step["largest"], step["least"] = normal.bounds(contact, 0.0)
@@ -189,6 +189,16 @@ def complete_both(limits: Limits, space: np.void) -> int:
     complete(contact, step)
     complete(second, second_step)
     return bounded
+
+
+@kernel
+def rolling_part(moment: float, first_load: float, second_load: float) -> float:
+    """Part of a moment that rolling resistance holds; the rest is a couple of the friction of both points.
+
+    A body that does not turn needs a certain moment; the loads are the most that each point's rolling resistance gives.
+    """
+    most = first_load + second_load
+    return min(max(moment, -most), most)
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.flight import tell_body
+from sledenv.kernel.flight import write_body
 from sledenv.kernel.geometry import arms, distance, feature_at, whole_turns
 from sledenv.kernel.impact import MOST_PHASES, impact
 from sledenv.kernel.params import Body, ContactLaw, State
@@ -41,7 +41,7 @@ def collide(
         Set to the number of phases, MOST_PHASES + 1 if they did not suffice.
     """
     hop = hops[0]
-    tell_body(body, hop)
+    write_body(body, hop)
     local = state.phi - whole_turns(state.phi)
     feature = feature_at(body, local)
     a, b = arms(body, feature, local)

@@ -17,7 +17,7 @@ from sledenv.compiler.jit import kernel, part
 from sledenv.compiler.trace import copy_into_callers, of_step
 from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, normal, progress, records
-from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, unite
+from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, rolling_part, unite
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
 from sledenv.kernel.geometry import sine_and_cosine, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
@@ -76,7 +76,7 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     contact["tolerance"] = limits.tolerance
     progress.forget_branch(contact)
     contact["at_edge"], contact["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
-    progress.tell_feature(body, contact)
+    progress.write_feature(body, contact)
 
 
 @part
@@ -146,7 +146,7 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
 
 @part
 def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
-    """Tell a step what its series need, and the bounds of a locked normal force."""
+    """Write what the series of a step need, and the bounds of a locked normal force."""
     begin_step(contact, step)
     step["largest"], step["least"] = normal.bounds(contact, 0.0)
     if contact["gap_rate"] == 0.0:
@@ -218,7 +218,8 @@ def write_contact(space: np.void, t: float, row: np.void) -> None:
         push_2, force_2, moment_2 = _forces(second, second_step, t)
         if slip == 0 and spin == 0:  # only their sum is determined
             force, force_2 = force * push / (push + push_2), force * push_2 / (push + push_2)
-        write_forces(row, push + push_2, force + force_2, moment + moment_2, records.CHORD, slip, spin)
+        moment = rolling_part(moment + moment_2, contact["arm"] * push, second["arm"] * push_2)
+        write_forces(row, push + push_2, force + force_2, moment, records.CHORD, slip, spin)
         write_corner(row, feature, push, force)
         write_corner(row, int(second["feature"]), push_2, force_2)
     write_slip(row, horner(step["v_t"], t), contact["friction"])
@@ -352,6 +353,9 @@ def follow(
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
             _sample_step(limits, flight, space, trajectory)
         both = contact["paired"] != 0.0
+        if both:
+            loads = contact["arm"] * step["normal_impulse"], second["arm"] * second_step["normal_impulse"]
+            step["moment_impulse"] = rolling_part(step["moment_impulse"], *loads)
         contact["undecided"] = 1.0 if progress.move_on(contact, step) else 0.0
         if both:
             status = feel_both(body, contact, second, step, second_step)

@@ -11,17 +11,18 @@ from sledenv.compiler.jit import kernel, part
 from sledenv.compiler.rows import WIDTH
 from sledenv.compiler.trace import copy_into_callers, straight
 from sledenv.kernel import records
-from sledenv.kernel.ballistics import LANDED
 from sledenv.kernel.contact import write_contact
-from sledenv.kernel.flight import arrive, begin_search, finish_time, go_on, search, tell_flight
+from sledenv.kernel.flight import arrive, begin_search, move, search, write_flight
 from sledenv.kernel.geometry import arms, lowest_support, whole_turns
 from sledenv.kernel.laws import Law, touch
+from sledenv.kernel.motion import finish_time
 from sledenv.kernel.params import Body, Incline, Limits, State
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
 from sledenv.kernel.state import (
     CONTACT,
     HOP,
     IMPULSES,
+    LANDED,
     MOTION,
     PEAKS,
     SEEKING,
@@ -204,7 +205,7 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void
     """Add rows of a flight that is at its start, this included."""
     rows = max(1.0, np.ceil(duration / limits.sample_interval))
     for i in range(rows_to_write(rows, flight, trajectory)):
-        go_on(at, duration * i / rows)
+        move(at, duration * i / rows)
         row = next_row(trajectory, flight)
         _come(at, row)
 
@@ -231,7 +232,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.
         return NON_FINITE
     if trajectory.shape[0] > 0:
         _sample_flight(limits, flight, duration, space["hop"], trajectory)
-    arrive(body, duration, at)
+    arrive(at, duration)
     _come(at, flight)
     if status == FINISH:
         flight["x"] = slope.length
@@ -255,7 +256,7 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 
 
 @kernel
-def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
+def find_touchdown(slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
     """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`.
 
     With ``space["most_work"]`` done the stage is SEEKING, and the next call goes on with the search.
@@ -263,9 +264,9 @@ def find_touchdown(body: Body, slope: Incline, limits: Limits, flight: np.void, 
     copy_into_callers()
     at = space["hop"]
     if space["stage"] == TAKING_OFF:
-        tell_flight(at, slope, limits, flight)
-        begin_search(body, at)
-    space["work"] += search(body, space["most_work"] - space["work"], at)
+        write_flight(at, slope, limits, flight)
+        begin_search(at)
+    space["work"] += search(space["most_work"] - space["work"], at)
     space["stage"] = TAKING_OFF if at["phase"] == LANDED else SEEKING
 
 
@@ -293,8 +294,8 @@ def hop(
         If there was a contact, that is if ``flight["rebounds"]`` has grown, its record is the row of that number, or
         the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
     space : record of SPACE
-        Work space, told the body by :func:`sledenv.kernel.flight.tell_body`; ``space["hop"]`` holds the flight and its
-        touchdown, see :func:`find_touchdown`.
+        Work space, with the body that :func:`sledenv.kernel.flight.write_body` has written; ``space["hop"]`` holds the
+        flight and its touchdown, see :func:`find_touchdown`.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
     """
@@ -335,7 +336,7 @@ def descend(
     while flight["status"] == RUNNING:
         if space["work"] >= space["most_work"]:
             return False
-        find_touchdown(body, slope, limits, flight, space)
+        find_touchdown(slope, limits, flight, space)
         if space["stage"] == SEEKING:
             return False
         hop(body, law, slope, limits, flight, log, space, trajectory)

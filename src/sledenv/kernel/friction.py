@@ -148,6 +148,8 @@ def _violation(
     found += _beyond(signs.spin, branch.spin, abs(moment) - arm * normal, rate_w, w.per_inertia)[0] / length
     outside = max(normal - bounds.closing, bounds.opening - normal)
     found += _beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)[0]
+    if found == 0.0:
+        return 0.0  # where no force acts at all, the quotient is none
     return found / max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
 
 

@@ -7,13 +7,12 @@ its lowest point lies at ``-a, -b`` from the mass centre, ``a = h sin(theta)``, 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar
-from sledenv.compiler.values import angle_of, length_of, nearest, sine_cosine
+from sledenv.compiler.values import angle_of, length_of, sine_cosine
 from sledenv.kernel.params import Body, Incline, Slope
 from sledenv.kernel.records import ARC, NOSE, TAIL
 
@@ -42,11 +41,6 @@ def incline_of(slope: Slope) -> Incline:
 def whole_turns(phi: float) -> float:
     """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted; odd in ``phi``, as a mirror is."""
     return TURN * float(np.rint(phi * (1.0 / TURN)))
-
-
-def without_turns(phi: Any) -> Any:
-    """Program of an angle less its whole turns."""
-    return phi - TURN * nearest(phi * (1.0 / TURN))
 
 
 @kernel
@@ -81,22 +75,20 @@ def feature_geometry(body: Body, feature: int) -> tuple[float, float, float]:
     return reach, 0.0, shift
 
 
-def arms_of(along: Any, across: Any, radius: Any, phi: Any) -> tuple[Any, Any]:
-    """Program of :func:`arms`, for a point that lies ``along`` and ``across`` from where the radius begins."""
-    sine, cosine = sine_cosine(phi)
+@kernel
+def arms_at(along: float, across: float, radius: float, phi: float) -> tuple[float, float]:
+    """:func:`arms` for a point that lies ``along`` and ``across`` from where the radius begins."""
+    sine, cosine = sine_and_cosine(phi)
     return along * sine + across * cosine, radius - along * cosine + across * sine
-
-
-_arms = scalar(arms_of)
 
 
 @kernel
 def arms(body: Body, feature: int, phi: float) -> tuple[float, float]:
     """Arms ``a``, ``b`` [m] of a feature: the contact point lies at (-a, -b) from the mass centre."""
     if feature == ARC:
-        return _arms(body.eccentricity, 0.0, body.radius, phi)  # type: ignore[return-value]
+        return arms_at(body.eccentricity, 0.0, body.radius, phi)
     along, across = corner_lengths(body)
-    return _arms(along, -across if feature == NOSE else across, 0.0, phi)  # type: ignore[return-value]
+    return arms_at(along, -across if feature == NOSE else across, 0.0, phi)
 
 
 @kernel

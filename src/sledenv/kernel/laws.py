@@ -22,7 +22,7 @@ Law = CompliantLaw | RigidLaw
 def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.void) -> int:
     """Let compliant surfaces touch: arguments and result are those of :func:`sledenv.kernel.rigid.strike`."""
     contact = space["contact"]
-    normal.tell_law(law, contact)
+    normal.write_law(law, contact)
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     contact["most_normal"] = math.inf

@@ -40,14 +40,14 @@ def ease(contact: Any, step: Any, separates: Any) -> Any:
 
 
 @kernel
-def tell_law(law: ContactLaw, contact: np.void) -> None:
+def write_law(law: ContactLaw, contact: np.void) -> None:
     """Write what a law says of the normal force."""
     contact["k_closing"] = law.stiffness * (1.0 + law.asymmetry)
     contact["k_opening"] = law.stiffness * (1.0 - law.asymmetry)
 
 
 @kernel
-def tell_rigid(contact: np.void) -> None:
+def write_rigid(contact: np.void) -> None:
     """Write that any force may act while the gap stays closed, and none while it opens."""
     contact["k_closing"], contact["k_opening"] = math.inf, 0.0
 

@@ -175,11 +175,11 @@ def _pacing(contact: Any, moved: Any) -> None:
         setattr(contact, name, where(less(0.0, stiff), UNIT_ANGLE / root(stiff * moved), math.inf))
 
 
-_tell_paces = straight(_pacing)
+_write_paces = straight(_pacing)
 
 
 @kernel
-def tell_feature(body: Body, contact: np.void) -> None:
+def write_feature(body: Body, contact: np.void) -> None:
     """Write what does not change until another feature touches."""
     feature = int(contact["feature"])
     h, r, shift = feature_geometry(body, feature)
@@ -190,7 +190,7 @@ def tell_feature(body: Body, contact: np.void) -> None:
         contact["other"], contact["other_sine"], contact["other_cosine"] = math.inf, 0.0, 0.0
     # The largest mobility of the point: a spring that turns the body moves less than its mass.
     moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    _tell_paces(contact, moved)
+    _write_paces(contact, moved)
 
 
 @kernel
@@ -228,7 +228,7 @@ def _change_feature(body: Body, contact: np.void) -> None:
         contact["feature"] = records.ARC
     contact["phi"] = math.copysign(body.half_angle, contact["phi"])
     contact["at_edge"] = 1.0
-    tell_feature(body, contact)
+    write_feature(body, contact)
 
 
 @kernel

@@ -90,8 +90,13 @@ class Energy(NamedTuple):
         return total + self.absorbed
 
     @property
+    def turnover(self) -> float:
+        """Energy [J] that went through the books, on which the residual is to be seen: at launch, at the end, lost."""
+        return abs(self.initial) + abs(self.potential) + self.work + self.lost
+
+    @property
     def residual(self) -> float:
-        """Energy [J] that the ledger cannot account for: the integration error."""
+        """Energy [J] that the ledger cannot account for: the integration error, small beside the turnover."""
         return self.kinetic + self.potential + self.stored + self.rotor + self.lost - self.initial - self.work
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import copy_into_callers, scalar, straight
-from sledenv.compiler.values import where
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
@@ -22,20 +21,18 @@ MOST_CHORD_IMPACTS = 64
 JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
-_softened = scalar(lambda restitution, speed, v_n, pressing: (softened(restitution, speed, v_n, pressing),))
 _bring = straight(lambda source, target: copy(source, target, ("v_t", "v_n", "omega", "sequence")))
 _book = straight(lambda hop, contact: add(hop, contact, SUMS))
 _with_corner = scalar(lambda sequence, corner: (followed_by(sequence, 20.0 + corner),))  # no code of a phase
-_lies_flat = scalar(lambda phi, across, size: (where(lies_flat(phi, across, size), 1.0, 0.0),))
 
 
 @kernel
-def tell_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> None:
+def write_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> None:
     """Write how rigid surfaces meet."""
     copy_into_callers()
     size = body.radius + body.eccentricity
     spin, slip = contact["omega"], contact["v_t"]
-    normal.tell_rigid(contact)
+    normal.write_rigid(contact)
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     contact["most_normal"] = MOST_NORMAL * body.mass * (slope.inward + size * spin * spin + slip * slip / size)
@@ -115,13 +112,13 @@ def _strike_once(
     if alone:  # without an approach, forces that only grow very large would not act at all
         contact["v_n"] = min(contact["v_n"], -JOLT * contact["scale"])
     local = contact["phi"] - whole_turns(contact["phi"])
-    if not alone and feature != ARC and _lies_flat(local, corner_lengths(body)[1], hop["size"])[0] > 0.0:
+    if not alone and feature != ARC and lies_flat(local, corner_lengths(body)[1], hop["size"]):
         contact["on_chord"] = 1.0
         contact["phi"] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
         return strike_chord(body, law, slope.inward - b * omega * omega > 0.0, contact, hop)
     radius = body.radius if feature == ARC else 0.0
     pressing = slope.inward + (radius - b) * omega * omega
-    (restitution,) = _softened(law.restitution, law.settle_speed, contact["v_n"], pressing)
+    restitution = softened(law.restitution, law.settle_speed, contact["v_n"], pressing)
     if _hit(law, a, b, restitution, contact, hop) > MOST_PHASES:
         return STEP_BUDGET
     return SEPARATED if contact["v_n"] > 0.0 else RUNNING
@@ -138,7 +135,7 @@ def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void)
     left : int
         RUNNING at a touchdown; or the status with which :func:`sledenv.kernel.contact.follow` has left the contact.
     space : record of SPACE
-        Its ``contact`` holds the state, and ``hop`` has been told the body.
+        Its ``contact`` holds the state, its ``hop`` the body.
 
     Returns
     -------
@@ -149,7 +146,7 @@ def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void)
     contact, hop = space["contact"], space["hop"]
     a, b = contact["a_before"], contact["b_before"]
     if left == RUNNING:
-        tell_rigid(body, law, slope, contact)
+        write_rigid(body, law, slope, contact)
         contact["peak_force"] = math.inf
         space["strikes"] = 0.0
     else:

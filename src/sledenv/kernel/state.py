@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.rows import WIDTH
-from sledenv.compiler.values import nearest, where
+from sledenv.compiler.values import nearest
 from sledenv.kernel import normal
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import CONTACT_LOSSES, LOSSES
@@ -58,9 +58,11 @@ PEAKS: Final = (
     "peak_force",  # [N] largest normal force
     "peak_penetration",  # [m]
 )
+# Phases of a search. POISED: on the surface without a gap rate, to be looked at by itself.
+FALLING, SEARCHING, LANDED, POISED = -1.0, 0.0, 1.0, 2.0
 SEARCH: Final = (  # for the touchdown; times are counted from the start of the flight
     "horizon",  # [s] a later touchdown is of no interest
-    "phase",  # FALLING, SEARCHING, LANDED or POISED, see ballistics.py
+    "phase",  # of the search
     "touchdown",  # [s] reached so far; in the end that of the touchdown, inf if there is none
     "bound",  # [m/s^2] the gap never accelerates more than this towards the slope
     "noise",  # [m] rounding error of the gap
@@ -229,7 +231,6 @@ HOP: Final = record(
     ("a", "f8"),  # [m] and arms
     ("b", "f8"),  # [m]
     # The impact, while it goes on and after it.
-    ("going", "f8"),  # 1 while it goes on, 0 when it has ended, -1 if there is none
     ("friction", "f8"),  # [-]
     ("arm", "f8"),  # [m] rolling arm of what touches
     ("restitution", "f8"),  # [-] 0 of a plastic impact
@@ -244,18 +245,12 @@ HOP: Final = record(
     ("sequence", "f8"),  # code of the phases so far, see :func:`followed_by`
     *((name, "f8") for name in IMPULSES),  # so far
     ("closed", "f8"),  # [J] work of compression
-    ("opened", "f8"),  # [J] work of restitution, of impacts that are not energetic
+    ("opened", "f8"),  # [J] work of restitution
     ("stored", "f8"),  # [J] what may be given back
     ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
     ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
     *((name, "f8") for name in LOSSES),  # [J] of the impact, and of the flight before it
 )
-
-
-def change(record: Any, mask: Any, **fields: Any) -> None:
-    """In a program: set fields of a record where a mask is true."""
-    for name, value in fields.items():
-        setattr(record, name, where(mask, value, getattr(record, name)))
 
 
 def copy(source: Any, target: Any, names: Sequence[str], of: str = "{}", to: str = "{}") -> None:

@@ -14,7 +14,7 @@ from sledenv.kernel.state import MOTION, copy
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
 MOST_ROWS: Final = 1e18  # up to which they are counted
 
-_tell_flight = straight(lambda flight, row: copy(flight, row, (*MOTION, *FLIGHT_LOSSES)))
+_write_flight = straight(lambda flight, row: copy(flight, row, (*MOTION, *FLIGHT_LOSSES)))
 
 
 @kernel
@@ -25,7 +25,7 @@ def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     """
     row: np.void = trajectory[min(flight["samples"], trajectory.shape[0] - 1)]
     flight["samples"] += 1
-    _tell_flight(flight, row)
+    _write_flight(flight, row)
     write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
     return row
 
