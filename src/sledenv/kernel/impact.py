@@ -20,7 +20,6 @@ ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 OVER, GOES_ON, ENDLESS = range(3)  # what comes after a phase
 MOST_PHASES = 32
 SIMULTANEOUS = 4e-16  # of a velocity: what is left of it when another one stops may be rounding
-LEVEL = 1e-12  # of the size of the body: a corner this close to the slope counts as touching
 
 _followed = scalar(lambda sequence, phase: (followed_by(sequence, phase),))
 
@@ -190,7 +189,7 @@ def softened(restitution: float, settle_speed: float, v_n: float, pressing: floa
 
 
 @kernel
-def lies_flat(phi: float, across: float, size: float) -> bool:
-    """Whether both corners touch, if one does."""
+def lies_flat(phi: float, across: float, gap: float) -> bool:
+    """Whether both corners are within a gap [m] of the slope, if one touches."""
     sine, _ = sine_and_cosine(phi)
-    return 2.0 * across * abs(sine) <= LEVEL * size
+    return 2.0 * across * abs(sine) <= gap

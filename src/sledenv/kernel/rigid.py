@@ -18,6 +18,8 @@ from sledenv.kernel.state import SUMS, add, copy, followed_by
 
 MOST_STRIKES = 10000  # impacts without a flight between them
 MOST_CHORD_IMPACTS = 64
+LEVEL = 1e-12  # of the size: a corner this close to the slope touches
+NEARLY = 1e-6  # of the size: with one this close, springs however stiff would touch with both
 JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
@@ -54,11 +56,12 @@ def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void
 
 @kernel
 def _lie_down(body: Body, contact: np.void) -> None:
-    """Bring a body to lie on its chord: what both corners have left is lost."""
+    """Bring a body to lie on its chord: what both corners have left is lost, and the slope gives the impulse."""
     a, b = arms_now(body, int(contact["feature"]), contact)
     omega = contact["omega"]
     v = contact["v_n"] + a * omega
     contact["hysteresis"] += 0.5 * (body.inertia * omega**2 + body.mass * v * v)
+    contact["normal_impulse"] -= body.mass * v
     contact["v_t"] -= b * omega
     contact["omega"], contact["v_n"], contact["paired"] = 0.0, 0.0, 1.0
 
@@ -111,11 +114,13 @@ def _strike_once(
     feature, omega = int(contact["feature"]), contact["omega"]
     if alone:  # without an approach, forces that only grow very large would not act at all
         contact["v_n"] = min(contact["v_n"], -JOLT * contact["scale"])
-    local = contact["phi"] - whole_turns(contact["phi"])
-    if not alone and feature != ARC and lies_flat(local, corner_lengths(body)[1], hop["size"]):
-        contact["on_chord"] = 1.0
-        contact["phi"] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
-        return strike_chord(body, law, slope.inward - b * omega * omega > 0.0, contact, hop)
+    if not alone and feature != ARC:
+        local, across = contact["phi"] - whole_turns(contact["phi"]), corner_lengths(body)[1]
+        if lies_flat(local, across, NEARLY * hop["size"]):
+            contact["on_chord"] = 1.0
+        if lies_flat(local, across, LEVEL * hop["size"]):
+            contact["phi"] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
+            return strike_chord(body, law, slope.inward - b * omega * omega > 0.0, contact, hop)
     radius = body.radius if feature == ARC else 0.0
     pressing = slope.inward + (radius - b) * omega * omega
     restitution = softened(law.restitution, law.settle_speed, contact["v_n"], pressing)
