@@ -174,12 +174,14 @@ def test_deep_penetration_creates_no_energy() -> None:
 
 
 def test_a_body_pressed_in_up_to_both_corners_is_buried() -> None:
-    """Oracle: the geometry; when one end of the arc is lowest the other lies r (1 - cos 2 alpha) above it."""
+    """Oracle: the geometry; the end further up lies r (1 - cos(alpha + phi)) above the lowest point of the arc."""
     body = Body(1.0, 0.5, 0.49, 0.05, 0.3)
     launch = State(0.0, support_height(body, 0.2), 0.2, 0.0, -30.0, 20.0)
     descent = simulate(body, ContactLaw(1e4, 0.0, 0.0, 0.0), Slope(0.0), launch, max_time=1.0)
     assert descent.status == Status.BURIED
-    assert descent.state.y < support_height(body, descent.state.phi) - body.radius * (1.0 - math.cos(0.6))
+    phi = descent.state.phi
+    sunk = body.radius * (1.0 - math.cos(body.half_angle + phi))
+    assert descent.state.y == pytest.approx(support_height(body, phi) - sunk, rel=1e-12)
 
 
 def test_a_body_that_rattles_on_its_corners_comes_to_lie_on_its_chord() -> None:

@@ -295,7 +295,9 @@ def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
     """Apply to a contact of one point what happens at the end of a step; return its status, RUNNING if it goes on."""
     status = progress.follow_event(body, contact, step)
     if status == records.BOTH_CORNERS and contact["k_closing"] < math.inf:
-        return records.RUNNING if join(body, contact, second) else records.BURIED
+        # With both ends of a flat arc in the slope one point no longer says where the surfaces push.
+        sunk = contact["feature"] == records.ARC and body.half_angle <= 0.5 * math.pi
+        return records.RUNNING if not sunk and join(body, contact, second) else records.BURIED
     return status
 
 

@@ -120,8 +120,6 @@ def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, 
     sine, cosine = sine_and_cosine(body.half_angle)
     across = body.radius * sine
     if feature == ARC:
-        if body.half_angle <= 0.5 * math.pi:
-            return math.inf, 0.0, 0.0
         # Beyond the far end of the arc, which only a body that is pressed in deep brings so low.
         return body.radius, across, -body.radius * cosine
     reach = 2.0 * across * (1.0 if feature == TAIL else -1.0)
