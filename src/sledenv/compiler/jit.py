@@ -30,19 +30,10 @@ def kernel(function: _F) -> _F:
     return function
 
 
-def part(function: _F) -> _F:
-    """Let compiled code call a function that has one caller, into which numba writes it before it compiles that.
-
-    Compiled by itself, it would be compiled with all that it calls, and its caller with all of this once more.
-    """
-    when_compiled(lambda: _register(function, inline="always"))
-    return function
-
-
-def _register(function: Callable[..., Any], **options: Any) -> None:
+def _register(function: Callable[..., Any]) -> None:
     from numba.extending import register_jitable
 
-    register_jitable(**options, **OPTIONS)(function)
+    register_jitable(**OPTIONS)(function)
 
 
 def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:

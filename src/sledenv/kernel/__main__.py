@@ -1,6 +1,6 @@
-"""Makes object files of the kernel: python src/sledenv/kernel FOLDER [TARGET ...], of this machine if none is named.
+"""Makes object files of the kernel: python src/sledenv/kernel FOLDER [TARGET ...]. This machine is the default target.
 
-Only kernel, compiler and what they stand on are loaded, so that this runs where the package is still being built.
+It loads only kernel, compiler and what they import, so it runs while the package is still being built.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-sys.path.pop(0)  # this folder, whose modules are none of their own
+sys.path.pop(0)  # this folder: its modules are imported as parts of the package
 _package = ModuleType("sledenv")
 _package.__path__ = [str(Path(__file__).parents[1])]
 sys.modules["sledenv"] = _package

@@ -1,4 +1,4 @@
-"""Many descents, one a lane; a single one is a batch of one lane. Whoever calls this may give blocks to threads."""
+"""Many descents, one in each lane; a single one is a batch of one lane. A caller may give blocks to threads."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ def descend_lanes(
     spaces: np.ndarray,
     last: int,
 ) -> None:
-    """Follow the descents of some lanes, or a hop of each; a lane does not depend on its neighbours.
+    """Follow the descents of some lanes, or one hop of each. No lane depends on the other lanes.
 
-    A call that has done ``limits.most_work`` returns before it has come to the last lane: the next one goes on there.
+    A call returns once it has done ``limits.most_work``. The next call then goes on where this one has stopped.
 
     Parameters
     ----------
     like : ContactLaw or RigidLaw
-        Of which kind the rows of ``laws`` are.
+        Any law of the kind that is in ``laws``.
     limits : Limits
         Shared by all lanes.
-    bodies, laws, slopes : ndarray, one row for all lanes or one a lane
+    bodies, laws, slopes : ndarray, one row for all lanes or one for each lane
         Fields of Body, of the law and of Slope.
     launches : ndarray, shape (N, 6)
         Fields of State.
     trims : ndarray, shape (N, 2) or (0, 2)
-        For one hop, spin that the rider's rotor lends to each body [rad/s] and inertia of the rotor [kg m^2]; no row
-        follows all hops.
+        Of each lane, the spin that the rider's rotor lends to the body [rad/s] and the inertia of the rotor [kg m^2].
+        With rows each lane makes one hop; without rows it makes all hops.
     flights : ndarray of OUTCOME, shape (N,)
-        Where each descent is, see :func:`sledenv.kernel.descend.hop`; moved on, their ledgers brought up to date. Those
-        whose status is not RUNNING are left alone.
+        State of each descent, see :func:`sledenv.kernel.descend.hop`; it is moved on, and its ledger is brought up to
+        date. A descent whose status is not RUNNING stays as it is.
     logs : ndarray of REBOUND, shape (N, any) or (1, any)
-        Of each lane the last row is written again and again once there is no room; one row is room that all share.
+        Log of each lane, or one log that all lanes share. Rebounds for which there is no room overwrite its last row.
     trajectory : ndarray of TRAJECTORY
-        Of one lane alone: rows are written while there is room, and counted in its flight.
+        For a single lane. Rows are written while there is room, and its flight counts them all.
     spaces : ndarray of SPACE, shape (1,)
-        Work space of this call and those that go on with it; ``lane`` is the lane that comes next.
+        Work space of this call and of those that go on with it; its ``lane`` is the lane that comes next.
     last : int
-        Up to which lane, itself not included.
+        The lane behind the last one that is followed.
     """
     space, once = spaces[0], trims.shape[0] > 0
     space["work"], space["most_work"] = 0.0, limits.most_work

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import of_step, straight
 from sledenv.compiler.values import absolute, equal, larger, less, not_more, where
 from sledenv.kernel import events, normal, progress, records
@@ -156,7 +156,7 @@ def look_at_both(body: Body, limits: Limits, flight: np.void, space: np.void) ->
     return records.STEP_BUDGET if spent else records.RUNNING
 
 
-@part
+@kernel
 def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
     """Unit of time [s] of a step of both points."""
     unit = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
@@ -166,7 +166,7 @@ def _unit(slope: Incline, contact: np.void, second: np.void) -> float:
     return unit
 
 
-@part
+@kernel
 def prepare_both(slope: Incline, space: np.void) -> None:
     """Write what the series of a step of both points need, and the bounds of locked normal forces."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
@@ -175,7 +175,7 @@ def prepare_both(slope: Incline, space: np.void) -> None:
     second_step["largest"], second_step["least"] = normal.bounds(second, 0.0)
 
 
-@part
+@kernel
 def complete_both(limits: Limits, space: np.void) -> int:
     """Complete a step of both points, as long as its series hold; return what ``bound_step`` does."""
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]

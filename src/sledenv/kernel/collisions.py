@@ -1,4 +1,4 @@
-"""Rigid impacts by themselves, apart from a descent: of a body in some state, and many told by their arms."""
+"""Rigid impacts apart from a descent: one of a body in some state, and many that are given by their arms."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def collide(
     phases : ndarray of PHASE
         Filled from the front.
     count : ndarray of int, shape (1,)
-        Set to the number of phases, MOST_PHASES + 1 if they did not suffice.
+        Set to the number of phases; to MOST_PHASES + 1 if the impact does not end in MOST_PHASES of them.
     """
     hop = hops[0]
     write_body(body, hop)
@@ -86,7 +86,7 @@ def collide_each(
     after : ndarray, shape (N, 3)
         Filled with u, v and omega.
     lost : ndarray of int, shape (1,)
-        Set to the number of the first impact that did not end, after which none is followed; -1 if all ended.
+        Set to the row of the first impact that does not end, or to -1 if all end. Later impacts are not followed.
     """
     hop = hops[0]
     hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.compiler.jit import kernel, part
-from sledenv.compiler.trace import copy_into_callers, of_step
+from sledenv.compiler.jit import kernel
+from sledenv.compiler.trace import of_step
 from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, rolling_part, unite
@@ -57,7 +57,7 @@ def _noting(contact: Any, second: Any) -> None:
 _note = of_step(_noting)
 
 
-@part
+@kernel
 def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None:
     """Set up a contact at its start; its orientation becomes one within a turn."""
     turns = whole_turns(contact["phi"])
@@ -79,7 +79,7 @@ def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None
     progress.write_feature(body, contact)
 
 
-@part
+@kernel
 def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     """Branch of a contact from here on, by the box rule."""
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
@@ -123,7 +123,7 @@ def _tried(number: int, contact: np.void) -> Branch:
     )
 
 
-@part
+@kernel
 def _choose(body: Body, contact: np.void, step: np.void) -> None:
     """Choose the branch that a contact follows from here on, and write what depends on it."""
     trial = progress.trial(contact)
@@ -131,7 +131,7 @@ def _choose(body: Body, contact: np.void, step: np.void) -> None:
     progress.take_branch(branch, contact)
 
 
-@part
+@kernel
 def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
     """Status of a contact before a step: RUNNING if there is to be one."""
     if contact["gap_rate"] == 0.0 and contact["slip"] == 0.0 and contact["spin"] == 0.0:
@@ -144,7 +144,7 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
     return records.RUNNING
 
 
-@part
+@kernel
 def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
     """Write what the series of a step need, and the bounds of a locked normal force."""
     begin_step(contact, step)
@@ -153,7 +153,7 @@ def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
         step["unit"] = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
 
 
-@part
+@kernel
 def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
     """Find what is likely to end a step, and how long its series hold; return what ``bound_step`` does."""
     if contact["gap_rate"] != 0.0:
@@ -168,7 +168,6 @@ def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
 @kernel
 def _turns_back(before: float, end: float, series: np.ndarray, event: int, contact: np.void, step: np.void) -> None:
     """Let a step end where a velocity has become zero, if it has changed its sign by the end of the step."""
-    copy_into_callers()
     if before * end < 0.0:
         length = step["length"]
         at = locate(series, length * before / (before - end), length)
@@ -177,7 +176,7 @@ def _turns_back(before: float, end: float, series: np.ndarray, event: int, conta
             complete(contact, step)
 
 
-@part
+@kernel
 def _foresee(contact: np.void, step: np.void) -> None:
     """Complete a step up to what is likely to end it, sought where it is expected and up to ``step["most"]``."""
     step["event"] = events.NOTHING
@@ -225,7 +224,7 @@ def write_contact(space: np.void, t: float, row: np.void) -> None:
     write_slip(row, horner(step["v_t"], t), contact["friction"])
 
 
-@part
+@kernel
 def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> None:
     """Add rows over one step, both its ends included: forces may jump between it and the next."""
     contact, step = space["contact"], space["step"]
@@ -251,7 +250,7 @@ def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np
         write_contact(space, t, row)
 
 
-@part
+@kernel
 def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
     """Choose the branch of a contact of one point, if it may change; return the status: RUNNING if a step follows."""
     orient(contact, step)
@@ -260,7 +259,7 @@ def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: n
     return _standing(limits, flight, contact, step)
 
 
-@part
+@kernel
 def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
     """Find the series of a step and its first event; return what ``bound_step`` does, or INCONSISTENT.
 
@@ -290,7 +289,7 @@ def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
     return bounded
 
 
-@part
+@kernel
 def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
     """Apply to a contact of one point what happens at the end of a step; return its status, RUNNING if it goes on."""
     status = progress.follow_event(body, contact, step)

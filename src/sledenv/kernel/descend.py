@@ -1,4 +1,4 @@
-"""The loop that is the dataflow: flight, touchdown, contact, rebound, again and again, until the descent ends."""
+"""The loop of a descent: flight, touchdown, contact and rebound, hop after hop, until the descent ends."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.jit import kernel
 from sledenv.compiler.rows import WIDTH
-from sledenv.compiler.trace import copy_into_callers, straight
+from sledenv.compiler.trace import straight
 from sledenv.kernel import records
 from sledenv.kernel.contact import write_contact
 from sledenv.kernel.flight import arrive, begin_search, move, search, write_flight
@@ -39,11 +39,11 @@ from sledenv.kernel.trajectory import next_row, rows_to_write
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
 NEARLY_STUCK = 0.05  # of the entry speed
 
-# What a descent works in; it may get the same again and again.
+# Work space of a descent. The next descent may use the same one.
 SPACE = record(
     ("step", STEP),
     ("second_step", STEP),
-    # Series of both points that touch, see pair.py: the sum of their normal forces; moments, and what bounds them.
+    # Series of two points that touch, see pair.py: the sum of their normal forces, moments, and bounds of the moments.
     ("together", "f8", (WIDTH,)),  # [N]
     ("moment", "f8", (WIDTH,)),  # [N m]
     ("second_moment", "f8", (WIDTH,)),
@@ -52,31 +52,31 @@ SPACE = record(
     ("contact", CONTACT),
     ("second", CONTACT),  # the second point that touches, while there are two
     ("hop", HOP),
-    # How far a call has come, and where the next one goes on.
-    ("lane", "f8"),  # which lane of a batch,
+    # How much a call has done, and where the next call goes on.
+    ("lane", "f8"),  # lane of a batch,
     ("stage", "f8"),  # and what comes next there, see state.py
-    ("work", "f8"),  # [-] steps and hops of this call;
-    ("most_work", "f8"),  # [-] with so many it leaves a search unfinished, and begins no other hop
+    ("work", "f8"),  # [-] steps and hops of this call
+    ("most_work", "f8"),  # [-] at this number the call stops a search, and begins no other hop
     ("strikes", "f8"),  # impacts of rigid bodies since the touchdown
 )
 
 
 def _come_to(at: Any, there: Any) -> None:
-    """Program of a flight, or a row of it, that has the losses before, where a hop has come to."""
+    """Program that moves a flight, or a row of it, to where a hop has come, and adds the losses of the hop."""
     copy(at, there, MOTION, of="{}_landing")
     add(at, there, records.FLIGHT_LOSSES)
 
 
 def _start(launch: Any, flight: Any) -> None:
-    """Program of the numbers of a flight at its launch."""
+    """Program that writes the numbers of a flight at its launch."""
     clear(flight, ("t", "trim", "rotor", "work", "absorbed", "stored", *records.LOSSES))
     copy(launch, flight, State._fields)
 
 
 def meeting(at: Any, contact: Any) -> None:
-    """Program of a contact that begins where a hop has come to, in its own coordinates.
+    """Program that begins a contact where a hop has come to, in the coordinates of the contact.
 
-    The energy of the rounding error in the height is far below that of the ledger.
+    The gap becomes exactly zero. The energy of the rounding error in the height is far below the error of the ledger.
     """
     contact.time = contact.time_before = at.t_landing
     contact.x, contact.gap, contact.x_before = at.x_landing, 0.0, at.x_landing
@@ -90,7 +90,7 @@ def meeting(at: Any, contact: Any) -> None:
 
 
 def _account(contact: Any, rebound: Any) -> None:
-    """Program of what a rebound has from its contact as it is."""
+    """Program that writes into a rebound what follows from its contact alone."""
     copy(contact, rebound, ("x", "phi", *IMPULSES, *PEAKS, "u_before", "v_before", "omega_before"))
     copy(contact, rebound, records.CONTACT_LOSSES, to="loss_{}")
     rebound.t, rebound.duration = contact.time, contact.time - contact.time_before
@@ -154,10 +154,10 @@ def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None
     flight : record of OUTCOME
         Where the descent is, see :func:`hop`.
     spin : float
-        What the body spins faster than with the rotor at rest [rad/s].
+        Spin of the body minus its spin with the rotor at rest [rad/s].
     """
     change = spin - flight["trim"]
-    if change != 0.0:  # or a spin of -0.0 would lose its sign
+    if change != 0.0:  # a spin of -0.0 plus zero would lose its sign
         omega = flight["omega"]
         rotor = 0.5 * (body.inertia * spin) ** 2 / rotor_inertia
         done = body.inertia * change * (omega + 0.5 * change) + rotor - flight["rotor"]
@@ -187,8 +187,7 @@ def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> N
 
 @kernel
 def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: float) -> None:
-    """Fill one rebound record from a contact that has ended, with the arms ``a``, ``b`` [m] of what touched last."""
-    copy_into_callers()
+    """Fill one rebound record from a contact that has ended, with the arms ``a``, ``b`` [m] at its end."""
     u, v = contact["u_before"], contact["v_before"]
     u_after = contact["v_t"] - b * contact["omega"]
     _record(contact, rebound)
@@ -202,7 +201,7 @@ def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: f
 
 @kernel
 def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void, trajectory: np.ndarray) -> None:
-    """Add rows of a flight that is at its start, this included."""
+    """Add rows of a flight from its start on, without its end."""
     rows = max(1.0, np.ceil(duration / limits.sample_interval))
     for i in range(rows_to_write(rows, flight, trajectory)):
         move(at, duration * i / rows)
@@ -212,11 +211,10 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void
 
 @kernel
 def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> int:
-    """Move a flight to its touchdown, or to whatever ends it before; return its status, RUNNING at a touchdown.
+    """Move a flight to its touchdown, or to an earlier end; return its status, RUNNING at a touchdown.
 
-    ``space["hop"]``, in which the touchdown was found, then says how the body touches.
+    ``space["hop"]`` has the time of the touchdown. Afterwards it also says how the body touches.
     """
-    copy_into_callers()
     at = space["hop"]
     status = RUNNING
     left = limits.max_time - flight["t"]
@@ -241,8 +239,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.
 
 @kernel
 def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -> None:
-    """Record a contact and put the flight at its end."""
-    copy_into_callers()
+    """Record a contact, and put the flight where the contact ends."""
     a, b = contact["a_before"], contact["b_before"]
     if contact["phi"] != contact["phi_before"] or contact["feature"] != contact["feature_before"]:
         a, b = arms(body, int(contact["feature"]), contact["phi"] - whole_turns(contact["phi"]))
@@ -259,9 +256,8 @@ def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -
 def find_touchdown(slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
     """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`.
 
-    With ``space["most_work"]`` done the stage is SEEKING, and the next call goes on with the search.
+    The stage is SEEKING if the work reaches ``space["most_work"]``: the next call then goes on with the search.
     """
-    copy_into_callers()
     at = space["hop"]
     if space["stage"] == TAKING_OFF:
         write_flight(at, slope, limits, flight)
@@ -270,7 +266,7 @@ def find_touchdown(slope: Incline, limits: Limits, flight: np.void, space: np.vo
     space["stage"] = TAKING_OFF if at["phase"] == LANDED else SEEKING
 
 
-@part
+@kernel
 def hop(
     body: Body,
     law: Law,
@@ -281,23 +277,23 @@ def hop(
     space: np.void,
     trajectory: np.ndarray,
 ) -> None:
-    """Follow one hop: the flight to its touchdown and the contact up to the rebound, or whatever ends the descent.
+    """Follow one hop: the flight to its touchdown, and the contact up to the rebound. The descent may end before.
 
     Parameters
     ----------
     body, law, slope, limits
         See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
     flight : record of OUTCOME
-        Where the descent is, with status RUNNING: at its launch or at a rebound. Moved on; its ledger is left to
-        :func:`close_books`.
+        State of the descent, at its launch or at a rebound, with status RUNNING. It is moved on; :func:`close_books`
+        writes its ledger.
     log : ndarray of REBOUND
-        If there was a contact, that is if ``flight["rebounds"]`` has grown, its record is the row of that number, or
-        the last one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
+        A contact fills the row of its number, or the last row if there are fewer, and makes ``flight["rebounds"]``
+        larger by one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
     space : record of SPACE
         Work space, with the body that :func:`sledenv.kernel.flight.write_body` has written; ``space["hop"]`` holds the
         flight and its touchdown, see :func:`find_touchdown`.
     trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``flight["samples"]`` tells how many were needed.
+        Rows are written while there is room; ``flight["samples"]`` says how many were needed.
     """
     contact = space["contact"]
     space["stage"], space["work"] = TAKING_OFF, space["work"] + 1.0
@@ -328,10 +324,10 @@ def descend(
     trajectory: np.ndarray,
     once: bool,
 ) -> bool:
-    """Follow a descent hop after hop to its end, or one hop of it; say whether that is done.
+    """Follow a descent to its end, or for one hop if ``once``; return whether that is done.
 
-    It is not once ``space["work"]`` is ``space["most_work"]``: the same call then goes on as if it had not returned.
-    Arguments are those of :func:`hop`.
+    It is not done if ``space["work"]`` reaches ``space["most_work"]`` before. The same call then goes on where this one
+    has stopped. Arguments are those of :func:`hop`.
     """
     while flight["status"] == RUNNING:
         if space["work"] >= space["most_work"]:

@@ -24,13 +24,13 @@ from sledenv.kernel.state import CONTACT, HOP, new
 
 
 def _embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
-    """Put a descent at its launch, and open its books."""
+    """Put a descent at its launch, and write its ledger."""
     begin(launch, flights[0])
     close_books(body, geometry.incline_of(slope), launch, flights[0])
 
 
 def _trim(body: Body, slope: Slope, launch: State, rotor_inertia: float, spin: float, flights: np.ndarray) -> None:
-    """Trim a descent, and close its books."""
+    """Trim a descent, and write its ledger."""
     trim(body, rotor_inertia, flights[0], spin)
     close_books(body, geometry.incline_of(slope), launch, flights[0])
 
@@ -66,7 +66,7 @@ LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
 
 
 def _by_law(name: str, function: Any, *kinds: Any) -> Callable[[Law], Entry]:
-    """Choose the entry for a law, which is among the kinds of its arguments as None."""
+    """Return a function that chooses the entry for a law; None stands for the law among the kinds of arguments."""
     compliant, rigid = (
         LIBRARY.entry(f"{name}_{kind}", function, *(law if given is None else given for given in kinds))
         for kind, law in (("compliant", ContactLaw), ("rigid", RigidLaw))

@@ -33,7 +33,7 @@ class Point(NamedTuple):
 
 NOWHERE: Final = Point(ARC, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-ROW_WORK = 20.0  # of a row of the trajectory, in steps
+ROW_WORK = 20.0  # [steps] work of a row of the trajectory
 
 
 def _step(body: Any, slope: Any, flight: Any, normal: Any, force: Any, dt: Any) -> None:
@@ -51,7 +51,7 @@ _step_on = straight(_step)
 
 @kernel
 def _point(body: Body, law: ContactLaw, flight: np.void, feature: int) -> Point:
-    """Lowest point of a feature and the forces on it, which are zero above the slope; (10)-(13) are the paper's."""
+    """Lowest point of a feature, and the forces on it: zero above the slope. Numbers of equations are the paper's."""
     a, b = arms(body, feature, flight["phi"] - whole_turns(flight["phi"]))
     omega = flight["omega"]
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
@@ -65,7 +65,7 @@ def _point(body: Body, law: ContactLaw, flight: np.void, feature: int) -> Point:
 
 @kernel
 def _look(body: Body, law: ContactLaw, flight: np.void, contact: np.void) -> tuple[Point, Point]:
-    """Write where the body is lowest and how it moves there; return that point and, of a corner, the other one."""
+    """Write where the body is lowest and how it moves there. Return this point, and the other one of two corners."""
     feature = feature_at(body, flight["phi"] - whole_turns(flight["phi"]))
     lowest = _point(body, law, flight, feature)
     contact["time"], contact["x"], contact["phi"] = flight["t"], flight["x"], flight["phi"]
@@ -88,7 +88,7 @@ def _status(slope: Incline, limits: Limits, flight: np.void, contact: np.void) -
 
 @kernel
 def _touch_down(flight: np.void, contact: np.void, a: float) -> None:
-    """Keep the state at a touchdown, ``a`` [m] from the mass centre; nothing has been added up yet."""
+    """Keep the state at a touchdown with the arm ``a`` [m], and set sums and peaks to zero."""
     contact["time_before"], contact["phi_before"] = contact["time"], contact["phi"]
     contact["x_before"], contact["a_before"] = contact["x"], a
     contact["u_before"], contact["v_before"] = flight["u"], flight["v"]
@@ -148,9 +148,9 @@ def descend_euler(
     """Simulate one descent by explicit Euler: paper equations (10)-(13) with gravity, docs/physics.md, section 2.
 
     While both ends of the chord are below the surface, each has a spring, friction and rolling resistance of its own.
-    Its events lie on the grid of steps: errors are of first order, and a body at rest chatters. So it neither jams nor
-    settles on its chord. With ``limits.most_work`` done it is still RUNNING, and to be called again; it then goes on
-    where it was.
+    Events lie on the grid of steps: errors are of first order, and a body at rest chatters. So it neither jams nor
+    settles on its chord. A call returns once it has done ``limits.most_work``, with status RUNNING. The next call then
+    goes on where this one has stopped.
 
     Parameters
     ----------
@@ -158,13 +158,13 @@ def descend_euler(
         See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
         moment of friction with the paper's printed sign, which creates energy.
     log : ndarray of REBOUND
-        As long as ``limits.max_rebounds`` or longer.
+        At least ``limits.max_rebounds`` rows.
     contacts : ndarray of CONTACT, shape (1,)
-        Work space; of another descent only if that has ended.
+        Work space. It may be that of a descent that has ended.
     trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``outcomes[0]["samples"]`` tells how many were needed.
+        Rows are written while there is room; ``outcomes[0]["samples"]`` says how many were needed.
     outcomes : ndarray of OUTCOME, shape (1,)
-        Of zeros, or of a descent that has ended; overwritten.
+        Zeros or a descent that has ended, to begin a descent; the descent itself, to go on with it. Overwritten.
     """
     flight, contact = outcomes[0], contacts[0]
     incline = incline_of(slope)

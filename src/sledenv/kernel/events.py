@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from sledenv.compiler import rows
-from sledenv.compiler.jit import kernel, part
+from sledenv.compiler.jit import kernel
 from sledenv.compiler.rows import EIGHT, element, repeated
-from sledenv.compiler.trace import copy_into_callers, scalar, write_series
+from sledenv.compiler.trace import scalar, write_series
 from sledenv.compiler.values import fma
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import has_corners, sine_and_cosine
@@ -59,19 +59,19 @@ def sum_root(
     return first_root(step["scratch"], step["length"], vanishing, noise)
 
 
-@part
+@kernel
 def series_root(series: np.ndarray, sign: float, vanishing: int, step: np.void) -> float:
     """Time at which ``sign`` times a series, positive at first, becomes negative."""
     return sum_root(series, sign, series, 0.0, 0.0, vanishing, 0.0, step)
 
 
-@part
+@kernel
 def _level_root(series: np.ndarray, sign: float, level: float, vanishing: int, noise: float, step: np.void) -> float:
     """Time at which a series passes a level, upwards if ``sign`` is 1, downwards if it is -1."""
     return sum_root(series, -sign, series, 0.0, sign * level, vanishing, noise, step)
 
 
-@part
+@kernel
 def _bound_root(force: np.ndarray, sign: float, load: np.ndarray, factor: float, step: np.void) -> float:
     """Time at which ``sign`` times a locked force exceeds ``factor`` times its load."""
     noise = 1e-15 * (abs(factor * load[0]) + abs(force[0]))
@@ -165,7 +165,6 @@ def gap_events(contact: np.void, step: np.void) -> None:
 @kernel
 def _before_separation(step: np.void) -> float:
     """Time up to which a release counts. At the separation all bounds are zero: one just before it is rounding."""
-    copy_into_callers()
     return float(step["length"] * (1.0 - 1e-10)) if step["event"] == SEPARATION else math.inf
 
 
@@ -224,7 +223,6 @@ def corner_events(body: Body, contact: np.void, step: np.void) -> None:
 @kernel
 def slope_event(contact: np.void, step: np.void) -> None:
     """Look for the end of the slope."""
-    copy_into_callers()
     if not contact["length"] - contact["x"] > step["travel"]:
         at = _level_root(step["x"], 1.0, contact["length"], 0, 0.0, step)
         happens(at, SLOPE_ENDS, step)
@@ -272,7 +270,6 @@ def first_event(body: Body, space: np.void) -> None:
     :func:`sledenv.kernel.step.complete` has proved not to happen is not sought. Overwrites ``length``, ``event`` and
     ``released``, the sign with which a released velocity leaves.
     """
-    copy_into_callers()
     contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
     paired = contact["paired"] != 0.0
     held = paired and contact["spin"] == 0.0  # both points do the same

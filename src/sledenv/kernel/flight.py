@@ -1,7 +1,7 @@
 """Ballistic flight up to the first touchdown, which is never stepped over: docs/physics.md, section 7.
 
-A search first goes straight for a root and proves that none comes before. Where that fails, it goes on in steps that
-pass none, however many there are. How the body moves is in :mod:`sledenv.kernel.motion`.
+A search first goes straight for a root of the gap, and proves that no root comes before. If that fails, it goes on in
+steps that pass no root, as many as it takes. How the body moves is in :mod:`sledenv.kernel.motion`.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.kernel.state import FALLING, LANDED, MOTION, POISED, SEARCHING, copy
 
-EDGE = 1e-9  # [rad]
-CLEARED = 100.0  # rounding errors of a gap that is open for certain
-ROUNDING = 4e-16
-LITTLE_TURN = 0.3  # [rad] of a step whose gap is much like a polynomial
-# Share of the pull up to which centrifugal accelerations leave the gap concave, and up to which it is like a parabola.
+EDGE = 1e-9  # [rad] the body is on the edge of a feature if it is this close
+CLEARED = 100.0  # a gap of so many rounding errors is open for certain
+ROUNDING = 4e-16  # of the terms of a gap or a gap rate: rounding error of their sum
+LITTLE_TURN = 0.3  # [rad] in a step with less, a short series describes the gap well
+# Centrifugal acceleration over the pull: up to CONCAVE the gap is concave, up to PARABOLIC it is like a parabola.
 CONCAVE = 0.9
 PARABOLIC = 0.5
 
 
 def _start_of(hop: Any, slope: Any, flight: Any) -> None:
-    """Program of where a flight starts, and of what it is subject to."""
+    """Program that writes the slope of a flight, and where it starts."""
     copy(slope, hop, Incline._fields)
     copy(flight, hop, MOTION)
 
 
 def _losses_of(hop: Any) -> None:
-    """Program of what has been lost in a flight."""
+    """Program that writes what a flight has lost."""
     for name, lost in motion.losses(hop, hop, hop.duration).items():
         setattr(hop, name, lost / hop.per_mass)
 
@@ -55,7 +55,7 @@ _write_start, _write_losses = straight(_start_of), straight(_losses_of)
 
 @kernel
 def write_body(body: Body, hop: np.void) -> None:
-    """Write whose hop it is."""
+    """Write what a hop needs of its body."""
     h, (along, across) = body.eccentricity, corner_lengths(body)
     corners = has_corners(body)
     hop["radius"], hop["eccentricity"] = body.radius, h
@@ -68,7 +68,7 @@ def write_body(body: Body, hop: np.void) -> None:
 
 @kernel
 def write_flight(hop: np.void, slope: Incline, limits: Limits, flight: np.void) -> None:
-    """Write where a flight starts, from a record of OUTCOME, and what it is subject to."""
+    """Write the slope and the limit of a flight, and where it starts; ``flight`` is a record of OUTCOME."""
     _write_start(hop, slope, flight)
     hop["max_time"], hop["horizon"] = limits.max_time, limits.max_time - flight["t"]
 
@@ -85,13 +85,19 @@ def _lowest(hop: np.void, local: float) -> tuple[float, float, float]:
 
 @kernel
 def _before_kink(hop: np.void, turn: float) -> bool:
-    """Whether a body turns from the start of its flight without passing +-pi, where one corner follows on the other.
+    """Whether a body that turns by ``turn`` [rad] from the start of its flight does not pass +-pi.
 
-    There the gap has a kink, and its second derivative no bound.
+    At +-pi one corner takes over from the other. The gap has a kink there, so its second derivative has no bound.
     """
     phi = hop["phi"]
     without = not hop["half_angle"] < math.inf
     return bool(without or np.rint(phi * (1.0 / TURN)) == np.rint((phi + turn) * (1.0 / TURN)))
+
+
+@kernel
+def _root(square: float) -> float:
+    """Square root, NaN of a negative number."""
+    return math.sqrt(square) if square >= 0.0 else math.nan
 
 
 @kernel
@@ -114,17 +120,17 @@ def _look_ahead(hop: np.void) -> None:
     gap, rate = y - b, v - a * omega
     hop["bound"], hop["noise"], hop["margin"] = bound, ROUNDING * (top + abs(y)), ROUNDING
     hop["root"], hop["alone_from"] = 0.0, math.inf
-    # It stays out of reach for as long as on a parabola.
+    # The body stays out of reach at least as long as on the parabola of the largest pull.
     if most > 0.0:
-        hop["in_reach"] = (v + np.sqrt(v * v + 2.0 * most * (y - top))) / most
+        hop["in_reach"] = (v + _root(v * v + 2.0 * most * (y - top))) / most
     else:
         hop["in_reach"] = (top - y) / v if v < 0.0 else math.inf
-    # A slow body lands about where its parabola does, and one that flies high about where it comes in reach.
+    # A body that turns slowly lands near the root of its parabola. Any other body lands soon after it comes in reach.
     slow = bound < (1.0 + PARABOLIC) * pull
     first = hop["in_reach"]
     if slow or not first > 0.0:
         bend = pull + (radius - b) * square if slow else pull
-        first = (rate + np.sqrt(rate * rate + 2.0 * gap * bend)) / bend if bend != 0.0 else math.nan
+        first = (rate + _root(rate * rate + 2.0 * gap * bend)) / bend if bend != 0.0 else math.nan
     still = ROUNDING * (abs(v) + top * abs(omega))
     hop["clear"] = hop["touchdown"] = hop["last_step"] = 0.0
     hop["phase"] = SEARCHING
@@ -137,9 +143,10 @@ def _look_ahead(hop: np.void) -> None:
 
 @kernel
 def _alone(reached: float, steep: float, hop: np.void) -> bool:
-    """Say whether no root comes before the one that has been reached: its gap closes with the rate ``steep`` [m/s].
+    """Return whether a root is surely the first: the one at ``reached`` [s], where the gap closes with ``steep`` [m/s].
 
-    None comes before the one of a concave gap, while the body is out of reach, or for some time before a root.
+    It is the first root of a concave gap. It is the first of any gap if three spans leave no time for another root: the
+    gap is open at the start of the flight, while the body is out of reach, and just before a root.
     """
     if not _before_kink(hop, hop["omega"] * reached):
         hop["alone_from"] = math.inf
@@ -155,7 +162,7 @@ def _alone(reached: float, steep: float, hop: np.void) -> bool:
 def _fall(hop: np.void) -> None:
     """Go a step towards a root of the gap.
 
-    It goes to the root of the parabola that osculates the gap, and corrects that by the next two derivatives.
+    The step goes to the root of the parabola that osculates the gap. The next two derivatives correct it.
     """
     time, omega = hop["touchdown"], hop["omega"]
     phi = motion.turned(hop, time)
@@ -164,9 +171,9 @@ def _fall(hop: np.void) -> None:
     height, speed = motion.away(hop, time)
     gap, rate, pull = height - b, speed - a * omega, motion.pull(hop, speed)
     square, lever = omega * omega, radius - b
-    # Where the parabola has no root, its lowest point.
+    # If the parabola has no root, the step goes to that of the parabola with this gap and rate that just touches zero.
     steep = math.sqrt(max(rate * rate + 2.0 * gap * (pull + lever * square), 0.0))
-    hop["touchdown"], hop["phase"] = hop["clear"], SEARCHING  # unless it comes to more
+    hop["touchdown"], hop["phase"] = hop["clear"], SEARCHING  # unless the step succeeds
     if not rate < 0.0:
         return
     step = 2.0 * gap / (steep - rate)
@@ -174,13 +181,13 @@ def _fall(hop: np.void) -> None:
     later = 0.0
     if abs(turn) < LITTLE_TURN and steep > 0.0:
         later = step * step * square * (turn * a * (1.0 / 6.0) + lever * turn * turn * (1.0 / 24.0)) / steep
-    # The error of the gap is that of the slopes over the correction, and of the derivatives beyond.
+    # The error of the gap is that of the parabola, of the slope times the correction, and of the fifth derivative on.
     turn = abs(turn)
     slope = abs(later) * hop["bound"] + hop["furthest"] * abs(omega) * turn * turn
     error = motion.departure(hop, step, later) + abs(later) * slope
     error += hop["furthest"] * (1.0 / 120.0) * turn * turn * turn * turn * turn
     found = error <= hop["noise"]
-    if hop["half_angle"] < math.inf:  # beyond the end of the feature the derivatives are others
+    if hop["half_angle"] < math.inf:  # beyond the end of the feature the derivatives differ
         angle = abs(local)
         found = found and turn < min(abs(angle - hop["half_angle"]), math.pi - angle)
     found = found or abs(gap) <= hop["noise"]
@@ -197,11 +204,11 @@ def _fall(hop: np.void) -> None:
 
 @kernel
 def _heeded(height: float, speed: float, local: float, step: float, hop: np.void) -> float:
-    """Shorten a step of a body with corners, so that none comes down unseen.
+    """Shorten a step of a body with corners, so that no corner comes down unseen.
 
-    The support height has a kink at +-pi, where the other corner takes over: heed that corner as well, and do not turn
-    so far that the arc beyond it comes down. Without spin neither takes over: the middle of the chord stands for both,
-    so that the search does not tell a body from its mirror image.
+    The support height has a kink at +-pi, where the other corner takes over. So the step is safe for that corner too,
+    and it is too short for the arc beyond to come down. Without spin no corner takes over: the middle of the chord then
+    stands for both, and the search treats a body and its mirror image alike.
     """
     omega = hop["omega"]
     coming = -math.copysign(hop["across"], omega) if omega != 0.0 else 0.0
@@ -231,14 +238,14 @@ def _march(hop: np.void) -> None:
         if rate <= still:
             hop["touchdown"], hop["phase"] = 0.0, LANDED if rate < -still else POISED
             return
-    # One step of Newton where the curvature does not matter; a grazing root stays where it is.
+    # A plain root, where the curvature does not matter, gets one step of Newton's method. A grazing root gets none.
     plain = 4.0 * bound * noise < rate * rate
     if gap <= noise and rate <= 0.0:
         hop["phase"] = LANDED
         hop["touchdown"] = max(t - gap / rate, 0.0) if plain else t
     else:
         step = _safe_step(0.0 if starting else gap, rate, bound)
-        # What the curvature may be off by over the step: below rounding, the root has been reached.
+        # The root is reached if all that the curvature can change over the step is below rounding.
         settled = rate < 0.0 and plain and bound * step * step <= noise and not starting
         if hop["half_angle"] < math.inf:
             heeded = _heeded(height, speed, local, step, hop)
@@ -247,7 +254,7 @@ def _march(hop: np.void) -> None:
         hop["touchdown"] = reached if reached <= hop["horizon"] else math.inf
         if settled or not t < reached <= hop["horizon"]:
             hop["phase"] = LANDED
-    # Past this time there is only the root that is known.
+    # After ``alone_from`` there is no root but the one that is known.
     if hop["alone_from"] < hop["touchdown"] and hop["alone_from"] <= hop["horizon"]:
         hop["touchdown"], hop["phase"] = hop["root"] if hop["root"] <= hop["horizon"] else math.inf, LANDED
 
@@ -283,12 +290,12 @@ def _cube_root(number: float) -> float:
 
 @kernel
 def _lift(hop: np.void) -> float:
-    """Time [s] from which to search for the touchdown of a body without a gap rate; -1 if it stays down."""
-    body = Body(math.nan, hop["radius"], hop["eccentricity"], math.nan, hop["half_angle"])  # its shape, that is
+    """Time [s] at which the search for the touchdown of a body without a gap rate starts; -1 if the body stays down."""
+    body = Body(math.nan, hop["radius"], hop["eccentricity"], math.nan, hop["half_angle"])  # only its shape counts
     furthest, omega = hop["furthest"], hop["omega"]
     change, most_change = motion.jerks(hop)
     local = hop["phi"] - whole_turns(hop["phi"])
-    # The next derivatives of the gap tell; on the edge of a feature those of the one that the body turns to.
+    # The next derivatives of the gap decide. On the edge of a feature they are those of the one that the body turns to.
     ahead = local + math.copysign(EDGE, omega)
     h, _, shift = feature_geometry(body, feature_at(body, ahead - whole_turns(ahead)))
     square = omega * omega
@@ -300,20 +307,20 @@ def _lift(hop: np.void) -> float:
     lift = -pull - h * cosine * square
     jerk = h * sine * square * omega + change
     if lift > 1e-9 * bound:
-        # gap''' >= -h |omega|^3 and that of the height keep the gap open this long, if the feature does not end before.
+        # The gap stays open this long, unless the feature ends before: gap''' is not below -h |omega|^3 - most_change.
         open_for = 1.5 * lift / (furthest * square * abs(omega) + most_change)
         return float(min(open_for, _angle_left(body, local, omega) / abs(omega)))
     if lift > -1e-9 * bound and jerk > 0.0:
-        return _cube_root(6.0 * CLEARED * hop["noise"] / jerk)  # lifted off where the normal force vanished
+        return _cube_root(6.0 * CLEARED * hop["noise"] / jerk)  # it lifts off where the normal force is zero
     a, _, _ = _lowest(hop, local)
     return 0.0 if hop["v"] - a * omega > 0.0 else -1.0
 
 
 @kernel
 def begin_search(hop: np.void) -> None:
-    """Go straight for the touchdown of the flight in ``hop``. If that is in doubt, :func:`search` goes on.
+    """Go straight for the touchdown of the flight in ``hop``. Where it may not be the first, :func:`search` goes on.
 
-    The gap obeys ``gap'' >= -(pull + h omega^2)``, which often proves of a root that it is the first.
+    The gap obeys ``gap'' >= -(pull + h omega^2)``. This often proves that a root is the first.
     """
     _look_ahead(hop)
     while hop["phase"] == FALLING:
@@ -324,9 +331,10 @@ def begin_search(hop: np.void) -> None:
 def search(most: float, hop: np.void) -> float:
     """Go on with a search in steps that pass no root, up to ``most`` of them; return their number.
 
-    Each goes to the first root of the parabola with the curvature of that bound, so it cannot pass a root, a grazing
-    one included, and converges quadratically to a plain one. Once LANDED, ``hop["touchdown"]`` is the first time [s] at
-    which the body meets the slope: docs/physics.md (7.1); inf if it does not up to ``hop["horizon"]``.
+    Each step goes to the first root of a parabola below the gap, with the bound of :func:`begin_search` as curvature.
+    So a step passes no root, not even a grazing one, and the steps converge quadratically to a plain root. Once LANDED,
+    ``hop["touchdown"]`` is the first time [s] at which the body meets the slope, docs/physics.md (7.1). It is inf if
+    the body does not meet the slope before ``hop["horizon"]``.
     """
     steps = 0.0
     while hop["phase"] != LANDED and steps < most:
@@ -342,7 +350,7 @@ def search(most: float, hop: np.void) -> float:
 
 @kernel
 def move(hop: np.void, duration: float) -> None:
-    """Write where a flight has come to after some time [s], and what has been lost in it."""
+    """Write where a flight is after some time [s], and what it has lost."""
     hop["duration"] = duration
     hop["x_landing"], hop["u_landing"] = motion.along(hop, duration)
     hop["y_landing"], hop["v_landing"] = motion.away(hop, duration)
@@ -353,7 +361,7 @@ def move(hop: np.void, duration: float) -> None:
 
 @kernel
 def arrive(hop: np.void, duration: float) -> None:
-    """Follow a flight for some time [s]: write where it then is, and how what is lowest there would touch."""
+    """Write where a flight is after some time [s], and how the lowest feature of the body would touch there."""
     move(hop, duration)
     local = hop["phi_landing"] - whole_turns(hop["phi_landing"])
     a, b, _ = _lowest(hop, local)

@@ -1,8 +1,8 @@
 """The box rule: the one set-valued force resolution that every contact model calls.
 
-Three velocities of the contact are set-valued together: slip ``v_t``, spin ``omega`` and gap rate ``v_n``. Each that is
-nonzero fixes its force by its sign; each that is zero either stays locked, its force within bounds, or leaves with
-either sign. The branch of least violation is the answer: docs/physics.md, section 4.2.
+Three velocities of the contact are resolved together: slip ``v_t``, spin ``omega`` and gap rate ``v_n``. A velocity
+that is not zero fixes its force by its sign. A velocity that is zero stays locked, with its force within bounds, or
+leaves with either sign. The branch of least violation is the answer: docs/physics.md, section 4.2.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import copy_into_callers, scalar
 from sledenv.compiler.values import absolute, equal, less, where
 
-TIE = 1e-12  # violations closer than this are equal; the branch listed first is then taken, and locks come first
-CLEAR = 1e-9  # violations above this are told from none
+TIE = 1e-12  # violations closer than this count as equal: the first branch is then taken, and locks come first
+CLEAR = 1e-9  # a violation above this is more than rounding
 
 
 class Mobility(NamedTuple):
-    """What a body answers a contact force with."""
+    """How a body yields to a force at the contact point."""
 
     per_mass: float  # [1/kg]
     per_inertia: float  # [1/(kg m^2)]
@@ -35,9 +35,9 @@ class Drive(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Normal force while the gap closes and while it opens; where ``v_n`` is locked it lies between them."""
+    """Normal force while the gap closes, and while it opens; it lies between these where ``v_n`` is locked."""
 
-    closing: float  # [N] inf of a rigid contact, whose gap cannot close
+    closing: float  # [N] inf of a rigid contact: its gap cannot close
     opening: float  # [N] 0 of a rigid contact
 
 
@@ -60,9 +60,9 @@ rates = kernel(rates_of)
 
 @kernel
 def _clearly_opens(w: Mobility, mu: float, rho: float, drive_n: float, bounds: Bounds) -> bool:
-    """Whether a contact at its deepest opens, by more than rounding.
+    """Whether the gap of a contact at its deepest opens with an acceleration that is more than rounding.
 
-    ``mu`` and ``rho`` are tangential force and moment over the normal force.
+    ``mu`` and ``rho`` are the tangential force and the moment over the normal force.
     """
     copy_into_callers()
     yielding = w.per_mass - w.a * (rho - w.a + mu * w.b) * w.per_inertia
@@ -76,8 +76,9 @@ def branch_forces(
 ) -> tuple[float, float, float]:
     """Forces (F, M, N) of one branch; ``slip``, ``spin`` are -1, 0 (locked) or 1: docs/physics.md, section 4.2.
 
-    Each force is solved for in turn: a general solution of the three equations would cancel for a slender body. Where a
-    normal force would pull the surfaces together (the Painleve region) a locked gap repels: the branch is NaN.
+    The forces are found one after the other: a general solution of the three equations would cancel for a slender body.
+    The forces of a locked gap are NaN where a normal force accelerates the surfaces towards each other (the Painleve
+    region).
     """
     copy_into_callers()
     mass = 1.0 / w.per_mass
@@ -119,11 +120,11 @@ def excluded(sign: int, branch: int) -> bool:
 
 
 def beyond(velocity: Any, branch: Any, excess: Any, rate: Any, yielding: Any) -> Any:
-    """In a program: how far a velocity is from what its branch wants of it, as a force.
+    """In a program: how far a velocity is from the condition of its branch, as a force; 0 if it meets the condition.
 
-    That of a velocity that is locked is what its force exceeds its bound by, ``excess``; that of one which leaves zero
-    is what makes it go the other way, ``yielding`` being its rate under a unit force. One that was not zero is free to
-    do as it does.
+    A locked velocity has a force within its bound: ``excess`` is that force minus the bound. A velocity that leaves
+    zero has a rate with the sign of its branch: a wrong rate counts as the force that makes it, ``yielding`` being the
+    rate under a unit force. A velocity that is not zero has no condition.
     """
     missed = where(equal(branch, 0.0), excess, -branch * rate / yielding)
     return where(equal(absolute(velocity), 1.0), 0.0, where(less(missed, 0.0), 0.0, missed))
@@ -136,7 +137,7 @@ _beyond = scalar(lambda velocity, branch, excess, rate, yielding: (beyond(veloci
 def _violation(
     w: Mobility, drive: Drive, friction: float, arm: float, length: float, bounds: Bounds, signs: Branch, branch: Branch
 ) -> float:
-    """How far the forces of a branch are from what it wants, relative to the normal force; NaN if it has none."""
+    """By how much a branch breaks its conditions, over the normal force; NaN if the branch has no forces."""
     copy_into_callers()
     given = bounds.closing if branch.gap_rate < 0 else bounds.opening
     locked = branch.gap_rate == 0
@@ -149,7 +150,7 @@ def _violation(
     outside = max(normal - bounds.closing, bounds.opening - normal)
     found += _beyond(signs.gap_rate, branch.gap_rate, outside, rate_n, w_nn)[0]
     if found == 0.0:
-        return 0.0  # where no force acts at all, the quotient is none
+        return 0.0  # without any force the quotient would be 0 / 0
     return found / max(abs(normal), bounds.closing if bounds.closing < math.inf else abs(drive.n) / w_nn)
 
 
@@ -162,14 +163,14 @@ def resolve(
     Parameters
     ----------
     w, drive, bounds
-        How the body yields, what drives it, and between which bounds the normal force lies.
+        How the body yields, what drives it, and the bounds of the normal force.
     friction, arm : float
         Coulomb coefficient f [-] and rolling arm delta [m].
     length : float
         Size of the body [m], which makes the violation of a moment comparable with that of a force.
     signs : Branch
-        Signs of ``v_n``, ``v_t`` and ``omega``; 0 where the velocity is exactly zero, 2 or -2 where it is zero but has
-        just been released with that sign, its force at the bound.
+        Signs of ``v_n``, ``v_t`` and ``omega``. 0 stands for a velocity that is exactly zero; 2 or -2 for one that is
+        zero and has just been released with this sign, with its force at the bound.
 
     Returns
     -------
@@ -178,7 +179,7 @@ def resolve(
     """
     copy_into_callers()
     turning_back = signs.gap_rate == 0 and abs(signs.slip) == 1 and abs(signs.spin) == 1 and bounds.closing < math.inf
-    # Most often: a contact at its deepest, which clearly opens; no other branch can be without violation then.
+    # Most calls are for a contact at its deepest that clearly opens. Every other branch then has a violation.
     if turning_back and _clearly_opens(w, -signs.slip * friction, -signs.spin * arm, drive.n, bounds):
         return Branch(1, signs.slip, signs.spin)
     best = Branch(0, 0, 0)
@@ -194,10 +195,10 @@ def resolve(
                     continue
                 branch = Branch(gap_rate, slip, spin)
                 violation = _violation(w, drive, friction, arm, length, bounds, signs, branch)
-                # A branch without forces (NaN) compares false and is never chosen.
+                # A branch without forces has the violation NaN: this compares false, so the branch is never chosen.
                 if violation < least - TIE:
                     least = violation
                     best = branch
                     if violation == 0.0:
-                        return best  # which none of those behind it can beat
+                        return best  # no later branch is better
     return best

@@ -1,7 +1,7 @@
 """The impact in the stiff limit, exact in the normal impulse: docs/physics.md, section 4.
 
-With the configuration frozen the velocities are linear in the normal impulse p between events (slip, spin or gap rate
-reach zero, the impact ends), so the impact is a short list of phases, each in closed form.
+The configuration is frozen. Between events the velocities are linear in the normal impulse: so the impact is a short
+list of phases, each in closed form. An event is that slip, spin or gap rate becomes zero, or that the impact ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sledenv.kernel.state import followed_by
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 OVER, GOES_ON, ENDLESS = range(3)  # what comes after a phase
 MOST_PHASES = 32
-SIMULTANEOUS = 4e-16  # of a velocity: what is left of it when another one stops may be rounding
+SIMULTANEOUS = 4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops too
 
 _followed = scalar(lambda sequence, phase: (followed_by(sequence, phase),))
 
@@ -36,9 +36,9 @@ def _sign(velocity: float) -> int:
 
 @kernel
 def _choose_forces(hop: np.void) -> None:
-    """Write the signs of slip and spin in the next phase, and its forces over the normal one.
+    """Write the signs of slip and spin in the next phase, and its tangential force and moment over the normal force.
 
-    A velocity that is zero may stay locked, or leave with either sign.
+    A velocity that is zero stays locked, or leaves with either sign.
     """
     slip, spin = _sign(hop["v_t"]), _sign(hop["omega"])
     mu, rho = -slip * hop["friction"], -spin * hop["arm"]
@@ -52,14 +52,14 @@ def _choose_forces(hop: np.void) -> None:
 
 @kernel
 def _until_zero(velocity: float, rate: float) -> float:
-    """Normal impulse [N s] after which a velocity is zero, inf if it does not come closer to that."""
+    """Normal impulse [N s] after which a velocity is zero; inf if it does not come closer to zero."""
     closer = (velocity > 0.0 and rate < 0.0) or (velocity < 0.0 and rate > 0.0)
     return -velocity / rate if closer else math.inf
 
 
 @kernel
 def _until_end(hypothesis: int, rate_n: float, hop: np.void) -> float:
-    """Normal impulse [N s] after which an impact whose gap opens has given back what it may; inf if never."""
+    """Normal impulse [N s] after which an impact whose gap opens ends, by its hypothesis; inf if it does not end."""
     v_n, restitution = hop["v_n"], hop["restitution"]
     if hypothesis == POISSON:
         return float(max((1.0 + restitution) * hop["compressed"] - hop["normal_impulse"], 0.0))
@@ -68,20 +68,21 @@ def _until_end(hypothesis: int, rate_n: float, hop: np.void) -> float:
         if v_n >= target:
             return 0.0
         return (target - v_n) / rate_n if rate_n > 0.0 else math.inf
-    speed = v_n + np.sqrt(v_n * v_n + 2.0 * rate_n * hop["stored"])
+    square = v_n * v_n + 2.0 * rate_n * hop["stored"]
+    speed = v_n + math.sqrt(square) if square >= 0.0 else 0.0
     return 2.0 * hop["stored"] / speed if speed > 0.0 else math.inf
 
 
 @kernel
 def _after(velocity: float, rate: float, span: float) -> float:
-    """Velocity after a normal impulse [N s]; rounding must not leave a rest of one that stops then, like another."""
+    """Velocity after a normal impulse [N s]; exactly 0 if it stops there, though rounding leaves a rest of it."""
     then = velocity + rate * span
     return then if abs(then) > SIMULTANEOUS * abs(velocity) else 0.0
 
 
 @kernel
 def _pass_phase(hypothesis: int, hop: np.void) -> int:
-    """Follow a phase up to the first event: slip or spin that stops, a gap that turns, the end. Say what comes next."""
+    """Follow a phase up to its first event: slip or spin stops, the gap turns, the impact ends. Return what is next."""
     v_t, omega, v_n, mu, rho = hop["v_t"], hop["omega"], hop["v_n"], hop["mu"], hop["rho"]
     rate_t, rate_w, rate_n = rates(_mobility(hop), Drive(0.0, 0.0), mu, rho, 1.0)
     rate_t, rate_w = rate_t if hop["slip"] != 0.0 else 0.0, rate_w if hop["spin"] != 0.0 else 0.0
@@ -89,7 +90,7 @@ def _pass_phase(hypothesis: int, hop: np.void) -> int:
     if v_n == 0.0:
         hop["opening"] = 1.0 if rate_n > 0.0 else 0.0
         if rate_n == 0.0 or (rate_n > 0.0 and not hop["stored"] > 0.0):
-            return OVER  # it neither approaches nor has anything to give back
+            return OVER  # the gap does not close, and there is no energy to give back
         if rate_n > 0.0 and hop["compressed"] == 0.0:
             hop["compressed"] = hop["normal_impulse"]
     opens = hop["opening"] > 0.0
@@ -99,7 +100,7 @@ def _pass_phase(hypothesis: int, hop: np.void) -> int:
     span = min(stopping, min(until_n, end))
     if not span < math.inf:
         return ENDLESS
-    # Of events at once the end counts, then slip and spin that stop.
+    # Of events at the same impulse the end comes first, then the stop of slip or spin, then the turn of the gap.
     ends = end <= span
     turns = until_n < stopping and not ends
     stops = not turns and not ends
@@ -127,7 +128,7 @@ def _pass_phase(hypothesis: int, hop: np.void) -> int:
 
 @kernel
 def _begin(hop: np.void) -> None:
-    """Write an impact before its first phase."""
+    """Write the numbers of an impact before its first phase."""
     hop["normal_impulse"] = hop["tangential_impulse"] = hop["rolling_impulse"] = 0.0
     hop["closed"] = hop["opened"] = hop["stored"] = hop["opening"] = hop["compressed"] = 0.0
     hop["sliding"] = hop["rolling"] = hop["hysteresis"] = 0.0
@@ -153,14 +154,14 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
     hop : record of HOP
         Given ``per_mass``, ``per_inertia`` and ``size`` of the body, arms ``a`` and ``b`` of the contact point,
         ``friction``, rolling ``arm``, ``restitution``, and ``v_t``, ``omega``, ``v_n`` at touch; v_n > 0 is no impact.
-        Afterwards it holds those velocities, impulses and losses of the impact.
+        Afterwards it holds these velocities at the end, and the impulses and losses of the impact.
     phases : ndarray of PHASE, optional
         Filled from the front.
 
     Returns
     -------
     int
-        Number of phases, MOST_PHASES + 1 if they did not suffice.
+        Number of phases; MOST_PHASES + 1 if the impact does not end in MOST_PHASES of them.
     """
     _begin(hop)
     count, then = 0, OVER if hop["v_n"] > 0.0 else GOES_ON
@@ -175,7 +176,7 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
                 if count < phases.shape[0]:
                     _write_phase(start, hop, phases[count])
             count += 1
-    if hypothesis == ENERGETIC:  # without the cancellation in its two works
+    if hypothesis == ENERGETIC:  # from one work: the difference of both would cancel
         hop["hysteresis"] = (1.0 - hop["restitution"] * hop["restitution"]) * hop["closed"]
     else:
         hop["hysteresis"] = hop["closed"] - hop["opened"]
@@ -184,12 +185,12 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
 
 @kernel
 def softened(restitution: float, settle_speed: float, v_n: float, pressing: float) -> float:
-    """Restitution of a touch: none of a slow one, if the acceleration ``pressing`` is onto the slope."""
+    """Restitution of a touch; 0 if the touch is slow and the acceleration ``pressing`` is onto the slope."""
     return 0.0 if pressing > 0.0 and -v_n < settle_speed else restitution
 
 
 @kernel
 def lies_flat(phi: float, across: float, gap: float) -> bool:
-    """Whether both corners are within a gap [m] of the slope, if one touches."""
+    """Whether the other corner is within a gap [m] of the slope while one corner touches."""
     sine, _ = sine_and_cosine(phi)
     return 2.0 * across * abs(sine) <= gap

@@ -1,4 +1,4 @@
-"""The one place where a descent tells its contact laws apart: by the type of the law, when it is compiled."""
+"""The one place where a descent depends on its contact law: its type chooses the code, when that is compiled."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sledenv.compiler.jit import by_type, kernel, part
+from sledenv.compiler.jit import by_type, kernel
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader
@@ -33,19 +33,19 @@ def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.vo
 _meet_by: Callable[..., int] = by_type(1, {RigidLaw: strike}, _meet)
 
 
-@part
+@kernel
 def touch(
     body: Body, law: Law, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray
 ) -> int:
     """Follow a touch until the body leaves, or its descent ends.
 
     Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
-    touchdown, and ``space["hop"]`` has been told the body.
+    touchdown, and the body is written in ``space["hop"]``.
     """
     status = _meet_by(body, law, slope, RUNNING, space)
     while status == RUNNING:
         status = follow(body, slope, limits, flight, space, trajectory)
-        if status in (INCONSISTENT, BOTH_CORNERS):  # only an impact can help rigid surfaces then
+        if status in (INCONSISTENT, BOTH_CORNERS):  # rigid surfaces then need an impact
             status = _meet_by(body, law, slope, status, space)
     return status
 

@@ -1,7 +1,7 @@
 """How a free body moves: its path, how that bends, where it ends and what is lost; docs/physics.md, section 7.
 
-Gravity alone acts. No other module knows what acts on a body in flight, except that its spin does not change. ``hop``
-is a record of HOP at the start of the flight, from which times [s] are counted.
+Only gravity acts. All modules use that the spin of a body in flight is constant; only this one knows what acts on it.
+``hop`` is a record of HOP at the start of the flight. Times [s] are counted from there.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ def jerks(hop: np.void) -> tuple[float, float]:
 
 @kernel
 def departure(hop: np.void, step: float, later: float) -> float:
-    """Error [m] of a step along a parabola: of the height, and of its rate times a correction ``later``."""
+    """Error [m] of a step along a parabola: that of the height, and that of its rate times a correction ``later``."""
     return 0.0
 
 
 @kernel
 def once_in_reach(hop: np.void, time: float) -> tuple[float, float]:
-    """Return a time and the height [m] then; out of reach, when it has fallen back as far as ``size``."""
+    """Return a time [s] and the height [m] then. Out of reach, the time is that of the fall back to ``size``."""
     height, _ = away(hop, time)
     if height > hop["size"]:
         return max(hop["in_reach"], time), hop["size"]

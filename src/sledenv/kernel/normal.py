@@ -1,7 +1,7 @@
 """The normal force of compliant surfaces: all that a contact knows of their law, docs/physics.md, section 5.
 
-In a branch the force is minus its stiffness times the *load*, a length that is negative while the surfaces push. Here
-the load is the gap. It is linear in gap and gap rate: what is said of numbers holds of the coefficients of series too.
+In a branch the force is minus the stiffness times the *load*, a length that is negative while the surfaces push. Here
+the load is the gap. It is linear in gap and gap rate, so these may be numbers or coefficients of series.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from sledenv.compiler.trace import scalar
 from sledenv.compiler.values import larger, less, where
 from sledenv.kernel.params import ContactLaw
 
-ROUNDING: Final = 2e-15  # of the size: gaps that are equal, or zero, but for rounding
-NO_DEPTH: Final = 1e-12  # of the size: a contact that is shallower is resolved in the limit of a vanishing normal force
+ROUNDING: Final = 2e-15  # of the size: a smaller gap, or difference of gaps, is rounding
+NO_DEPTH: Final = 1e-12  # of the size: the branch of a shallower contact is that of this depth, as the force vanishes
 
 # What a contact holds of its law.
 FIELDS: Final = (
@@ -53,7 +53,7 @@ def write_rigid(contact: np.void) -> None:
 
 
 def bounds_of(contact: Any, shallow: Any) -> tuple[Any, Any]:
-    """In a program: force [N] of a contact while its gap closes and while it opens, at least ``shallow`` [m] deep."""
+    """In a program: force [N] of a contact while its gap closes and while it opens, from a depth ``shallow`` [m] on."""
     depth = larger(-load(contact, contact.gap, contact.v_n), shallow)
     closing = where(less(contact.k_closing, math.inf), contact.k_closing * depth, math.inf)
     return closing, contact.k_opening * depth
@@ -70,7 +70,7 @@ def force(contact: Any, gap: Any, rate: Any) -> Any:
 def keep_peaks(contact: Any) -> None:
     """In a program, at the end of a step: keep the largest normal force [N] and penetration [m] so far.
 
-    While the gap closes or opens neither has an extreme but at its ends.
+    Both are largest at an end of the step, because the gap closes or opens all the way.
     """
     contact.peak_force = larger(contact.peak_force, force(contact, contact.gap, contact.v_n))
     contact.peak_penetration = larger(contact.peak_penetration, -contact.gap)

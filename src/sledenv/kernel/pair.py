@@ -1,10 +1,10 @@
 """Two points that touch at once: their forces, and the branch that they follow; docs/physics.md, section 8.2.
 
-Each point is a contact of its own, with its gap, its slip and its forces. They share the body, so the forces of both
-make its rates. A body that turns can hold one gap rate and one slip velocity at zero, whichever point has it. One that
-does not turn moves both points alike, and only the sum of what holds it is determined.
+Each point is a contact of its own, with its gap, its slip and its forces. The points share the body: its rates follow
+from the forces of both. A body that turns locks one gap rate and one slip at most, each at either point. A body that
+does not turn moves both points alike, and only the sum of the forces that lock it is determined.
 
-All but the choice itself are programs. The branch of the second point is called ``other``.
+Everything but the choice itself is a program. The branch of the second point is called ``other``.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ class Point(NamedTuple):
 
 
 class Held(NamedTuple):
-    """How a turning body answers the forces of its locked velocities; zeros stand for what is not locked."""
+    """How a turning body yields to the forces of its locked velocities; zeros stand for what is not locked."""
 
-    # Rates of u, v and omega under a unit normal force where the gap rate is locked, its friction and moment included,
+    # Rates of u, v and omega under a unit normal force where the gap rate is locked, with its friction and moment,
     n_u: Any
     n_v: Any
     n_w: Any
-    # and of u and omega under a unit tangential force where the slip is.
+    # and of u and omega under a unit tangential force where the slip is locked.
     s_u: Any
     s_w: Any
-    # Arm a [m] of the point whose gap rate is locked, arm b of the one whose slip is.
+    # Arm a [m] of the point whose gap rate is locked, arm b [m] of the point whose slip is locked.
     a: Any
     b: Any
     # Inverse of the matrix from both forces to the rates of both locked velocities.
@@ -81,7 +81,7 @@ def branch_of(contact: Any) -> Branch:
 
 
 def points(space: Any) -> tuple[Point, Point]:
-    """Both points at the start of a step. Normal forces that are nearly zero become larger, both in the same ratio."""
+    """Both points at the start of a step. If all normal forces are nearly zero, they are made larger by one factor."""
     shallow = normal.NO_DEPTH * space.contact.size
     within = [normal.bounds_of(point, 0.0) for point in (space.contact, space.second)]
     least, largest = shallow * space.contact.k_closing, larger(within[0][0], within[1][0])
@@ -99,7 +99,7 @@ def points(space: Any) -> tuple[Point, Point]:
 
 
 def hold(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) -> Held:
-    """How a turning body is held; NaN where a locked gap rate would need surfaces that pull each other."""
+    """How a turning body is held; NaN where a normal force accelerates the surfaces of a locked gap to each other."""
     gap_1, gap_2 = equal(branch.gap_rate, 0.0), equal(other.gap_rate, 0.0)
     slip_1, slip_2 = equal(branch.slip, 0.0), equal(other.slip, 0.0)
     per_mass = contact.per_mass
@@ -118,7 +118,7 @@ def hold(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) ->
 
 
 def locking(held: Held, lift: Any, sweep: Any, u: Any, v: Any, omega: Any) -> tuple[Any, Any]:
-    """Normal and tangential force [N] that keep the locked velocities at zero; the rates are those without them."""
+    """Normal and tangential force [N] that keep locked velocities at zero; ``u``, ``v``, ``omega``: rates without."""
     miss_n, miss_s = lift - v + held.a * omega, sweep - u - held.b * omega
     return held.nn * miss_n + held.ns * miss_s, held.sn * miss_n + held.ss * miss_s
 
@@ -146,10 +146,10 @@ def _turned(contact: Any, one: Point, two: Point, branch: Branch, other: Branch)
 
 
 def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any, Any, Any, Any]:
-    """Two conditions for a body not to turn whose slip is locked at both points: moments [N m], each with its bound.
+    """Two moments [N m], each with its bound, on a body that slips at neither point: it turns if one exceeds its bound.
 
-    First all of the tangential force acts at the second point, and friction at the first one may act against it there:
-    a couple that helps rolling resistance. Then the points are exchanged. The body does not turn if both hold.
+    For the first moment all of the tangential force acts at the second point. Friction at the first point may oppose it
+    there: this gives a couple that helps rolling resistance. For the second moment the points are exchanged.
     """
     turning, load = one.a * n_1 + two.a * n_2, one.arm * n_1 + two.arm * n_2
     couple = absolute(one.b - two.b) * one.friction
@@ -157,11 +157,11 @@ def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any
 
 
 def unturned(contact: Any, one: Point, two: Point, branch: Branch) -> Forces:
-    """Forces on a body that does not turn: both points do the same.
+    """Forces on a body that does not turn: both points move alike.
 
-    Locked normal forces are such that no rolling moment is needed, as far as their bounds allow. A locked tangential
-    force is shared in proportion to them. Whether the body turns is judged by the shares within the bounds of friction
-    that keep it best from turning.
+    Locked normal forces are shared so that no rolling moment is needed, as far as their bounds allow. A locked
+    tangential force is shared in proportion to them, but for ``excess`` it is shared, within the bounds of friction, so
+    that it best keeps the body from turning.
     """
     mass = 1.0 / contact.per_mass
     locked, sticks = equal(branch.gap_rate, 0.0), equal(branch.slip, 0.0)
@@ -194,9 +194,9 @@ def _missed(point: Point, signs: Branch, branch: Branch, push: Any, force: Any, 
 
 
 def _judge(still: bool) -> Callable[..., tuple[Any]]:
-    """Return the program that tells by how much a branch of both points breaks its conditions, over the normal force.
+    """Return the program that gives by how much a branch of both points breaks its conditions, over the normal force.
 
-    It is NaN if the branch has no forces.
+    That is NaN if the branch has no forces.
     """
 
     def program(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
@@ -215,24 +215,25 @@ def _judge(still: bool) -> Callable[..., tuple[Any]]:
 def _turns(locked: Any, free: Any, velocity: Any, side: Any) -> Any:
     """Mask of whether the other point of a body that turns may have the sign ``free``.
 
-    It may, if the velocity is not ``locked`` to zero at this point. If it is, that of the other must be free too, with
-    the sign ``side`` that the turning gives it, unless it had a sign before, or the turning gives none.
+    ``locked`` is the sign of the same velocity at this point. If it is not 0, every sign is possible. If it is 0, the
+    point is locked: ``free`` is then not 0, and it is the sign ``side`` that the turning gives. ``side`` does not count
+    if it is 0, or if the other point has a ``velocity`` already.
     """
     may = equal(absolute(velocity), 1.0) | equal(side, 0.0) | equal(free, side)
     return ~equal(locked, 0.0) | (~equal(free, 0.0) & may)
 
 
 def _compatible(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
-    """1 if one body can do what two branches say, else 0.
+    """1 if one body can follow both branches, else 0.
 
-    When a spin starts, the gap rate of the second point exceeds that of the first by the difference of their arms a
-    times the spin, and the slip by the difference of their gaps. Equal gaps differ as soon as the body has turned.
+    A spin that starts makes the gap rates of the points differ, by the spin times the difference of the arms a. It
+    makes the slips differ, by the spin times the difference of the gaps. Equal gaps differ once the body has turned.
     """
     contact, second = space.contact, space.second
     along = contact.h * space.step.sine - second.h * space.second_step.sine
     across = contact.gap - second.gap
     equal_gaps = not_more(absolute(across), normal.NO_DEPTH * contact.size)
-    spinning = equal(absolute(signs.spin), 1.0)  # the velocities themselves tell
+    spinning = equal(absolute(signs.spin), 1.0)  # the velocities themselves say it
     opens = where(spinning, 0.0, branch.spin * sign(along))
     slips = where(equal_gaps, -sign(along), where(spinning, 0.0, branch.spin * sign(across)))
     alike = equal(branch.gap_rate, other.gap_rate) & equal(branch.slip, other.slip)
@@ -252,7 +253,7 @@ _violation_still, _violation_turning = scalar(_judge(still=True)), scalar(_judge
 
 @kernel
 def _unfit(signs: Branch, branch: Branch, rigid: bool) -> bool:
-    """Whether velocities of some signs cannot follow a branch."""
+    """Whether velocities with these signs cannot follow a branch."""
     return (
         excluded(signs.gap_rate, branch.gap_rate)
         or excluded(signs.slip, branch.slip)
@@ -263,14 +264,13 @@ def _unfit(signs: Branch, branch: Branch, rigid: bool) -> bool:
 
 @kernel
 def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, side: int, trial: int) -> tuple[Branch, Branch, float]:
-    """Choose the branches of two points that touch at once, by the box rule, and tell their violation, the least.
+    """Choose the branches of two points that touch at once, by the box rule; return them and their violation.
 
-    Branches with a locked spin come first, of these those with a locked slip, of these those with a locked gap rate;
-    of equal violations the first is taken.
-    ``signs`` are those of the velocities of both, as in :func:`sledenv.kernel.friction.resolve`. ``side`` is that to
-    which a spin is tried first, 1 or -1: the opposite one for the mirror image. Several branches may have no clear
-    violation, and all but one end at once: ``trial`` = n > 0 takes the n-th of them, or if there are fewer, the one of
-    least violation.
+    The least violation is taken, and of equal ones the first. Branches with a locked spin come first, of these the ones
+    with a locked slip, of these the ones with a locked gap rate. ``signs`` and ``signs_2`` are those of the velocities
+    of each point, as in :func:`sledenv.kernel.friction.resolve`. ``side`` is the sign of spin that is tried first, 1 or
+    -1; the mirror image has the other one. Several branches may have no clear violation, while all but one of them end
+    at once: ``trial`` = n > 0 takes the n-th of them, or if there are fewer, the branch of least violation.
     """
     branch, other = Branch(signs.gap_rate, signs.slip, signs.spin), Branch(signs_2.gap_rate, signs_2.slip, signs.spin)
     if abs(signs.spin * signs.slip * signs_2.slip * signs.gap_rate * signs_2.gap_rate) == 1:
@@ -291,11 +291,11 @@ def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, side: int, tria
                 violation = _violation_still(space, signs, signs_2, branch, other)[0]
             else:
                 violation = _violation_turning(space, signs, signs_2, branch, other)[0]
-            # A branch without forces (NaN) compares false and is never chosen.
+            # A branch without forces has the violation NaN: this compares false, so the branch is never chosen.
             if violation < least - TIE:
                 best, best_2, least = branch, other, violation
             if trial == 0 and violation == 0.0:
-                return best, best_2, least  # which none of those behind it can beat
+                return best, best_2, least  # no later branch is better
             if trial > 0 and violation <= CLEAR:
                 trial -= 1
                 if trial == 0:

@@ -34,7 +34,7 @@ class ContactLaw(NamedTuple):
     corner_rolling_arm: float  # [m] delta of a corner
 
 
-CompliantLaw = ContactLaw  # every kind of law of compliant surfaces: a union, if there are more
+CompliantLaw = ContactLaw  # any law of compliant surfaces: a union, if there are more
 
 
 class RigidLaw(NamedTuple):
@@ -81,18 +81,18 @@ class Limits(NamedTuple):
 
     max_time: float  # [s]
     max_steps: float  # [-] integration steps in contact
-    tolerance: float  # [-] last terms of the series of a contact step, relative to the speed scale of the contact
+    tolerance: float  # [-] bound of the last terms of the series of a contact step, over the speed scale of the contact
     sample_interval: float  # [s] longest time between two rows of a trajectory
     step: float  # [s] of the explicit Euler solver
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on its chord, 0: it goes on
-    most_work: float  # [-] steps and hops of one call, which then returns to be called again
+    most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
 
 
 @kernel
 def row_of(table: np.ndarray, lane: int) -> np.ndarray:
-    """Row of a lane in a table with one row a lane or one for all."""
+    """Row of a lane in a table that has one row for each lane, or one row for all lanes."""
     return table[lane if table.shape[0] > 1 else 0]  # type: ignore[no-any-return]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import copy_into_callers, straight
+from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, less, root, where
 from sledenv.kernel import events, normal, records
 from sledenv.kernel.friction import Branch
@@ -203,7 +203,6 @@ def settled_unit(size: float, gravity: float, omega: float) -> float:
 @kernel
 def move_on(contact: np.void, step: np.void) -> bool:
     """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now."""
-    copy_into_callers()
     before = contact["time"]
     advance(contact, step)
     contact["at_edge"] = contact["other_left"] = 0.0
@@ -234,7 +233,6 @@ def _change_feature(body: Body, contact: np.void) -> None:
 @kernel
 def follow_event(body: Body, contact: np.void, step: np.void) -> int:
     """Apply what happens at the end of a step to the contact; return its status, RUNNING if it goes on."""
-    copy_into_callers()
     event = int(step["event"])
     if event == events.NOTHING:
         moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import copy_into_callers, scalar, straight
+from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import normal
 from sledenv.kernel.geometry import corner_lengths, whole_turns
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
@@ -31,7 +31,6 @@ _with_corner = scalar(lambda sequence, corner: (followed_by(sequence, 20.0 + cor
 @kernel
 def write_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> None:
     """Write how rigid surfaces meet."""
-    copy_into_callers()
     size = body.radius + body.eccentricity
     spin, slip = contact["omega"], contact["v_t"]
     normal.write_rigid(contact)
@@ -43,7 +42,6 @@ def write_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> 
 @kernel
 def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void, hop: np.void) -> int:
     """Follow one impact of the feature that touches, whose arms are given. Return the number of phases."""
-    copy_into_callers()
     hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
     hop["arm"] = law.rolling_arm if contact["feature"] == ARC else law.corner_rolling_arm
@@ -110,7 +108,6 @@ def _strike_once(
     An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
     sequence of ever smaller bounces (docs/physics.md, section 6). The result is that of :func:`strike_chord`.
     """
-    copy_into_callers()
     feature, omega = int(contact["feature"]), contact["omega"]
     if alone:  # without an approach, forces that only grow very large would not act at all
         contact["v_n"] = min(contact["v_n"], -JOLT * contact["scale"])
@@ -147,7 +144,6 @@ def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void)
     int
         RUNNING if the surfaces stay in contact, with two points if ``contact["paired"]``; SEPARATED or STEP_BUDGET.
     """
-    copy_into_callers()
     contact, hop = space["contact"], space["hop"]
     a, b = contact["a_before"], contact["b_before"]
     if left == RUNNING:

@@ -11,7 +11,7 @@ import numpy as np
 from sledenv.compiler import rows
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.rows import EIGHT, TERMS, WIDTH, element, shuffled, sums
-from sledenv.compiler.trace import keep_apart, scalar, write_series
+from sledenv.compiler.trace import scalar, write_series
 from sledenv.compiler.values import absolute, fma, smaller, where_less
 
 UNIT = 2.3e-16
@@ -41,7 +41,6 @@ _at = scalar(lambda q, t: (_value([q[k] for k in range(TERMS)], t),))
 @kernel
 def horner(series: np.ndarray, t: float) -> float:
     """Value of a power series of TERMS numbers at ``t``, by Horner's rule in four chains."""
-    keep_apart()
     return _at(series, t)[0]
 
 
@@ -130,7 +129,6 @@ def locate(q: np.ndarray, guess: float, most: float) -> float:
 @kernel
 def _drop(q: np.ndarray, count: int) -> None:
     """Divide a series by its variable to the power ``count``: its leading coefficients are taken for zero."""
-    keep_apart()
     for _ in range(count):
         _shift(q)
 
@@ -144,7 +142,6 @@ def _scale(q: np.ndarray, step: float) -> tuple[float, float, float]:
 @kernel
 def _curvature(q: np.ndarray, end: float) -> float:
     """Bound on the second derivative of a series on [0, end]."""
-    keep_apart()
     return _bent(q, end)[0]
 
 
