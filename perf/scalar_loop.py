@@ -60,12 +60,12 @@ def scalar_loop(
     starts = np.array(launches, dtype=float, ndmin=2)
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
     touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
-    log, outcomes = np.zeros(max_rebounds, REBOUND), np.zeros(len(starts), OUTCOME)
+    log = np.zeros(max_rebounds, REBOUND)
     loop = _loop(run_lanes(touching).name)
     numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (body, touching, slope)]
 
     def run() -> np.ndarray:
-        outcomes[:] = 0
+        outcomes = np.zeros(len(starts), OUTCOME)
         put_at_launch(outcomes, starts)
         loop(numbers, *rows, starts, log, new(SPACE), outcomes)
         return outcomes

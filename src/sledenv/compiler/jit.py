@@ -51,10 +51,10 @@ def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Cal
     def compiled(*given: Any) -> Any:
         return chosen(given[place].instance_class)
 
-    def tell() -> None:
+    def register() -> None:
         from numba.extending import overload
 
         overload(choice, strict=False)(compiled)
 
-    when_compiled(tell)
+    when_compiled(register)
     return choice

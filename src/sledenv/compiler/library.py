@@ -62,7 +62,7 @@ class Library:
 
     def __init__(self, maker: Path, *sources: Path) -> None:
         self.entries: dict[str, Entry] = {}
-        self.known: Callable[[], str] = str  # tells what known descents give
+        self.known: Callable[[], str] = str  # gives what known descents come to
         self._maker, self._sources = maker, sources
         self._lock = threading.RLock()
         self._engine: Any = None

@@ -165,14 +165,14 @@ def _as_values(context: Any, builder: Any, kind: Any, argument: Any) -> Any:
 
 
 class _Unknown(float):
-    """A number, or a record of them, of a program that only tells how many answers it has."""
+    """A number, or a record of them, of a program that only shows how many answers it has."""
 
     def __getattr__(self, name: str) -> _Unknown:
         return _Unknown(math.nan)
 
 
 def _unknown(kind: Any) -> Any:
-    """What a program that only tells how many answers it has gets for an argument."""
+    """What a program that only shows how many answers it has gets for an argument."""
     from numba import types
 
     number = _Unknown(math.nan)
@@ -192,11 +192,11 @@ def _written_out(
 ) -> None:
     """Let compiled code contain, in place of a call of ``run``, what ``write`` writes there.
 
-    It takes arguments ``like`` another function; numba looks for their names. ``count`` tells how many doubles it
+    It takes arguments ``like`` another function; numba looks for their names. ``count`` gives how many doubles it
     returns for arguments of some kinds; without it nothing is returned.
     """
 
-    def tell() -> None:
+    def register() -> None:
         from numba import types
         from numba.extending import lower_builtin, type_callable
 
@@ -215,7 +215,7 @@ def _written_out(
         any_arguments = types.VarArg(types.Any)  # type: ignore[no-untyped-call]
         lower_builtin(run, any_arguments)(write)  # type: ignore[no-untyped-call]
 
-    when_compiled(tell)
+    when_compiled(register)
 
 
 def straight(program: Program) -> Callable[..., None]:

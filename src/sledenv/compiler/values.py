@@ -1,4 +1,4 @@
-"""What straight-line programs compute with: numbers, side by side in lanes or one by one, and functions of them.
+"""What straight-line programs compute with: numbers, vectors of eight, and functions of them.
 
 A program runs either with numbers or, while it is compiled, with values that write LLVM instructions instead of
 computing: see :mod:`sledenv.compiler.trace`. What is here takes either.
@@ -17,7 +17,7 @@ DOUBLE = ir.DoubleType()
 
 
 class Value:
-    """A double, a vector of them or a mask in the function that is being written."""
+    """A double, a vector of eight or a mask in the function that is being written."""
 
     __slots__ = ("builder", "value")
     __array_ufunc__ = None  # an array times a value is the value's affair

@@ -25,8 +25,8 @@ from sledenv.kernel.step import complete, orient
 
 SAME_RATE = 1e-12  # of the speed scale: gap rates of two points that are equal but for rounding
 NO_SLIP = 1e-24  # of it: slips that are zero but for rounding
-MOST_TURNING = 1e4  # times that: a slower rim counts as no spin where the gap rates are equal
-AT_SURFACE = 1e-9  # of the size: gap of the second point where it starts to touch
+MOST_TURNING = 1e4  # times that: where the gap rates are equal, a slower rim counts as no spin
+AT_SURFACE = 1e-9  # of the size: the second point starts to touch if its gap is below this
 UNITS = 0.7  # unit of time of a step of both points over that of one: two springs are stiffer
 
 _OWN = tuple(name for name in CONTACT.names or () if name not in (*SUMS, *PEAKS, "sequence", "branch", "filling"))

@@ -18,7 +18,7 @@ from sledenv.compiler.trace import of_step
 from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, normal, progress, records
 from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, rolling_part, unite
-from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve
+from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve, sign_of
 from sledenv.kernel.geometry import sine_and_cosine, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.recurrence import expand
@@ -35,9 +35,8 @@ from sledenv.kernel.trajectory import (
     write_slip,
 )
 
-SOUGHT = 1.1  # the expected root is sought if the guess lies within so many lengths of the step
-# A contact that is loaded less than this times the force that drives the slip is resolved as if it had no normal force.
-NO_LOAD = 1e-9
+SOUGHT = 1.1  # lengths of the step: an expected root is sought if the guess lies within so many
+NO_LOAD = 1e-9  # of the force that drives the slip: a smaller normal force counts as none
 LASTING = 1e-12  # [units] a branch that lasts less is due to rounding
 
 
@@ -47,7 +46,7 @@ def _signs(point: Any) -> Any:
 
 
 def _noting(contact: Any, second: Any) -> None:
-    """Program of the sequence of a contact that goes on in its branch, if that is another one than before."""
+    """Program that adds the branch of a contact to its sequence, unless it is the last one there."""
     both = where(equal(contact.paired, 0.0), 0.0, 1.0 + _signs(second))
     branch = _signs(contact) + 27.0 * (contact.feature + 5.0 * both)
     contact.sequence = where(equal(branch, contact.branch), contact.sequence, followed_by(contact.sequence, branch))
@@ -84,7 +83,7 @@ def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
     """Branch of a contact from here on, by the box rule."""
     v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
     if v_n != 0.0 and v_t != 0.0 and omega != 0.0:
-        return Branch(progress.sign_of(v_n), progress.sign_of(v_t), progress.sign_of(omega))
+        return Branch(sign_of(v_n), sign_of(v_t), sign_of(omega))
     a, b = contact["h"] * step["sine"], contact["r"] - contact["h"] * step["cosine"]
     square = omega * omega
     drive = Drive(
@@ -117,9 +116,9 @@ def _tried(number: int, contact: np.void) -> Branch:
     side = progress.side(contact)
     sense = side if number // 9 != 1 else -side  # it may matter whether a slip is tried before its lock or after that
     return Branch(
-        progress.sign_of(v_n) if v_n != 0.0 else number % 3 - 1,
-        progress.sign_of(v_t) if v_t != 0.0 else sense * (number // 3 % 3 - 1),
-        progress.sign_of(omega) if omega != 0.0 else side * (number // 9 - 1),
+        sign_of(v_n) if v_n != 0.0 else number % 3 - 1,
+        sign_of(v_t) if v_t != 0.0 else sense * (number // 3 % 3 - 1),
+        sign_of(omega) if omega != 0.0 else side * (number // 9 - 1),
     )
 
 

@@ -34,7 +34,7 @@ POLISHED = 1e-9  # of the step: the one after a step as small as this would be l
 
 @kernel
 def _both_signs(value: float) -> tuple[float, float]:
-    """Both signs, that of ``value`` first: the order must not tell a body from its mirror image."""
+    """Both signs, that of ``value`` first: a body and its mirror image then try them in mirrored order."""
     return (-1.0, 1.0) if value < 0.0 else (1.0, -1.0)
 
 

@@ -70,7 +70,7 @@ def write_body(body: Body, hop: np.void) -> None:
 def write_flight(hop: np.void, slope: Incline, limits: Limits, flight: np.void) -> None:
     """Write the slope and the limit of a flight, and where it starts; ``flight`` is a record of OUTCOME."""
     _write_start(hop, slope, flight)
-    hop["max_time"], hop["horizon"] = limits.max_time, limits.max_time - flight["t"]
+    hop["horizon"] = limits.max_time - flight["t"]
 
 
 @kernel

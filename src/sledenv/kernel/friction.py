@@ -108,6 +108,12 @@ def branch_forces(
 
 
 @kernel
+def sign_of(value: float) -> int:
+    """-1, 0 or 1."""
+    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
+
+
+@kernel
 def in_turn(number: int) -> int:
     """0, 1 and -1 for the numbers 0, 1 and 2: locks come first."""
     return number if number < 2 else -1

@@ -107,7 +107,7 @@ def lowest_support(body: Body) -> float:
 
 @kernel
 def other_corner(body: Body, feature: int, shift: float) -> tuple[float, float, float]:
-    """What the gap of the corner on the other side has over that of the feature: docs/physics.md, section 8.2.
+    """Gap of the corner on the other side less that of the feature: docs/physics.md, section 8.2.
 
     Returns
     -------

@@ -12,7 +12,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar
-from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates, resolve
+from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates, resolve, sign_of
 from sledenv.kernel.geometry import sine_and_cosine
 from sledenv.kernel.state import followed_by
 
@@ -30,17 +30,12 @@ def _mobility(hop: np.void) -> Mobility:
 
 
 @kernel
-def _sign(velocity: float) -> int:
-    return 1 if velocity > 0.0 else (-1 if velocity < 0.0 else 0)
-
-
-@kernel
 def _choose_forces(hop: np.void) -> None:
     """Write the signs of slip and spin in the next phase, and its tangential force and moment over the normal force.
 
     A velocity that is zero stays locked, or leaves with either sign.
     """
-    slip, spin = _sign(hop["v_t"]), _sign(hop["omega"])
+    slip, spin = sign_of(hop["v_t"]), sign_of(hop["omega"])
     mu, rho = -slip * hop["friction"], -spin * hop["arm"]
     if slip == 0 or spin == 0:
         w, drive = _mobility(hop), Drive(0.0, 0.0)

@@ -11,7 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, less, root, where
 from sledenv.kernel import events, normal, records
-from sledenv.kernel.friction import Branch
+from sledenv.kernel.friction import Branch, sign_of
 from sledenv.kernel.geometry import arms, feature_geometry, other_corner, whole_turns
 from sledenv.kernel.params import Body, Incline, Limits
 from sledenv.kernel.series import longest_step
@@ -22,12 +22,6 @@ UNIT_ANGLE = 1.5  # [rad] of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # last of these, in which branches are tried in turn
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
-
-
-@kernel
-def sign_of(value: float) -> int:
-    """-1, 0 or 1."""
-    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
 
 
 @kernel
@@ -63,7 +57,7 @@ def forget_branch(contact: np.void) -> None:
 
 @kernel
 def trial(contact: np.void) -> int:
-    """Number of the trial in which a contact that does not get on is, 1 to TRIALS; 0 if it is in none."""
+    """Number of the trial, 1 to TRIALS, of a contact in which no time passes; 0 if it is in none."""
     if contact["k_closing"] == math.inf:
         return 0
     return max(int(contact["stalled"]) - (MOST_STALLED - TRIALS), 0)

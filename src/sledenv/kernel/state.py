@@ -66,7 +66,7 @@ SEARCH: Final = (  # for the touchdown; times are counted from the start of the 
     "touchdown",  # [s] reached so far; in the end that of the touchdown, inf if there is none
     "bound",  # [m/s^2] the gap never accelerates more than this towards the slope
     "noise",  # [m] rounding error of the gap
-    "margin",  # of the speeds: gap rates below it do not tell whether the body lifts off
+    "margin",  # of the speeds: smaller gap rates do not show whether the body lifts off
     "in_reach",  # [s] from when on the body is in reach of the slope
     "clear",  # [s] up to which the gap is known to be open
     "last_step",  # [s] length of the step before
@@ -90,7 +90,7 @@ CONTACT: Final = record(
     *((name, "f8") for name in SUMS),  # what the contact adds up
     ("stored", "f8"),  # [J] elastic energy at the end
     *((name, "f8") for name in PEAKS),
-    ("held", "f8"),  # 1 if the forces at the end of the last step are those at the end of the contact
+    ("held", "f8"),  # 1 once the contact has ended: the forces of its last step are then those at its end
     ("on_chord", "f8"),  # 1 if two points have touched at once
     ("paired", "f8"),  # 1 while they do: the other one is then a contact too
     ("undecided", "f8"),  # 1 if the branch is to be chosen
@@ -220,7 +220,6 @@ HOP: Final = record(
     *((name, "f8") for name in BODY),
     *((name, "f8") for name in Incline._fields),  # what it is subject to
     *((name, "f8") for name in MOTION),  # at the start of the flight; the impact changes omega
-    ("max_time", "f8"),  # [s] when the descent ends
     *((name, "f8") for name in SEARCH),
     # The touchdown, or whatever else ends the flight.
     ("duration", "f8"),  # [s] of the flight

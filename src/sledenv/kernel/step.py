@@ -85,7 +85,7 @@ def _expectation(contact: Any, step: Any) -> None:
 def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
     """How far a polynomial may sag below the chord between its ends, in eight parts: docs/physics.md (10.3).
 
-    Where ``leaving`` is 1 instead of 0, of a polynomial that starts from zero: below the line from there to its end.
+    If ``leaving`` is 1 instead of 0, the polynomial starts from zero, and the chord is the line from there to its end.
     """
     sags: Any = _SAGS
     if leaving is not None:
@@ -137,7 +137,7 @@ def _completion(contact: Any, step: Any) -> None:
     safe = []
     for series, rate, sign, vanishing, sag in zip(moving[2:], rates, signs, zeros, sags, strict=True):
         end = sign * rate
-        # A second leading coefficient that is zero by construction is left out, and the third does not make it sag.
+        # If the second coefficient is zero by construction too, it is left out, and the sag of the third is taken back.
         first, second = sign * series[1] * s, sign * series[2] * s * s
         later = end - first + larger(second, 0.0)
         least = where_less(vanishing, 0.5, smaller(sign * series[0], end), where_less(vanishing, 1.5, end, later))

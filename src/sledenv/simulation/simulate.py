@@ -93,12 +93,11 @@ def simulate(
     body, law, slope, launch, touching = checked_descent(body, law, slope, launch, settings)
     limits = settings.limits
     rebounds = new_log(settings.max_rebounds)
-    outcomes = np.zeros(1, OUTCOME)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
-    outcome = outcomes[0]
 
-    def run() -> None:
-        outcomes[:] = 0
+    def run() -> np.void:
+        outcomes = np.zeros(1, OUTCOME)
+        outcome: np.void = outcomes[0]
         if settings.solver == "euler":
             given = body, touching, slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes
             go_on = run_euler.prepared(*given)
@@ -108,11 +107,12 @@ def simulate(
             put_at_launch(outcomes, launch)
             tables = Tables(touching, limits, body, touching, slope, launch)
             follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
+        return outcome
 
-    run()
+    outcome = run()
     if record == "trajectory" and outcome["samples"] > len(trajectory):
         trajectory = new_trajectory(int(outcome["samples"]), settings.sample_interval)
-        run()
+        outcome = run()
     return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
 
 
