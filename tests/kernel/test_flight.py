@@ -281,6 +281,7 @@ def assorted_flights(body: Body, seed: int) -> np.ndarray:
     return np.array(rows)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # plain Python warns of states that are no numbers
 @pytest.mark.parametrize("body", [*BODIES, segment(1.0, 0.5, 0.0, 0.1, 0.9)])
 def test_a_flight_and_its_mirror_image_land_at_the_same_time(body: Body) -> None:
     """Oracle: the mirror image, bit for bit, whatever the flight."""

@@ -151,7 +151,7 @@ def _alone(reached: float, steep: float, hop: np.void) -> bool:
     if not _before_kink(hop, hop["omega"] * reached):
         hop["alone_from"] = math.inf
     else:
-        last = hop["alone_from"] = reached - 2.0 * steep / hop["bound"]
+        last = hop["alone_from"] = reached - 2.0 * steep / hop["bound"] if hop["bound"] > 0.0 else -math.inf
         upward = 2.0 * hop["v"] / motion.most_pull(hop) - hop["in_reach"] if motion.most_pull(hop) > 0.0 else math.inf
         if last <= hop["clear"] or (upward <= hop["clear"] and last <= hop["in_reach"]):
             return True
@@ -224,14 +224,14 @@ def _march(hop: np.void) -> None:
     """Go a step that passes no root."""
     omega, noise, bound = hop["omega"], hop["noise"], hop["bound"]
     t, height = motion.once_in_reach(hop, hop["touchdown"])
+    if t > hop["horizon"] or not t < math.inf:
+        hop["touchdown"], hop["phase"] = math.inf, LANDED
+        return
     _, speed = motion.away(hop, t)
     phi = motion.turned(hop, t)
     local = phi - whole_turns(phi)
     a, b, _ = _lowest(hop, local)
     gap, rate = height - b, speed - a * omega
-    if t > hop["horizon"]:
-        hop["touchdown"], hop["phase"] = math.inf, LANDED
-        return
     starting = gap <= noise and t <= 0.0
     if starting:
         still = hop["margin"] * (abs(speed) + hop["size"] * abs(omega))
@@ -342,7 +342,7 @@ def search(most: float, hop: np.void) -> float:
         if hop["phase"] == POISED:
             start = _lift(hop)
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
-            hop["phase"] = LANDED if start < 0.0 else SEARCHING
+            hop["phase"] = SEARCHING if 0.0 <= start < math.inf else LANDED
         else:
             _march(hop)
     return steps

@@ -78,6 +78,8 @@ def departure(hop: np.void, step: float, later: float) -> float:
 @kernel
 def once_in_reach(hop: np.void, time: float) -> tuple[float, float]:
     """Return a time [s] and the height [m] then. Out of reach, the time is that of the fall back to ``size``."""
+    if not time < math.inf:
+        return time, hop["size"]
     height, _ = away(hop, time)
     if height > hop["size"]:
         return max(hop["in_reach"], time), hop["size"]
