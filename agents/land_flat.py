@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
-from sledenv.simulation.support import support_heights
+from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,8 @@ class Agent:
     of t. Elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for the
     orientation and the spin, as far as it controls them and the bounds allow; of the spin without the orientation,
     being upright comes first. Whatever else it controls, such as the speed, is in the middle of its bounds. What it
-    leaves out is a touch in another pose on the way, and all contacts after the first.
+    leaves out is a touch in another pose on the way, and all contacts after the first. A body that is no segment lands
+    with phi_1 = 0 too.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -50,7 +51,7 @@ class Agent:
         contexts = task.chosen(task.contexts_seen(observations), actions)  # all that is chosen in the middle
         angle, friction, _, speed, drop, fall, orientation, spin = contexts.T
         spins = task.bounds["spin"]
-        upright = body.radius - body.eccentricity
+        upright = support_height(body, 0.0)
         along = self._gravity * np.sin(angle)
 
         def wanted(time: Floats) -> Floats:
@@ -64,7 +65,7 @@ class Agent:
             time = self._landing.flight_time(contexts, np.zeros_like(drop), spun)
             solved = {"orientation": _turned(-spun(time) * time, task.bounds["orientation"]), "spin": spun(time)}
         elif "spin" in names:
-            height = drop + support_heights(body, np.ascontiguousarray(orientation)) - upright
+            height = drop + support_heights(body.record, np.ascontiguousarray(orientation)) - upright
             time = fall_time(height, fall, self._gravity * np.cos(angle))
             solved = {"spin": _spin(orientation, time, wanted(time), spins)}
         for name in names:

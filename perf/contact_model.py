@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from perf.harness import Floats
-from perf.reference import BODY, DOWNHILL, INWARD, LAUNCH, LAW
+from perf.reference import DISC, DOWNHILL, INWARD, LAUNCH, LAW
 
 Mode = tuple[int, int, int]
 
@@ -32,35 +32,35 @@ def contact(sine: Any, cosine: Any, gap: Any, turning: Any, mode: Mode, slip: An
 
     ``turning`` is omega, and ``slip`` and ``spin`` are the signs of v_t and omega where the mode does not hold them.
     """
-    a = BODY.eccentricity * sine
-    lower = BODY.eccentricity * cosine
-    b = BODY.radius - lower
+    a = DISC.eccentricity * sine
+    lower = DISC.eccentricity * cosine
+    b = DISC.radius - lower
     square = turning * turning
     drive_t = DOWNHILL + a * square
     drive_n = -INWARD - lower * square
     normal = -(CLOSING if mode[0] < 0 else OPENING) * gap  # of the spring, where v_n is not held
     if mode[2] == 0:
         if mode[0] == 0:
-            normal = -BODY.mass * drive_n
-        force = -BODY.mass * drive_t if mode[1] == 0 else -slip * LAW.friction * normal
+            normal = -DISC.mass * drive_n
+        force = -DISC.mass * drive_t if mode[1] == 0 else -slip * LAW.friction * normal
         moment = a * normal - b * force
     else:
         lever = -spin * LAW.rolling_arm - a
         if mode[1] == 0:
-            hinge = BODY.inertia + BODY.mass * b * b
+            hinge = DISC.inertia + DISC.mass * b * b
             if mode[0] == 0:
-                turn = -BODY.mass * (lever * drive_n + b * drive_t) / (hinge - BODY.mass * a * lever)
-                normal = BODY.mass * (a * turn - drive_n)
+                turn = -DISC.mass * (lever * drive_n + b * drive_t) / (hinge - DISC.mass * a * lever)
+                normal = DISC.mass * (a * turn - drive_n)
             else:
-                turn = (lever * normal - BODY.mass * b * drive_t) / hinge
-            force = -BODY.mass * (drive_t + b * turn)
+                turn = (lever * normal - DISC.mass * b * drive_t) / hinge
+            force = -DISC.mass * (drive_t + b * turn)
         else:
             if mode[0] == 0:
-                normal = -drive_n / (1.0 / BODY.mass - a * (lever - slip * LAW.friction * b) / BODY.inertia)
+                normal = -drive_n / (1.0 / DISC.mass - a * (lever - slip * LAW.friction * b) / DISC.inertia)
             force = -slip * LAW.friction * normal
         moment = -spin * LAW.rolling_arm * normal
-    turn = (moment - a * normal + b * force) / BODY.inertia
-    rates = normal / BODY.mass + drive_n - a * turn, force / BODY.mass + drive_t + b * turn, turn
+    turn = (moment - a * normal + b * force) / DISC.inertia
+    rates = normal / DISC.mass + drive_n - a * turn, force / DISC.mass + drive_t + b * turn, turn
     return b, rates, (force, moment, normal)
 
 
@@ -133,7 +133,7 @@ def _open(velocity: float, left: int, branch: int) -> bool:
 def choose(z: Floats, left: Mode) -> Mode:
     """Mode that violates the laws least, by trying all; ``left`` has the sign of a velocity just released."""
     y = z.copy()
-    size = BODY.radius + BODY.eccentricity
+    size = DISC.radius + DISC.eccentricity
     y[GAP] = min(z[GAP], -1e-12 * size)
     depth = -y[GAP]
     scale = CLOSING * depth
@@ -146,13 +146,13 @@ def choose(z: Floats, left: Mode) -> Mode:
             violation = 0.0
             if z[V_N] == 0.0:
                 over = max(0.0, normal - scale, OPENING * depth - normal)
-                violation += over if closing == 0 else max(0.0, -closing * BODY.mass * rate_n)
+                violation += over if closing == 0 else max(0.0, -closing * DISC.mass * rate_n)
             if z[V_T] == 0.0:
                 over = max(0.0, abs(force) - LAW.friction * normal)
-                violation += over if slip == 0 else max(0.0, -slip * BODY.mass * rate_t)
+                violation += over if slip == 0 else max(0.0, -slip * DISC.mass * rate_t)
             if z[OMEGA] == 0.0:
                 over = max(0.0, abs(moment) - LAW.rolling_arm * normal) / size
-                violation += over if spin == 0 else max(0.0, -spin * BODY.inertia * turn) / size
+                violation += over if spin == 0 else max(0.0, -spin * DISC.inertia * turn) / size
             if violation / scale < least - _TIE:
                 least = violation / scale
                 best = mode
@@ -172,8 +172,8 @@ def next_mode(kind: int, z: Floats) -> Mode:
 @numba.njit(error_model="numpy")
 def touch_down(flight: Floats) -> Floats:
     """Contact state of a body that meets the slope."""
-    a = BODY.eccentricity * math.sin(flight[2])
-    b = BODY.radius - BODY.eccentricity * math.cos(flight[2])
+    a = DISC.eccentricity * math.sin(flight[2])
+    b = DISC.radius - DISC.eccentricity * math.cos(flight[2])
     return np.array([flight[0], flight[2], 0.0, flight[4] - a * flight[5], flight[3] + b * flight[5], flight[5]])
 
 
@@ -183,15 +183,15 @@ def lift_off(z: Floats) -> Floats:
 
     Event locators look for a change of sign: a gap that is zero or negative by rounding would hide the next touchdown.
     """
-    a = BODY.eccentricity * math.sin(z[PHI])
-    b = BODY.radius - BODY.eccentricity * math.cos(z[PHI])
+    a = DISC.eccentricity * math.sin(z[PHI])
+    b = DISC.radius - DISC.eccentricity * math.cos(z[PHI])
     return np.array([z[X], b + 1e-16, z[PHI], z[V_T] - b * z[OMEGA], z[V_N] + a * z[OMEGA], z[OMEGA]])
 
 
 @numba.njit(error_model="numpy")
 def flight_gap(t: float, y: Floats) -> float:
     """Gap in flight."""
-    return float(y[1] + BODY.eccentricity * math.cos(y[2]) - BODY.radius)
+    return float(y[1] + DISC.eccentricity * math.cos(y[2]) - DISC.radius)
 
 
 @numba.njit(error_model="numpy")

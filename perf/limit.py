@@ -69,12 +69,13 @@ def _mean(values: Floats) -> dict[str, float]:
 
 def measure(count: int = LANES, seed: int = SEED) -> dict[str, Any]:
     """Simulate all, and count."""
-    radius = sledenv.load_scenario(SCENARIO).body().radius
+    body = sledenv.load_scenario(SCENARIO).body()
+    assert isinstance(body, sledenv.Segment)
     rigid = descents(math.inf, count, seed)
     found = []
     for stiffness in (*STIFFNESSES, math.inf):
         these = rigid if stiffness == math.inf else descents(stiffness, count, seed)
-        at = parted(these["rebounds"], rigid["rebounds"], radius)
+        at = parted(these["rebounds"], rigid["rebounds"], body.radius)
         found.append(
             {
                 "stiffness": stiffness if stiffness < math.inf else "rigid",

@@ -17,15 +17,15 @@ from scipy.integrate import solve_ivp
 from perf import contact_model as model
 from perf.contact_model import CLOSING, OPENING, SEPARATED, START, V_N, Mode
 from perf.harness import Floats
-from perf.reference import BODY, DOWNHILL, INWARD, LAW
+from perf.reference import DISC, DOWNHILL, INWARD, LAW
 
 _LONGEST = 10.0  # [s] of one flight or one mode; none comes near
 _UNDECIDED: Mode = (0, 0, 0)
 # heyoka overlooks the next root of an event that is exactly zero at the start: start beside it, by one rounding error.
 _NUDGE = 1e-17
-_LIGHTNESS, _READINESS = 1.0 / BODY.mass, 1.0 / BODY.inertia
+_LIGHTNESS, _READINESS = 1.0 / DISC.mass, 1.0 / DISC.inertia
 # A centre higher than this is out of reach whatever the angle: no cosine needed.
-_CLEAR = BODY.radius + BODY.eccentricity
+_CLEAR = DISC.radius + DISC.eccentricity
 
 _fast = numba.njit(error_model="numpy", fastmath=True)
 
@@ -33,8 +33,8 @@ _fast = numba.njit(error_model="numpy", fastmath=True)
 @_fast
 def _pushed(lower: float, gap: float, phi: float, u: float, v: float, omega: float) -> tuple[float, float, float]:
     """Rates of (u, v, omega) in contact, with sign functions and a penalty force."""
-    a = BODY.eccentricity * math.sin(phi)
-    b = BODY.radius - lower
+    a = DISC.eccentricity * math.sin(phi)
+    b = DISC.radius - lower
     normal = -(CLOSING if v - a * omega < 0.0 else OPENING) * gap
     force = -LAW.friction * normal * np.sign(u + b * omega)
     turn = _READINESS * (b * force - (a + LAW.rolling_arm * np.sign(omega)) * normal)
@@ -50,13 +50,13 @@ def euler(start: Floats, rebounds: int, dt: float) -> Floats:
     y, phi, u, v, omega = start[1], start[2], start[3], start[4], start[5]
     out = np.zeros((rebounds, 3))
     for count in range(rebounds):
-        while y > _CLEAR or y + BODY.eccentricity * math.cos(phi) >= BODY.radius:
+        while y > _CLEAR or y + DISC.eccentricity * math.cos(phi) >= DISC.radius:
             y += dt * v
             phi += dt * omega
             u += dt * DOWNHILL
             v -= dt * INWARD
-        lower = BODY.eccentricity * math.cos(phi)
-        gap = y + lower - BODY.radius
+        lower = DISC.eccentricity * math.cos(phi)
+        gap = y + lower - DISC.radius
         while gap < 0.0:
             du, dv, turn = _pushed(lower, gap, phi, u, v, omega)
             y += dt * v
@@ -64,8 +64,8 @@ def euler(start: Floats, rebounds: int, dt: float) -> Floats:
             u += dt * du
             v += dt * dv
             omega += dt * turn
-            lower = BODY.eccentricity * math.cos(phi)
-            gap = y + lower - BODY.radius
+            lower = DISC.eccentricity * math.cos(phi)
+            gap = y + lower - DISC.radius
         out[count, 0], out[count, 1], out[count, 2] = u, v, omega
     return out
 
@@ -75,8 +75,8 @@ def _accelerations(y: float, phi: float, u: float, v: float, omega: float) -> tu
     """Rates of (u, v, omega), in flight too."""
     if y > _CLEAR:
         return DOWNHILL, -INWARD, 0.0
-    lower = BODY.eccentricity * math.cos(phi)
-    gap = y + lower - BODY.radius
+    lower = DISC.eccentricity * math.cos(phi)
+    gap = y + lower - DISC.radius
     if gap >= 0.0:
         return DOWNHILL, -INWARD, 0.0
     return _pushed(lower, gap, phi, u, v, omega)
@@ -104,7 +104,7 @@ def rk4(start: Floats, rebounds: int, dt: float) -> Floats:
         v += sixth * (dv1 + 2.0 * (dv2 + dv3) + dv4)
         omega += sixth * (do1 + 2.0 * (do2 + do3) + do4)
         was_inside = inside
-        inside = y <= _CLEAR and y + BODY.eccentricity * math.cos(phi) < BODY.radius
+        inside = y <= _CLEAR and y + DISC.eccentricity * math.cos(phi) < DISC.radius
         if was_inside and not inside:
             out[count, 0], out[count, 1], out[count, 2] = u, v, omega
             count += 1
@@ -214,7 +214,7 @@ class Heyoka:
         self._contacts: dict[tuple[int, bool, bool], tuple[_Piece, list[int]]] = {}
         x, y, phi, u, v, omega = hy.make_vars("x", "y", "phi", "u", "v", "omega")
         rates = map(hy.expression, (u, v, omega, DOWNHILL, -INWARD, 0.0))
-        gap = y + BODY.eccentricity * hy.cos(phi) - BODY.radius
+        gap = y + DISC.eccentricity * hy.cos(phi) - DISC.radius
         self._flight = _Piece(list(zip((x, y, phi, u, v, omega), rates, strict=True)), [gap], tol=tolerance)
 
     def _contact(self, mode: Mode) -> tuple[_Piece, list[int]]:

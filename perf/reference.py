@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,19 @@ _RECORD: dict[str, Any] = json.loads((ROOT / "tests" / "data" / "reference_desce
 _GIVEN: dict[str, float] = _RECORD["parameters"]
 _REBOUNDS = _RECORD["rebounds_from_double_inputs"]  # extended precision, from the same double inputs
 
-BODY = sledenv.Body(_GIVEN["mass"], _GIVEN["radius"], _GIVEN["eccentricity"], _GIVEN["inertia"])
+
+class Disc(NamedTuple):
+    """The body as plain numbers, which compiled functions read."""
+
+    mass: float
+    radius: float
+    eccentricity: float
+    inertia: float
+
+
+DISC = Disc(*(_GIVEN[name] for name in Disc._fields))
+_segment: Any = getattr(sledenv, "segment", sledenv.Body)  # older trees have no other body
+BODY: sledenv.Segment = _segment(*DISC)
 LAW = sledenv.ContactLaw(_GIVEN["stiffness"], _GIVEN["asymmetry"], _GIVEN["friction"], _GIVEN["rolling_arm"])
 SLOPE = sledenv.Slope(_GIVEN["slope"], gravity=_GIVEN["gravity"])
 LAUNCH = sledenv.State(**_RECORD["state"])

@@ -24,7 +24,7 @@ from sledenv.simulation.checks import checked_descent
 from sledenv.simulation.simulate import put_at_launch
 
 # Result and error, of which there are none; numbers; eight tables with their lengths; work space; the last lane.
-_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 28)
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 27)
 _LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
 
 
@@ -40,7 +40,7 @@ def _loop(name: str) -> Callable[..., None]:
             space[0]["lane"] = 0.0
             start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
             descend(
-                here, here, here, body.ctypes.data, 1, body.size, law.ctypes.data, 1, law.size,
+                here, here, here, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
                 slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2, end, 1,
                 log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
             )  # fmt: skip
@@ -62,12 +62,12 @@ def scalar_loop(
     touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
     log = np.zeros(max_rebounds, REBOUND)
     loop = _loop(run_lanes(touching).name)
-    numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (body, touching, slope)]
+    numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (touching, slope)]
 
     def run() -> np.ndarray:
         outcomes = np.zeros(len(starts), OUTCOME)
         put_at_launch(outcomes, starts)
-        loop(numbers, *rows, starts, log, new(SPACE), outcomes)
+        loop(numbers, body.record, *rows, starts, log, new(SPACE), outcomes)
         return outcomes
 
     return run

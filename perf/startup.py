@@ -20,7 +20,7 @@ _PROBLEM = f"""
 from typing import Any
 import sledenv
 {inspect.getsource(settings)}
-body, law = sledenv.Body(1, .1, .05, .0075), sledenv.ContactLaw(1e6, .5, .1, .001)
+body, law = sledenv.segment(1, .1, .05, .0075), sledenv.ContactLaw(1e6, .5, .1, .001)
 slope, state = sledenv.Slope(.17), sledenv.State(0, .5, .7)
 """
 _SINGLE = "sledenv.simulate(body, law, slope, state, max_rebounds=5, solver={!r})"

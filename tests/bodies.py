@@ -5,26 +5,36 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from sledenv.simulation.bodies import Body, circular_segment, least_eccentricity
+import numpy as np
+
+from sledenv.simulation import bodies
+from sledenv.simulation.bodies import Body, Segment, circular_segment, least_eccentricity
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import support_height
+from sledenv.simulation.support import lowest_arms, support_height
 
 
-def rod(mass: float, half_length: float, inertia: float) -> Body:
+def rod(mass: float, half_length: float, inertia: float) -> Segment:
     """A thin segment whose chord passes through its mass centre: an end touches, or both.
 
     It lies flat at phi = 0 and pi and stands on its tail at pi/2.
     """
     half_angle = 0.1
-    return Body(mass, half_length / math.sin(half_angle), half_length / math.tan(half_angle), inertia, half_angle)
+    radius, eccentricity = half_length / math.sin(half_angle), half_length / math.tan(half_angle)
+    return bodies.segment(mass, radius, eccentricity, inertia, half_angle)
 
 
-def segment(mass: float, radius: float, share: float, inertia: float, half_angle: float) -> Body:
+def segment_by_share(mass: float, radius: float, share: float, inertia: float, half_angle: float) -> Segment:
     """A body whose mass centre lies at a share of the way from the chord to the arc, or from the centre of the arc."""
     least = least_eccentricity(radius, half_angle)
-    return Body(mass, radius, least + share * (radius - least), inertia, half_angle)
+    return bodies.segment(mass, radius, least + share * (radius - least), inertia, half_angle)
+
+
+def touching(body: Body, phi: float) -> tuple[int, float, float]:
+    """Code of the part of a body that is lowest at an orientation [rad], and its arms [m]."""
+    (arc,), ((a, b),) = lowest_arms(body.record, np.array([phi]))
+    return int(body.record["part"][0, arc]), float(a), float(b)
 
 
 def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:
@@ -40,7 +50,7 @@ def same_bits(one: Any, other: Any) -> None:
         assert one[name].tobytes() == other[name].tobytes(), name
 
 
-DISC, POINT = Body(100.0, 0.5, 0.25, 18.75), Body(1.0, 0.0, 0.0, 1.0)
+DISC, POINT = bodies.segment(100.0, 0.5, 0.25, 18.75), bodies.segment(1.0, 0.0, 0.0, 1.0)
 SLED, ROD = circular_segment(100.0, 0.5, math.radians(110.0)), rod(2.0, 0.5, 0.17)
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 MAT = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.6, rolling_arm=0.02)

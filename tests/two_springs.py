@@ -33,7 +33,7 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 
 X, HEIGHT, TILT, U, V, SPIN, HYSTERESIS, SLIDING, ROLLING = range(9)  # of the integrated vector
@@ -100,7 +100,7 @@ class Result(NamedTuple):
 class Chord:
     """Two corners on two springs."""
 
-    def __init__(self, body: Body, law: ContactLaw, slope: Slope) -> None:
+    def __init__(self, body: Segment, law: ContactLaw, slope: Slope) -> None:
         """Take the segment's geometry (8.2), the law's stiffnesses (5.1) and the components of gravity."""
         self.mass, self.inertia, self.half_angle = body.mass, body.inertia, body.half_angle
         self.depth = body.eccentricity - body.radius * math.cos(body.half_angle)  # H
@@ -467,12 +467,12 @@ def _polished(
     return when, stepped(when)
 
 
-def follow(body: Body, law: ContactLaw, slope: Slope, state: State, *, max_time: float = 1.0) -> Result:
+def follow(body: Segment, law: ContactLaw, slope: Slope, state: State, *, max_time: float = 1.0) -> Result:
     """Follow a contact until both corners have left, everything is locked, the arc touches, or ``max_time``.
 
     Parameters
     ----------
-    body : Body
+    body : Segment
         A segment with corners.
     law : ContactLaw
         ``rolling_arm`` is not used.
@@ -564,7 +564,7 @@ def _touching_after(chord: Chord, branch: Branch, q: np.ndarray, name: str) -> t
 class Contact(NamedTuple):
     """What `follow` takes."""
 
-    body: Body
+    body: Segment
     law: ContactLaw
     slope: Slope
     state: State

@@ -23,7 +23,18 @@ if TYPE_CHECKING:
     from sledenv.identification.choice import identify
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-    from sledenv.simulation.bodies import Body, circular_segment, sled
+    from sledenv.simulation.bodies import (
+        Arc,
+        Body,
+        Segment,
+        circular_segment,
+        disc,
+        hull,
+        polygon,
+        rod,
+        segment,
+        sled,
+    )
     from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.ride import Ride, RideBatch
@@ -38,6 +49,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "STATUS_OF_CODE",
+    "Arc",
     "Body",
     "ContactLaw",
     "Context",
@@ -52,6 +64,7 @@ __all__ = [
     "RigidImpact",
     "Scenario",
     "ScenarioError",
+    "Segment",
     "Sensitivity",
     "Settings",
     "Slope",
@@ -62,11 +75,16 @@ __all__ = [
     "WheelImpact",
     "circular_segment",
     "collide_wheel",
+    "disc",
+    "hull",
     "identify",
     "load_scenario",
     "load_study",
+    "polygon",
     "rigid_impact",
+    "rod",
     "scenario_names",
+    "segment",
     "sensitivity",
     "simulate",
     "simulate_batch",
@@ -82,7 +100,10 @@ _MODULES = {
     "sledenv.identification.choice": ("identify",),
     "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
-    "sledenv.simulation.bodies": ("Body", "circular_segment", "sled"),
+    "sledenv.simulation.bodies": (
+        *("Arc", "Body", "Segment"),
+        *("circular_segment", "disc", "hull", "polygon", "rod", "segment", "sled"),
+    ),
     "sledenv.simulation.derivatives": ("Sensitivity",),
     "sledenv.simulation.sensitivity": ("sensitivity",),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),

@@ -10,8 +10,19 @@ from sledenv.scenarios.scenario import Scenario, load_scenario
 TURN = 2.0 * np.pi
 
 
+def slab() -> Scenario:
+    """A shipped scenario with a polygon for a body."""
+    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    points = [[0.0, 0.0], [0.8, 0.0], [0.8, 0.6], [0.1, 0.7]]
+    return Scenario.model_validate(content | {"body": {"kind": "polygon", "mass_kg": 100, "points_m": points}})
+
+
 @pytest.mark.parametrize(
-    ("scenario", "control"), [("brake_mat", "both"), ("talus", "both"), ("spinning_entry", "orientation")]
+    ("scenario", "control"),
+    [
+        *(("brake_mat", "both"), ("talus", "both"), ("spinning_entry", "orientation")),
+        pytest.param(slab(), "both", id="slab-both"),
+    ],
 )
 def test_a_launch_lands_in_the_pose_that_told_it(scenario, control):
     """Oracle: the first rebound of the simulator; what misses touches earlier, in another pose on the way."""

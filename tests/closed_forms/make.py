@@ -1,15 +1,41 @@
-"""Bodies of every kind: round ones, segments, one without an arc, a wheel."""
+"""Bodies of every kind: round ones, segments, one without an arc, a wheel; other outlines; which arc of one touches."""
 
 from __future__ import annotations
 
 import math
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation import bodies
+from sledenv.simulation.bodies import Body, circular_segment, hull, polygon, segment
+from tests import outline_oracle
 from tests.bodies import rod
 
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 SHELL = circular_segment(10.0, 0.5, math.radians(50.0))
 ROD = rod(1.0, 1.0, 1.0 / 3.0)
-WHEEL = Body(1.0, 0.1, 0.0, 0.005)
+WHEEL = segment(1.0, 0.1, 0.0, 0.005)
 BODIES = {"disc": DISC, "sled": SLED, "shell": SHELL, "rod": ROD, "wheel": WHEEL}
+
+SQUARE = polygon(2.0, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+STONE = [(0.0, 0.0), (0.9, -0.1), (1.1, 0.3), (0.7, 0.8), (0.1, 0.6)]
+OUTLINES = {
+    "square": SQUARE,
+    "stone": polygon(3.0, STONE),
+    "pebble": polygon(3.0, STONE, rounding=0.1),
+    "skate": hull(
+        5.0,
+        0.9,
+        [(-0.6, 0.0, 0.1), (0.5, 0.1, 0.3), (0.0, 0.5, 0.0)],
+        ["heel", "toe", "top"],
+        ["back", "front", "runner"],
+    ),
+    "plank": bodies.rod(2.0, 1.5, 0.2),
+}
+
+
+def touching(body: Body, phi: float) -> tuple[float, float, bool]:
+    """Arms a, b [m] of the arc that is lowest at an orientation, and whether it is a corner."""
+    arcs = tuple(outline_oracle.Arc(*arc[:4], bool(arc.corner)) for arc in body.arcs)
+    outline = outline_oracle.Outline(outline_oracle.Body(body.mass, body.inertia, arcs))
+    arc = arcs[outline.lowest_arc(phi)]
+    return *outline_oracle.arms(arc, phi), arc.corner

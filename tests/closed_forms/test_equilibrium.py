@@ -3,40 +3,44 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 import pytest
 
 from sledenv.closed_forms.equilibrium import static_jam, static_jam_angles, steepest_jam
-from sledenv.kernel.records import ARC
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, polygon
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import arms, feature_at, support_height
-from tests.closed_forms.make import BODIES, DISC, ROD, SHELL, SLED, WHEEL
+from sledenv.simulation.support import support_height
+from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SHELL, SLED, SQUARE, WHEEL, touching
 
 RIGID_EPS, SETTLING_EPS = 1e-9, 1e-6
 
-# body, law, slope: every feature, both signs of the slope
+# body, law, slope: every kind of arc, both signs of the slope
 RESTS = {
     "disc": (DISC, ContactLaw(1e12, 0.5, 0.3, 0.003), Slope(0.1)),
     "sled": (SLED, ContactLaw(1e13, 0.5, 0.5, 0.02, 0.03), Slope(0.05)),
     "shell": (SHELL, ContactLaw(1e12, 0.5, 0.5, 0.02, 0.05), Slope(-0.05)),
     "rod": (ROD, ContactLaw(1e11, 0.5, 0.3, 0.02, 0.02), Slope(-0.05)),
     "level": (SLED, ContactLaw(1e12, 0.5, 0.5, 0.02, 0.03), Slope(0.0)),
+    "square": (SQUARE, ContactLaw(1e12, 0.5, 0.3, 0.0, 0.02), Slope(0.05)),
+    "pebble": (OUTLINES["pebble"], ContactLaw(1e12, 0.5, 0.3, 0.01), Slope(-0.05)),
 }
 
 
-def random_cases(count: int, seed: int = 3) -> list[tuple[Body, ContactLaw, Slope]]:
+def random_cases(
+    count: int, seed: int = 3, bodies: Mapping[str, Body] = BODIES
+) -> list[tuple[Body, ContactLaw, Slope]]:
     rng = np.random.default_rng(seed)
     cases = []
-    for body in rng.choice(list(BODIES), count):
+    for body in rng.choice(list(bodies), count):
         law = ContactLaw(
             1e6, 0.5, rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.05), rng.choice([0.0, rng.uniform(0, 0.3)])
         )
-        cases.append((BODIES[body], law, Slope(rng.uniform(-0.6, 0.6))))
+        cases.append((bodies[body], law, Slope(rng.uniform(-0.6, 0.6))))
     return cases
 
 
@@ -44,11 +48,9 @@ def rests(body: Body, law: ContactLaw, slope: Slope, phi: float) -> bool:
     """Force balance of one pose, point by point: N and F carry the weight, the rest of the moment is rolling."""
     weight = body.mass * slope.gravity
     normal, force = weight * math.cos(slope.angle), -weight * math.sin(slope.angle)
-    local = math.remainder(phi, 2.0 * math.pi)
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
+    a, b, corner = touching(body, phi)
     moment = np.cross((-a, -b, 0.0), (force, normal, 0.0))[2]
-    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    arm = law.corner_rolling_arm if corner else law.rolling_arm
     return bool(abs(force) <= law.friction * normal and abs(moment) <= arm * normal)
 
 
@@ -61,15 +63,16 @@ def laid(
 
 def test_a_pose_rests_where_the_forces_balance() -> None:
     """Oracle: forces and moment of each pose, one at a time."""
-    for body, law, slope in random_cases(40):
+    for body, law, slope in [*random_cases(40), *random_cases(40, bodies=OUTLINES)]:
         phi = np.linspace(-7.0, 7.0, 301)
         assert static_jam(body, law, slope, phi).tolist() == [rests(body, law, slope, angle) for angle in phi.tolist()]
 
 
-def test_the_angles_of_rest_are_those_of_the_condition() -> None:
+@pytest.mark.parametrize("bodies", [BODIES, OUTLINES], ids=["segments", "outlines"])
+def test_the_angles_of_rest_are_those_of_the_condition(bodies: Mapping[str, Body]) -> None:
     """Oracle: static_jam on a grid, and 1e-9 rad to both sides of every bound."""
     bounds = 0
-    for body, law, slope in random_cases(200):
+    for body, law, slope in random_cases(200, bodies=bodies):
         intervals = static_jam_angles(body, law, slope)
         phi = np.linspace(-math.pi, math.pi, 2000)[1:-1]
         inside = np.zeros(phi.shape, dtype=bool)
@@ -156,6 +159,30 @@ def test_a_body_laid_on_the_slope_jams_inside_and_moves_outside(
                 assert outside.time > 0.0
 
 
+def test_a_square_balances_on_its_corners() -> None:
+    """Oracle: h sin(theta) of a corner, h = 1/sqrt(2) m, within delta on the level: four equal ranges."""
+    law = ContactLaw(1e6, 0.5, 0.5, 0.0, 0.01)
+    half_width = math.asin(0.01 * math.sqrt(2.0))
+    corners = np.pi * np.array([-0.75, -0.25, 0.25, 0.75])
+    expected = np.column_stack([corners - half_width, corners + half_width])
+    assert np.array(static_jam_angles(SQUARE, law, Slope(0.0))) == pytest.approx(expected, abs=1e-14)
+    assert static_jam(SQUARE, law, Slope(0.0), corners).all()
+    assert steepest_jam(SQUARE, law, corners) == pytest.approx(math.atan(0.01 * math.sqrt(2.0)), abs=1e-14)
+    assert np.isnan(steepest_jam(SQUARE, law, [0.1, 1.6, -3.0])).all()
+
+
+def test_a_corner_that_touches_at_half_a_turn_rests_on_both_sides_of_it() -> None:
+    """Oracle: a triangle that balances on a corner at phi = pi; its range is split there."""
+    body = polygon(1.0, [(-0.5, 0.0), (0.5, 0.0), (0.0, 0.8)])
+    law = ContactLaw(1e6, 0.5, 0.5, 0.0, 0.01)
+    first, *_, last = static_jam_angles(body, law, Slope(0.0))
+    assert first[0] == -math.pi
+    assert last[1] == math.pi
+    half_width = math.asin(0.01 / (0.8 * 2.0 / 3.0))
+    assert [first[1], last[0]] == pytest.approx([half_width - math.pi, math.pi - half_width])
+    assert static_jam(body, law, Slope(0.0), [math.pi, -math.pi]).all()
+
+
 def test_rest_is_vectorised() -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
     phi = np.linspace(-3.0, 3.0, 6).reshape(2, 3)
@@ -171,3 +198,5 @@ def test_wrong_arguments_are_named() -> None:
         static_jam(DISC, law, Slope(0.1), "upright")
     with pytest.raises(ValueError, match="gravity = 0"):
         static_jam_angles(DISC, law, Slope(0.1, 1.0, 0.0))
+    with pytest.raises(TypeError, match="body = 3: must be a Body"):
+        steepest_jam(3, law, 0.1)  # type: ignore[arg-type]

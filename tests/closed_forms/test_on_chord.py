@@ -1,4 +1,4 @@
-"""A body that lies on its chord against its forces, summed and stepped."""
+"""A body that lies on its chord, or on another side, against its forces, summed and stepped."""
 
 from __future__ import annotations
 
@@ -14,23 +14,35 @@ from sledenv.closed_forms.on_chord import (
     chord_slide,
     chord_tipping_friction,
 )
-from sledenv.kernel.records import NOSE, TAIL
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, hull, polygon, segment
 from sledenv.simulation.scene import ContactLaw, Slope
-from sledenv.simulation.support import arms
-from tests.closed_forms.make import DISC, SHELL, SLED
+from tests import outline_oracle
+from tests.closed_forms.make import DISC, OUTLINES, SHELL, SLED, SQUARE
+
+Ends = list[tuple[float, float, bool]]  # arms a, b [m] of the two ends of a side that lies flat, and whether a corner
+
+
+def ends_of(body: Body) -> dict[str, Ends]:
+    """Both ends of each straight side, that downhill first: the arc before it and the one after it, clockwise."""
+    found = {}
+    for arc, after in zip(body.arcs, [*body.arcs[1:], body.arcs[0]], strict=True):
+        if arc.side in body.parts:
+            found[arc.side] = [(*outline_oracle.arms(end, after.begin), bool(end.corner)) for end in (arc, after)]
+    return found
+
+
+SIDES = [(body, side) for body in (SLED, SHELL, *OUTLINES.values()) for side in ends_of(body)]
 
 
 @pytest.mark.parametrize("slip", [-1.0, 0.0, 1.0])
 def test_the_loads_of_the_corners_balance_weight_and_friction(slip: float) -> None:
     """Oracle: sums of forces and of moments about the mass centre, from the places of the two corners."""
-    for body in (SLED, SHELL):
+    for body, side in SIDES:
         law, slope = ContactLaw(1e6, 0.5, 0.3, 0.01), Slope(-0.2)
         force = -body.mass * 9.81 * (math.sin(slope.angle) if slip == 0.0 else slip * 0.3 * math.cos(slope.angle))
-        loads = chord_loads(body, law, slope, 5.0 * slip)
+        loads = chord_loads(body, law, slope, 5.0 * slip, side)
         moment = 0.0
-        for normal, feature, phi in zip(loads, (TAIL, NOSE), (math.pi, -math.pi), strict=True):
-            a, b = arms(body, feature, phi)
+        for normal, (a, b, _) in zip(loads, ends_of(body)[side], strict=True):
             moment += np.cross((-a, -b, 0.0), (0.5 * force, float(normal), 0.0))[2]
         assert sum(loads) == pytest.approx(body.mass * 9.81 * math.cos(slope.angle))
         assert moment == pytest.approx(0.0, abs=1e-12 * body.mass)
@@ -48,8 +60,45 @@ def test_a_body_tips_off_its_chord_where_a_corner_has_no_load_left() -> None:
         across = body.radius * math.sin(body.half_angle)
         assert wide == pytest.approx(chord_tipping_friction(body, law) * (across + 0.1) / across)
         assert not chord_rests(body, law._replace(friction=math.tan(0.1)), Slope(0.1 + 1e-9))
-    inside = Body(1.0, 0.5, 0.5 * math.cos(1.0), 0.02, 1.0)  # the mass centre lies in the chord
+    inside = segment(1.0, 0.5, 0.5 * math.cos(1.0), 0.02, 1.0)  # the mass centre lies in the chord
     assert chord_tipping_friction(inside, law) == math.inf
+
+
+@pytest.mark.parametrize("slip", [-1.0, 1.0])
+def test_a_body_tips_off_a_side_over_the_end_ahead(slip: float) -> None:
+    """Oracle: the load of the other end, chord_loads; the rolling arm of the end ahead lets it reach further."""
+    flat, tipped = ContactLaw(1e6, 0.5, 9.0, 0.0, 0.0), ContactLaw(1e6, 0.5, 9.0, 0.03, 0.05)
+    for body, side in SIDES:
+        (downhill, b, is_corner), (uphill, _, other_is_corner) = ends_of(body)[side]
+        reach, corner = (-downhill, is_corner) if slip > 0.0 else (uphill, other_is_corner)
+        longer = (reach + (0.05 if corner else 0.03)) / b
+        tipping = chord_tipping_friction(body, flat, side, slip)
+        assert chord_tipping_friction(body, tipped, side, slip) == pytest.approx(longer)
+        for factor in (1.0 - 1e-9, 1.0 + 1e-9):
+            loads = chord_loads(body, flat._replace(friction=factor * tipping), Slope(0.0), slip, side)
+            assert (loads[1 if slip > 0.0 else 0] > 0.0) == (factor < 1.0)
+            assert chord_rests(body, flat, Slope(slip * math.atan(factor * tipping)), side) == (factor < 1.0)
+
+
+def test_a_square_stands_on_each_of_its_sides() -> None:
+    """Oracle: 4.905 m/s^2 of weight for each end on the level; it tips at 45 degrees."""
+    law = ContactLaw(1e6, 0.5, 2.0, 0.0)
+    for side in ("side 1", "side 2", "side 3", "side 4"):
+        assert chord_loads(SQUARE, law, Slope(0.0), 0.0, side) == pytest.approx((9.81, 9.81))
+        assert chord_tipping_friction(SQUARE, law, side) == pytest.approx(1.0)
+        assert chord_rests(SQUARE, law, Slope(math.pi / 4.0 - 1e-9), side)
+        assert not chord_rests(SQUARE, law, Slope(math.pi / 4.0 + 1e-9), side)
+
+
+def test_a_body_tips_off_a_side_that_its_mass_centre_is_not_over() -> None:
+    """Oracle: the geometry of a leaning quadrilateral; only a slope that rises by 0.2 / 1 or more holds it there."""
+    law = ContactLaw(1e6, 0.5, 2.0, 0.0)
+    body = polygon(1.0, [(0.0, 0.0), (1.0, 0.0), (3.0, 2.0), (1.0, 2.0)], inertia=1.0, centre=(1.2, 1.0))
+    for slip in (-1.0, 1.0):
+        assert chord_tipping_friction(body, law, "side 1", slip) == 0.0
+    assert min(chord_loads(body, law, Slope(0.0), 0.0, "side 1")) < 0.0
+    assert not any(chord_rests(body, law, Slope(angle), "side 1") for angle in (0.3, 0.0, -math.atan(0.2 - 1e-9)))
+    assert chord_rests(body, law, Slope(-math.atan(0.2 + 1e-9)), "side 1")
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05, 0.4])
@@ -91,6 +140,12 @@ def test_wrong_arguments_are_named() -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004)
     with pytest.raises(ValueError, match="no chord to lie on"):
         chord_rests(DISC, law, Slope(0.1))
+    with pytest.raises(ValueError, match="side = 'chord': the body has no chord to lie on: must be one of 'side 2', "):
+        chord_loads(SQUARE, law, Slope(0.1), 0.0)
+    with pytest.raises(ValueError, match="side = '': the body has no"):
+        chord_tipping_friction(SLED, law, "")
+    with pytest.raises(ValueError, match="side = 'side': 2 sides of the body have this name"):
+        chord_rests(hull(1.0, 0.1, [(-1.0, 0.0, 0.2), (1.0, 0.0, 0.1)], ["tail", "nose"]), law, Slope(0.1), "side")
     with pytest.raises(ValueError, match=r"time = -1\.0: must be in \[0, inf\) s"):
         chord_slide(law, Slope(0.1), 1.0, -1.0)
     with pytest.raises(ValueError, match="gravity = 0"):

@@ -11,10 +11,10 @@ from sledenv.closed_forms.painleve import painleve, painleve_threshold
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw
 from tests.bodies import rod
-from tests.closed_forms.make import BODIES, DISC, ROD, SLED, WHEEL
+from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SLED, WHEEL
 
 
-@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
+@pytest.mark.parametrize("body", (BODIES | OUTLINES).values(), ids=BODIES | OUTLINES)
 @pytest.mark.parametrize("arm", [0.0, 0.01, 0.4])
 def test_the_painleve_threshold_is_where_the_region_appears(body: Body, arm: float) -> None:
     """Oracle: the sign of the expression on a fine grid of orientations, over all signs of slip and spin."""

@@ -196,7 +196,7 @@ def test_scenarios_are_the_modes_of_the_general_impact(n: int) -> None:
 def test_rigid_impact_of_a_disc_is_the_wheel_collision() -> None:
     """Oracle: the public solver on a body without eccentricity."""
     for m, inertia, r, f, delta, e, u, v, omega in random_wheels(300, seed=3, boundaries=False).tolist():
-        body = sledenv.Body(m, r, 0.0, inertia)
+        body = sledenv.segment(m, r, 0.0, inertia)
         law = sledenv.ContactLaw(1.0, 0.0, f, delta)
         general = sledenv.rigid_impact(body, law, sledenv.State(0.0, r, 0.7, u, v, omega), restitution=e)
         closed = collide_wheel(m, inertia, r, f, delta, e, u, v, omega)

@@ -14,10 +14,11 @@ import pytest
 
 from sledenv.compiler.entries import Entry, Table
 from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import LIBRARY, run_euler, run_lanes, run_support_heights
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State
+from sledenv.kernel.entries import LIBRARY, run_complete, run_euler, run_lanes, run_lowest
+from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import CONTACT, new
+from sledenv.simulation.bodies import polygon, segment_records
 
 COMPILER, EMULATOR, ROOT = "aarch64-linux-gnu-gcc", "qemu-aarch64-static", "/usr/aarch64-linux-gnu"
 LANES = 2000
@@ -33,17 +34,21 @@ def calls(seed: int) -> list[Call]:
     least = np.maximum(radius * np.cos(half_angle), 0.0)
     eccentricity = least + (radius - least) * rng.uniform(0.05, 0.95, LANES)
     inertia = mass * radius**2 * rng.uniform(0.1, 1.0, LANES)
-    bodies = np.column_stack([mass, radius, eccentricity, inertia, half_angle])
+    bodies = segment_records(np.column_stack([mass, radius, eccentricity, inertia, half_angle]))
+    bodies[::4] = polygon(80.0, [(0.0, 0.0), (0.5, 0.1), (0.4, 0.6), (0.1, 0.7)], rounding=0.02).record
     slopes = np.column_stack([rng.uniform(-0.1, 0.4, LANES), rng.uniform(3.0, 15.0, LANES), np.full(LANES, 9.81)])
     arms, friction = rng.uniform(0.0, 0.01, (LANES, 2)), rng.uniform(0.0, 0.6, LANES)
     compliant = np.column_stack([np.exp(rng.uniform(9.0, 16.0, LANES)), rng.uniform(0.0, 0.95, LANES), friction, arms])
     rigid = np.column_stack([rng.uniform(0.0, 1.0, LANES), friction, arms, np.full(LANES, 1e-3)])
-    phi, heights = rng.uniform(-math.pi, math.pi, LANES), np.empty(LANES)
-    run_support_heights(bodies, phi, heights)
-    height = heights + rng.uniform(0.01, 1.0, LANES)
+    phi, lowest = rng.uniform(-math.pi, math.pi, LANES), (np.empty(LANES, np.int64), np.empty((LANES, 2)))
+    run_lowest(bodies, phi, *lowest)
+    height = lowest[1][:, 1] + rng.uniform(0.01, 1.0, LANES)
     velocity = rng.uniform([-1.0, -3.0, -8.0], [5.0, 1.0, 8.0], (LANES, 3))
     launches = np.column_stack([np.zeros(LANES), height, phi, velocity])
-    made: list[Call] = [(run_support_heights, (bodies, phi, np.empty(LANES)))]
+    made: list[Call] = [
+        (run_complete, (bodies.copy(),)),
+        (run_lowest, (bodies, phi, np.empty(LANES, np.int64), np.empty((LANES, 2)))),
+    ]
     for laws, kind in ((compliant, ContactLaw), (rigid, RigidLaw)):
         law = kind(*laws[0].tolist())
         flights, logs = np.zeros(LANES, OUTCOME), np.zeros((LANES, 20), REBOUND)
@@ -55,9 +60,9 @@ def calls(seed: int) -> list[Call]:
         made.append((run_lanes(law), (*tables, hops, flights.copy(), logs, rows[:0], new(SPACE), LANES)))
         made.append((run_lanes(law), (*tables, hops, flights, logs.copy(), rows, new(SPACE), 1)))
     law = ContactLaw(*compliant[0].tolist())
-    body, slope, launch = Body(*bodies[0]), Slope(*slopes[0]), State(*launches[0])
+    slope, launch = Slope(*slopes[0]), State(*launches[0])
     euler = (np.zeros(20, REBOUND), new(CONTACT), np.zeros(4000, TRAJECTORY), np.zeros(1, OUTCOME))
-    return [*made, (run_euler, (body, law, slope, launch, LIMITS, *euler))]
+    return [*made, (run_euler, (bodies[:1], law, slope, launch, LIMITS, *euler))]
 
 
 def as_bytes(call: Call) -> bytes:
@@ -115,4 +120,4 @@ def test_an_aarch64_processor_computes_the_same_bits(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(found[name], here[name], err_msg=f"{entry.name}: {name}")
             if not here.dtype.names:
                 np.testing.assert_array_equal(found, here, err_msg=entry.name)
-    assert (made[1][1][7]["rebounds"] > 2).mean() > 0.5  # there is something to compare
+    assert (made[2][1][7]["rebounds"] > 2).mean() > 0.5  # there is something to compare

@@ -89,7 +89,7 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     same = [0, 3, 4]  # x, u, v
     assert np.array_equal(disturbed[:, same], exact[:, same])
     body = noisy.task.body
-    clearance = [y - support_heights(body, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
+    clearance = [y - support_heights(body.record, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
     assert clearance == pytest.approx(contexts[:200, 4], abs=1e-12)
 
 

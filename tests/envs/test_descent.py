@@ -23,10 +23,12 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
+from sledenv.simulation.support import support_height
 
 SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
 CONTROLS = ("both", "orientation", "spin")
 SOLVERS = ("compliant", "rigid")
+TURN = 2.0 * np.pi
 
 
 equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
@@ -159,6 +161,31 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
             assert observation[8:] == pytest.approx(expected, abs=1e-6)
             seen += 1
     assert seen > 50
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_polygon_is_seen_as_it_flies(solver):
+    """Oracle: conservation of energy, by which no velocity leaves (-1, 1); the rebounds of the info."""
+    content = sledenv.load_scenario("brake_mat").model_dump(by_alias=True)
+    points = [[0.0, 0.0], [1.0, 0.0], [0.9, 0.5], [0.1, 0.6]]
+    content["body"] = {"kind": "polygon", "mass_kg": 100, "points_m": points}
+    env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
+    check_env(env, skip_render_check=True)
+    rng, seen = np.random.default_rng(1), 0
+    for seed in range(10):
+        env.reset(seed=seed)
+        for observation, _, terminated, truncated, info in play(env, rng):
+            if not (terminated or truncated):
+                assert np.abs(observation[11:14]).max() < 1.0
+                states, _ = env.task.flights_seen(observation[np.newaxis])
+                last = {name: column[-1] for name, column in info["rebounds"].items()}
+                expected = [last["x"], *(last[f"{name}_after"] for name in ("u", "v", "omega"))]
+                assert states[0, [0, 3, 4, 5]] == pytest.approx(expected, abs=1e-4)
+                turned = states[0, 2] - last["phi"]
+                assert turned - TURN * np.rint(turned / TURN) == pytest.approx(0.0, abs=1e-6)
+                assert states[0, 1] == pytest.approx(support_height(env.task.body, states[0, 2]))
+                seen += 1
+    assert seen > 20
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

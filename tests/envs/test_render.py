@@ -15,16 +15,18 @@ import pytest
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import FORCE, HEAVY, SHELL, Camera
-from sledenv.envs.render import DescentRenderer
+from sledenv.envs.render import DescentRenderer, _push_words
 from sledenv.kernel.records import Mode, Status
 from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
+from sledenv.simulation.support import support_height
 from tests.bodies import DISC, HILL, ICE, MAT, UGLY, run
+from tests.plot.outlined import SETTINGS, descent_of
 
 PANEL = 486  # first row of the panel in a picture of 960 x 540
 
@@ -102,6 +104,52 @@ def test_the_heavy_side_is_drawn_around_the_mass_centre(renderer: DescentRendere
         assert [columns.mean(), rows.mean()] == pytest.approx(expected, abs=3.0)
 
 
+@pytest.mark.parametrize("name", ["boulder", "rider"])
+def test_any_body_is_drawn_where_it_is(name: str) -> None:
+    """Oracles: the support heights of the body turned by the slope, up, down, left and right; points of its lower part.
+
+    The line through the mass centre that was level at phi = 0 parts the colours.
+    """
+    descent = descent_of(name, "rigid")
+    body = descent.body
+    renderer = DescentRenderer(body)
+    for time in (0.0, 0.9 * descent.time, descent.time):  # in flight
+        x, y, phi = states_at(descent.trajectory, [time])[0, :3].tolist()
+        camera = renderer.camera(descent, time)
+        image = renderer.frame(descent, time)
+        rows, columns = drawn_in(image[:PANEL], HEAVY, SHELL)
+        column, row = camera.pixels(np.array([x, y])).tolist()
+        down, left, up, right = (
+            camera.scale * support_height(body, phi - descent.slope.angle + turn * math.pi / 2) for turn in range(4)
+        )
+        assert [columns.min(), columns.max()] == pytest.approx([column - left, column + right], abs=4.0)
+        assert [rows.min(), rows.max()] == pytest.approx([row - up, row + down], abs=4.0)
+        level = np.array([-math.sin(phi), math.cos(phi)])
+        for colour, side in ((HEAVY, -1.0), (SHELL, 1.0)):
+            rows, columns = drawn_in(image[:PANEL], colour)
+            cosine, sine = math.cos(descent.slope.angle), math.sin(descent.slope.angle)
+            right_of, above = columns - column, row - rows
+            along, normal = right_of * cosine - above * sine, right_of * sine + above * cosine
+            assert (side * (along * level[0] + normal * level[1])).min() > -2.0
+            assert len(rows) > 100
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_contact_of_any_body_is_drawn_and_its_part_named(name: str, solver: str) -> None:
+    """Oracle: the log of the descent."""
+    descent = descent_of(name, solver)
+    renderer = DescentRenderer(descent.body, size=(320, 200))
+    for i, rebound in enumerate(descent.rebounds[:6]):
+        push = push_at(descent, float(rebound["t_touchdown"]))
+        assert push is not None
+        part, told = descent.body.parts[rebound["feature"] - 1], _push_words(descent, push)[0]
+        if part not in ("bottom", "top"):  # of a rod, which begins with one of its ends
+            assert told.startswith(f"contact {i + 1}, {part}: ")
+        assert is_picture(renderer.frame(descent, float(rebound["t_touchdown"])), 320, 200)
+    assert is_picture(renderer.strobe(descent), 320, 200)
+
+
 def test_frames_differ_in_time_and_repeat(renderer: DescentRenderer, descent: Descent) -> None:
     first = renderer.frame(descent, 0.5)
     kept = first.copy()
@@ -173,7 +221,7 @@ def test_ugly_descents_are_drawn(name: str) -> None:
     images += [renderer.strobe(descent), renderer.launch_frame(slope, descent.launch)]
     for image in images:
         assert is_picture(image)
-    if body.radius > 0.0 and name not in ("overflow", "rod"):  # whose lines hide it
+    if body.size > 0.0 and name not in ("overflow", "rod"):  # whose lines hide it
         for image in (images[1], images[-1]):
             assert len(drawn_in(image[:PANEL], HEAVY)[0]) > 100
 
@@ -232,7 +280,7 @@ def test_the_films_of_hops_are_the_film_of_the_descent(solver: Literal["complian
 def test_gentle_impacts_are_held_for_less_so_that_ever_smaller_bounces_end() -> None:
     """Oracle: a ball dropped from rest bounces at e^k of its speed; the holds add up to 0.6 s / (1 - e) at most."""
     ball = simulate(
-        Body(1.0, 0.1, 0.0, 0.004),
+        segment(1.0, 0.1, 0.0, 0.004),
         ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.1, rolling_arm=0.0),
         Slope(0.0),
         State(0.0, 0.2, 0.0, 0.0, 0.0, 0.0),

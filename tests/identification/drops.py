@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from sledenv.plot.shapes import drawable_rows, states_at
-from sledenv.simulation.bodies import Body, circular_segment, sled
+from sledenv.simulation.bodies import Body, circular_segment, segment, sled
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
@@ -18,7 +18,7 @@ from sledenv.simulation.support import support_height
 
 BODIES = (
     circular_segment(1.0, 0.1, math.radians(110.0)),
-    Body(1.0, 0.1, 0.02, 0.004),
+    segment(1.0, 0.1, 0.02, 0.004),
     sled(2.0, 0.3, 0.25, 0.02, 0.08),
 )
 NOISE = (1e-3, math.radians(0.2))  # [m], [rad]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from sledenv import Body, circular_segment, rigid_impact
+from sledenv import Body, circular_segment, hull, rigid_impact, segment
 from sledenv.identification.impact_model import ImpactModel
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, read_rebounds
 from sledenv.simulation.scene import ContactLaw, State
@@ -51,6 +51,7 @@ def of_body(body: Body, law: ContactLaw, e: float, rng: np.random.Generator, n: 
     return pd.DataFrame(rows, columns=["phi_rad", *BEFORE, *AFTER])
 
 
-DISC = Body(2.0, 0.1, 0.0, 0.01)
-ECCENTRIC = Body(2.0, 0.1, 0.05, 0.01)
+DISC = segment(2.0, 0.1, 0.0, 0.01)
+ECCENTRIC = segment(2.0, 0.1, 0.05, 0.01)
 SEGMENT = circular_segment(3.0, 0.2, math.radians(70.0))
+SKATE = hull(3.0, 0.03, [(-0.15, 0.0, 0.04), (0.1, 0.02, 0.08), (0.0, 0.12, 0.0)], ["heel", "toe", "top"])

@@ -21,6 +21,7 @@ from tests.identification.rebound_tables import (
     ECCENTRIC,
     GYRATION,
     SEGMENT,
+    SKATE,
     TRUTH,
     of_body,
     rebounding,
@@ -49,18 +50,20 @@ def test_exact_rebounds_give_the_law_back(hypothesis: str) -> None:
     assert found.errors.max() < 1e-6
 
 
-@pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT], ids=["disc", "eccentric disc", "segment"])
+@pytest.mark.parametrize(
+    "body", [DISC, ECCENTRIC, SEGMENT, SKATE], ids=["disc", "eccentric disc", "segment", "hull of circles"]
+)
 def test_bodies_told_by_their_pose(body: Body) -> None:
-    """The segment lands on its corners as well, which have an arm of their own."""
+    """The segment and the hull land on their corners as well, which have an arm of their own."""
     law = ContactLaw(1e6, 0.0, 0.12, 0.004, 0.002)
     found = sledenv.identify(of_body(body, law, 0.55, np.random.default_rng(2), 80), body, starts=6)
-    corner = 0.002 if body is SEGMENT else 0.0
+    corner = 0.002 if body in (SEGMENT, SKATE) else 0.0
     assert found.values == pytest.approx(
         {"restitution": 0.55, "friction": 0.12, "rolling_arm": 0.004, "corner_rolling_arm": corner, "softening": 0.0},
         rel=1e-4,
         abs=1e-7,
     )
-    assert found.rebounds.corner.any() == (body is SEGMENT)
+    assert found.rebounds.corner.any() == (body in (SEGMENT, SKATE))
     assert found.warnings == []
 
 

@@ -15,7 +15,7 @@ from sledenv.identification.figures import plot_track_residuals
 from sledenv.identification.flights import flights_of
 from sledenv.identification.report import write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import polygon, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
 
@@ -158,6 +158,16 @@ def test_a_corner_that_hits_is_told_from_the_arc() -> None:
     assert near(found, one, 2.0)
 
 
+def test_a_body_with_any_outline_tells_its_law() -> None:
+    """Oracle: the law; the body is a rounded polygon that lands on two of its corners."""
+    stone = polygon(1.0, [(0.0, 0.0), (0.2, 0.0), (0.16, 0.15), (0.02, 0.12)], rounding=0.02)
+    one = PLAIN._replace(body=stone, launch=State(0.0, 0.35, 0.3, 0.5, 0.0, 2.0))
+    assert len({row["feature"] for row in descent(one, 0.5).rebounds}) > 1
+    found = identify_tracks(track(one, np.random.default_rng(8), seconds=0.5), stone, one.slope, fixed=KNOWN)
+    assert near(found, one, 2.0)
+    assert found.fit.problem.parameter("corner_rolling_arm").high == stone.size
+
+
 def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
     law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.4, rolling_arm=0.002)
     one = Drop(SLED, law, Slope(0.05), State(0.0, 0.2, math.pi - 0.3, 0.4, 0.0, 0.5))
@@ -172,7 +182,7 @@ def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
 def test_a_friction_that_no_rebound_reaches_has_no_upper_end() -> None:
     """A disc without spin or slip: friction does nothing, so that every value in the bounds is as good."""
     law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.0)
-    one = Drop(Body(1.0, 0.1, 0.0, 0.005), law, Slope(0.0), State(0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
+    one = Drop(segment(1.0, 0.1, 0.0, 0.005), law, Slope(0.0), State(0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
     table = track(one, np.random.default_rng(4), seconds=0.5)
     found = identify_tracks(table, one.body, one.slope, fixed={"rolling_arm": 0.0})
     assert found.intervals["friction"].high_on_bound
@@ -325,7 +335,7 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
 def test_short_contacts_are_no_rigid_ones() -> None:
     """Contacts of half a frame, as deep as the noise: the table in docs/identify_tracks.md."""
     law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
-    one = Drop(Body(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
+    one = Drop(segment(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
     table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")
     rigid, compliant = (identify_tracks(table, one.body, one.slope, solver=solver) for solver in ("rigid", "compliant"))
     assert (rigid.used.loc["0", "rebounds"], compliant.used.loc["0", "rebounds"]) == (1, 3)

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Body, ContactLaw, Settings, Slope, State, circular_segment, simulate, simulate_batch
+from sledenv import ContactLaw, Segment, Settings, Slope, State, circular_segment, segment, simulate, simulate_batch
 from sledenv.simulation import lanes as lanes_module
 from sledenv.simulation.support import support_heights
 from tests.bodies import rod, same_bits
 
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SLOPE = Slope(math.radians(10.0), length=40.0)
 LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
 
 
-def ugly(rng: np.random.Generator, body: Body, lanes: int) -> np.ndarray:
+def ugly(rng: np.random.Generator, body: Segment, lanes: int) -> np.ndarray:
     """Launches of which many have a velocity or an angle that is exactly zero, or an edge."""
     phi = rng.uniform(-math.pi, math.pi, lanes)
     edges = np.array([0.0, -0.0, math.pi, -math.pi, body.half_angle, -body.half_angle, 0.5 * math.pi, 20.0])
@@ -46,7 +46,7 @@ def ugly(rng: np.random.Generator, body: Body, lanes: int) -> np.ndarray:
 
 BODIES = {
     "disc": DISC,
-    "balanced disc": Body(1.0, 0.1, 0.0, 7.5e-3),
+    "balanced disc": segment(1.0, 0.1, 0.0, 7.5e-3),
     "rod": rod(1.0, 0.1, 7.5e-3),
     "segment": circular_segment(1.0, 0.5, math.radians(60.0)),
     "deep segment": circular_segment(1.0, 0.1, math.radians(140.0)),
@@ -88,13 +88,13 @@ bodies = st.one_of(
     st.floats(0.3, math.pi).map(lambda half_angle: circular_segment(1.0, 0.5, half_angle)),
     st.builds(
         # The mass centre between chord and arc.
-        lambda share, half_angle: Body(
+        lambda share, half_angle: segment(
             2.0, 0.5, 0.5 * (1.0 - share * min(1.0 - math.cos(half_angle), 1.0)), 0.1, half_angle
         ),
         st.floats(0.0, 1.0),
         st.floats(0.3, 3.1),
     ),
-    st.builds(lambda mass, h: Body(mass, 0.2, h, 0.01 * mass), st.floats(0.1, 9.0), st.floats(0.0, 0.2)),
+    st.builds(lambda mass, h: segment(mass, 0.2, h, 0.01 * mass), st.floats(0.1, 9.0), st.floats(0.0, 0.2)),
 )
 
 
@@ -102,7 +102,7 @@ bodies = st.one_of(
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(of_lanes=st.lists(bodies, min_size=1, max_size=70), seed=st.integers(0, 2**32 - 1))
-def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body], seed: int) -> None:
+def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Segment], seed: int) -> None:
     """With corners and without, in any order; with logs and without, on one thread and two, as rows and as bodies."""
     rng = np.random.default_rng(seed)
     states = np.concatenate([ugly(rng, body, 1) for body in of_lanes])
@@ -113,7 +113,8 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Body],
         patch.setenv("NUMBA_NUM_THREADS", "1")
         batch = simulate_batch(of_lanes, laws, SLOPE, states, Settings(**options), keep_rebounds=True)
         patch.setenv("NUMBA_NUM_THREADS", "2")
-        same_bits(simulate_batch(np.array(of_lanes), laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
+        rows = np.array([[getattr(body, name) for name in Segment.fields] for body in of_lanes])
+        same_bits(simulate_batch(rows, laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
     for i, (body, law, state) in enumerate(zip(of_lanes, laws, states, strict=True)):
         one = simulate(body, law, SLOPE, State(*state), **options)
         same_bits(batch.outcomes[i], one.outcome)
@@ -127,10 +128,10 @@ def test_bodies_in_turn_fill_packs_and_blocks(solver: Any, lanes: int) -> None:
     """Oracle: a batch of each body; lanes begin in contact too, from which the body lifts off or where it stays."""
     kinds = list(BODIES.values())
     rng = np.random.default_rng(5)
-    of_lanes = np.array([kinds[i % len(kinds)] for i in range(lanes)])
-    states = np.concatenate([ugly(rng, Body(*row), 1) for row in of_lanes])
+    of_lanes = [kinds[i % len(kinds)] for i in range(lanes)]
+    states = np.concatenate([ugly(rng, body, 1) for body in of_lanes])
     resting = rng.random(lanes) < 0.3
-    states[resting, 1] = support_heights(of_lanes, states[:, 2])[resting]
+    states[resting, 1] = support_heights(np.concatenate([body.record for body in of_lanes]), states[:, 2])[resting]
     states[resting, 4:] = 0.0
     options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 12}
     whole = simulate_batch(of_lanes, LAW, SLOPE, states, Settings(**options), keep_rebounds=True)

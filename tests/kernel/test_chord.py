@@ -12,7 +12,7 @@ import pytest
 from sledenv.closed_forms import on_chord
 from sledenv.closed_forms.painleve import painleve
 from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT, Settings
@@ -27,7 +27,7 @@ SHELL, BOAT, BARREL = (circular_segment(100.0, 0.9, math.radians(degrees)) for d
 BLOCK = circular_segment(10.0, 0.5, math.radians(150.0))  # H > L: it stands on its chord
 
 
-def corners(body: Body) -> tuple[float, float]:
+def corners(body: Segment) -> tuple[float, float]:
     """H and L [m]."""
     return body.eccentricity - body.radius * math.cos(body.half_angle), body.radius * math.sin(body.half_angle)
 
@@ -38,7 +38,7 @@ def law_of(friction: float, *, restitution: float = 0.5, stiffness: float = 1e8,
     )
 
 
-def laid(body: Body, u: float = 0.0, x: float = 0.0) -> State:
+def laid(body: Segment, u: float = 0.0, x: float = 0.0) -> State:
     """The chord flat on the surface, without load."""
     return State(x, support_height(body, math.pi), math.pi, u)
 
@@ -46,7 +46,7 @@ def laid(body: Body, u: float = 0.0, x: float = 0.0) -> State:
 # --- an independent method -------------------------------------------------------------------------------------------
 
 
-def difference(body: Body, result: Result, descent: Descent, scale: float) -> float:
+def difference(body: Segment, result: Result, descent: Descent, scale: float) -> float:
     """Largest difference of the velocities at the end of a contact over those at its beginning."""
     ours, theirs = descent.state, result.state
     spin = body.radius * abs(ours.omega - theirs.omega)
@@ -153,7 +153,7 @@ def test_a_body_slides_on_its_chord_like_a_block(case: str, arm: float, solver: 
 @SOLVERS
 @pytest.mark.parametrize("speed", [3.0, -3.0])
 @pytest.mark.parametrize("body", [SHELL, BOAT, BARREL])
-def test_the_corners_share_the_weight_as_the_moment_balance_says(body: Body, speed: float, solver: Solver) -> None:
+def test_the_corners_share_the_weight_as_the_moment_balance_says(body: Segment, speed: float, solver: Solver) -> None:
     """Oracle: on_chord.chord_loads, but for the depths of the springs; the corner ahead carries more."""
     law, slope = law_of(0.3, stiffness=1e10), Slope(0.1)
     expected = on_chord.chord_loads(body, law, slope, speed)
@@ -181,7 +181,7 @@ def test_rolling_resistance_keeps_a_body_from_tipping(solver: Solver) -> None:
 
 def test_the_rolling_impulse_is_within_its_bound_where_friction_keeps_a_body_from_turning() -> None:
     """Oracle: zero where there is no arm, and otherwise the sum of arm times load; the rest is a couple of friction."""
-    body = Body(101.52422680940133, 0.14007923879953998, 0.03500419302780319, 0.7880831946130593, 1.9132573039796412)
+    body = segment(101.52422680940133, 0.14007923879953998, 0.03500419302780319, 0.7880831946130593, 1.9132573039796412)
     slope = Slope(-0.017453292519943295)
     launch = State(
         0.4533717521634944, 0.3601066721752993, -2.6458539889302335, 0.11750602537682104, -5.3222476631802405, 0.0
@@ -198,7 +198,7 @@ def test_the_rolling_impulse_is_within_its_bound_where_friction_keeps_a_body_fro
 @SOLVERS
 @pytest.mark.parametrize("speed", [2.0, -2.0])
 @pytest.mark.parametrize("body", [BOAT, BARREL, SHELL])
-def test_a_body_with_more_friction_tips_over_the_corner_ahead(body: Body, speed: float, solver: Solver) -> None:
+def test_a_body_with_more_friction_tips_over_the_corner_ahead(body: Segment, speed: float, solver: Solver) -> None:
     """Oracle: J domega/dt of one sliding corner; the other one lifts as its load vanishes."""
     height, half = corners(body)
     law, side = law_of(1.1 * half / height, stiffness=1e10), math.copysign(1.0, speed)
@@ -225,7 +225,7 @@ def test_a_body_with_more_friction_tips_over_the_corner_ahead(body: Body, speed:
         assert after["normal"] == pytest.approx(before["normal"], rel=1e-9)
 
 
-def feature_arms(body: Body, feature: Feature, phi: float) -> tuple[float, float]:
+def feature_arms(body: Segment, feature: Feature, phi: float) -> tuple[float, float]:
     """Arms a and b [m] of a corner."""
     height, half = corners(body)
     side = 1.0 if feature == Feature.TAIL else -1.0
@@ -250,7 +250,7 @@ def test_a_body_in_the_painleve_region_is_thrown_over_at_once(factor: float, sol
 @SOLVERS
 @pytest.mark.parametrize("limit", ["friction", "tipping"])
 @pytest.mark.parametrize("body", [BARREL, BLOCK])
-def test_it_rests_where_friction_holds_it_and_it_does_not_tip(body: Body, limit: str, solver: Solver) -> None:
+def test_it_rests_where_friction_holds_it_and_it_does_not_tip(body: Segment, limit: str, solver: Solver) -> None:
     """Oracle: on_chord.chord_rests, to both sides of its bound."""
     height, half = corners(body)
     tipping = on_chord.chord_tipping_friction(body, law_of(9.0))
@@ -326,7 +326,7 @@ def test_a_body_that_trips_goes_back_onto_its_arc(speed: float, solver: Solver) 
 class Lanes(NamedTuple):
     """Descents of one body: one a lane."""
 
-    body: Body
+    body: Segment
     laws: np.ndarray  # (N, 5) fields of ContactLaw
     slopes: np.ndarray  # (N, 3) fields of Slope
     launches: np.ndarray  # (N, 6) fields of State
@@ -483,7 +483,7 @@ def test_flat_contacts_do_not_stall(
 @pytest.mark.parametrize("tolerance", [DEFAULT.tolerance, 1e-12, 1e-10])
 def test_a_corner_that_has_just_left_is_not_down_again(tolerance: float) -> None:
     """Oracle: the same contact with shorter steps. With the longest the height of the first corner is least exact."""
-    body = Body(
+    body = segment(
         0.6850201382225128, 0.013824628214499961, 0.013740265324342646, 5.31613886967895e-07, 0.14276461018365538
     )
     law = ContactLaw(6155.575645328738, 0.9988138987295385, 0.3059542722072709, 0.0, 0.0)
@@ -518,7 +518,7 @@ def test_a_corner_that_grazes_does_not_touch_for_ever(
     body: tuple[float, ...], law: tuple[float, ...], slope: tuple[float, ...], launch: tuple[float, ...]
 ) -> None:
     """Oracle: a contact of two springs has few events. These took a million, touching and leaving."""
-    given = Body(*body), ContactLaw(*law), Slope(*slope), np.array([launch])
+    given = segment(*body), ContactLaw(*law), Slope(*slope), np.array([launch])
     batch = simulate_batch(*given, Settings(max_rebounds=1, max_time=0.3))
     assert batch.status[0] == "log_full"
     assert batch.outcomes["steps"][0] < 40

@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import Feature, Mode, Status
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT
@@ -33,7 +33,7 @@ RECORDED = {
     "omega": "omega_after",
     "duration": "duration",
 }
-PAPER = Body(1.0, 0.1, 0.05, 7.5e-3)  # the worked example, stiffness apart
+PAPER = segment(1.0, 0.1, 0.05, 7.5e-3)  # the worked example, stiffness apart
 LEVEL = Slope(0.0, math.inf, 0.0)
 
 
@@ -44,9 +44,9 @@ exactly = partial(simulate, tolerance=TIGHT)
 def replay(record: dict[str, Any], rebounds: list[dict[str, str]], tolerance: float = TIGHT) -> Descent:
     """Simulate a descent of the data file; the end of a rod is a corner, a quarter turn from the arc."""
     given, state = record["parameters"], State(**record["state"])
-    mass, radius, eccentricity, inertia = (given[name] for name in Body._fields[:4])
+    mass, radius, eccentricity, inertia = (given[name] for name in Segment.fields[:4])
     if radius > 0.0:
-        body = Body(mass, radius, eccentricity, inertia)
+        body = segment(mass, radius, eccentricity, inertia)
     else:
         body = rod(mass, eccentricity, inertia)
         state = state._replace(phi=state.phi - 0.5 * math.pi)
@@ -78,7 +78,7 @@ def errors(descent: Descent, rebounds: list[dict[str, str]]) -> list[float]:
     ]
 
 
-def struck(body: Body, law: ContactLaw, phi: float, u: float, v: float, omega: float, slope: Slope = LEVEL) -> Any:
+def struck(body: Segment, law: ContactLaw, phi: float, u: float, v: float, omega: float, slope: Slope = LEVEL) -> Any:
     """Record of the single impact of a body that touches the slope and moves towards it."""
     state = State(0.0, support_height(body, phi), phi, u, v, omega)
     descent = exactly(body, law, slope, state, max_rebounds=1, max_time=100.0)
@@ -115,7 +115,7 @@ def test_bodies_at_the_limits_of_the_model_agree_with_extended_precision(case: d
 def test_a_vertical_bounce_loses_height_in_the_compression_too(restitution: float, nu: float) -> None:
     """Oracle: v_out^2 = e^2 v^2 - 2 G x_max (1 - e^2), physics.md, section 5, by the energy of each half."""
     mass, gravity, k_closing = 2.0, 9.81, 1e6
-    body = Body(mass, 0.1, 0.0, 0.01)
+    body = segment(mass, 0.1, 0.0, 0.01)
     squared = restitution**2
     asymmetry = (1.0 - squared) / (1.0 + squared)
     law = ContactLaw(k_closing / (1.0 + asymmetry), asymmetry, 0.0, 0.0)
@@ -133,7 +133,7 @@ def test_a_vertical_bounce_loses_height_in_the_compression_too(restitution: floa
 def test_a_vertical_bounce_leaves_iff_it_is_fast_enough(restitution: float) -> None:
     """Oracle: it leaves iff nu > (2/e^2) sqrt(1 - e^2), physics.md, section 5; otherwise it comes to rest."""
     mass, gravity, stiffness = 2.0, 9.81, 1e6
-    body = Body(mass, 0.1, 0.0, 0.01)
+    body = segment(mass, 0.1, 0.0, 0.01)
     law = ContactLaw.from_restitution(restitution, stiffness=stiffness, friction=0.2, rolling_arm=0.0)
     unit = gravity / math.sqrt(stiffness * (1.0 + law.asymmetry) / mass)
     threshold = 2.0 / restitution**2 * math.sqrt(1.0 - restitution**2)
@@ -147,7 +147,7 @@ def test_a_vertical_bounce_leaves_iff_it_is_fast_enough(restitution: float) -> N
 def test_a_slow_vertical_landing_rests_at_its_deepest_point(restitution: float) -> None:
     """Oracle: e^2 (1 + sqrt(1 + nu^2)) <= 1: the spring that opens cannot lift the body from the depth x_max."""
     mass, gravity, stiffness = 2.0, 9.81, 1e6
-    body = Body(mass, 0.1, 0.0, 0.01)
+    body = segment(mass, 0.1, 0.0, 0.01)
     law = ContactLaw.from_restitution(restitution, stiffness=stiffness, friction=0.2, rolling_arm=0.0)
     k_closing = stiffness * (1.0 + law.asymmetry)
     unit = gravity / math.sqrt(k_closing / mass)
@@ -217,7 +217,7 @@ def test_a_frictionless_rebound_converges_to_the_textbook_energy(restitution: fl
 def test_a_sphere_at_45_degrees_rebounds_as_published(phi: float) -> None:
     """Oracle: r = 2.5 mm, 3.9 m/s, e = .98, f = .092 (physics.md, section 9); concentric: exact at any stiffness."""
     radius = 2.5e-3
-    sphere = Body(1e-3, radius, 0.0, 0.4e-3 * radius**2)
+    sphere = segment(1e-3, radius, 0.0, 0.4e-3 * radius**2)
     law = ContactLaw.from_restitution(0.98, stiffness=1e6, friction=0.092, rolling_arm=0.0)
     speed = 3.9 * math.sqrt(0.5)
     row = struck(sphere, law, phi, speed, -speed, 0.0)
@@ -230,7 +230,7 @@ def test_a_sphere_at_45_degrees_rebounds_as_published(phi: float) -> None:
 def test_a_sphere_slides_throughout_above_the_published_angle() -> None:
     """Oracle: gross sliding above 32.520 degrees from the normal: tan = 3.5 f (1 + e)."""
     radius = 2.5e-3
-    sphere = Body(1e-3, radius, 0.0, 0.4e-3 * radius**2)
+    sphere = segment(1e-3, radius, 0.0, 0.4e-3 * radius**2)
     law = ContactLaw.from_restitution(0.98, stiffness=1e6, friction=0.092, rolling_arm=0.0)
     for degrees, mode in ((32.519, Mode.STOP_ROLL), (32.521, Mode.SLIDE_ROLL)):
         angle = math.radians(degrees)
@@ -243,7 +243,7 @@ def test_the_disc_of_siconos_rebounds_rolling() -> None:
 
     Gravity acts through the impact: v_out^2 lacks 2 g x_max (1 - e^2), 2e-6 of it at 1e12 N/m.
     """
-    disc = Body(1.0, 0.5, 0.0, 0.1)
+    disc = segment(1.0, 0.5, 0.0, 0.1)
     law = ContactLaw.from_restitution(0.9, stiffness=1e12, friction=0.1, rolling_arm=0.0)
     descent = exactly(disc, law, Slope(0.0), State(0.0, 1.0, 0.0, 0.0, 0.0, 2.0), max_rebounds=1)
     row = descent.rebounds[0]
@@ -287,7 +287,7 @@ def test_a_wheel_without_spin_rebounds_as_the_corrected_table_says(
     assume(len(rows) == 1)  # two on a boundary, where they coincide
     expected = rows[0]
     law = ContactLaw.from_restitution(restitution, stiffness=1e5, friction=friction, rolling_arm=arm)
-    row = struck(Body(mass, radius, 0.0, inertia), law, 0.0, u, v, 0.0)
+    row = struck(segment(mass, radius, 0.0, inertia), law, 0.0, u, v, 0.0)
     assert row["u_after"] == pytest.approx(expected.u, abs=1e-12 * (u - v))
     assert row["omega_after"] == pytest.approx(expected.omega, abs=1e-11 * (u - v) / inertia)
     assert row["v_after"] == pytest.approx(-restitution * v, rel=1e-11)
@@ -302,7 +302,7 @@ def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: floa
     N = m g (1 - cos w t). Its mean is m g, so that all later velocities are the same; x gains 2 f g/w^2.
     """
     u0, f, g, r, delta, inertia = 1.0, 0.3, 9.81, 0.5, 0.1, 0.1
-    disc = Body(1.0, r, 0.0, inertia)
+    disc = segment(1.0, r, 0.0, inertia)
     law = ContactLaw.from_restitution(0.5, stiffness=stiffness, friction=f, rolling_arm=delta)
     descent = exactly(disc, law, Slope(0.0), State(0.0, r, 0.0, u0, 0.0, 0.0), record="trajectory")
     slides_until = u0 / (f * g + r * g * (f * r - delta) / inertia)
@@ -328,7 +328,7 @@ def test_a_wheel_rolls_down_at_the_textbook_acceleration(angle: float, arm: floa
     """Oracle: (g sin beta - (delta/r) g cos beta)/(1 + J/(m r^2)), once the normal force has settled."""
     mass, radius, inertia, gravity = 2.0, 0.5, 0.3, 9.81
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.5, rolling_arm=arm)
-    wheel = Body(mass, radius, 0.0, inertia)
+    wheel = segment(mass, radius, 0.0, inertia)
     descent = exactly(wheel, law, Slope(angle), State(0.0, radius, 0.0), max_time=2.0, record="trajectory")
     rows = descent.trajectory[descent.trajectory["t"] > 0.1]
     expected = gravity * (math.sin(angle) - arm / radius * math.cos(angle)) / (1.0 + inertia / (mass * radius**2))
@@ -433,13 +433,13 @@ def test_forces_of_sustained_contact_are_those_of_the_rigid_body(friction: float
 def test_a_body_at_rest_on_a_nearly_level_slope_jams(angle: float) -> None:
     """Oracle: statics, tan beta <= f; sticking needs f k+ times the depth, which starts at zero."""
     law = ContactLaw(1.5e7, 0.6, 0.3, 0.01)
-    descent = exactly(Body(1.0, 0.5, 0.0, 0.1), law, Slope(angle), State(0.0, 0.5, 0.0), max_time=1.0)
+    descent = exactly(segment(1.0, 0.5, 0.0, 0.1), law, Slope(angle), State(0.0, 0.5, 0.0), max_time=1.0)
     assert descent.status == Status.JAMMED
 
 
 def test_a_contact_that_ends_on_another_feature_is_continuous() -> None:
     """Oracle: momentum: u, v and omega change by the impulses alone while the contact passes from arc to corner."""
-    body = Body(1.0, 0.5, 0.2, 0.08, 2.0)
+    body = segment(1.0, 0.5, 0.2, 0.08, 2.0)
     law = ContactLaw(2e4, 0.3, 0.4, 0.01, 0.0)
     before = State(0.0, support_height(body, 1.98), 1.98, -2.0, -1.0, 12.0)
     descent = exactly(body, law, LEVEL, before, max_rebounds=1, record="trajectory", sample_interval=1e-4)

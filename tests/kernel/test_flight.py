@@ -10,43 +10,45 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel import flight, motion
-from sledenv.kernel.records import ARC, TAIL
+from sledenv.kernel.records import TAIL
 from sledenv.kernel.state import HOP, new
-from sledenv.simulation.bodies import Body, circular_segment
-from sledenv.simulation.support import arms, feature_at, support_height, whole_turns
-from tests.bodies import rod, segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.support import support_height, whole_turns
+from tests.bodies import rod, segment_by_share, touching
 from tests.compiled import compiled
 from tests.oracles import scanned_touchdown, support
 
 finish_time_of = compiled(motion.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 ROD = rod(1.0, 0.4, 0.02)
-WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
+WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
 SEGMENT = circular_segment(1.0, 0.5, math.radians(110.0))
-BODIES = [DISC, ROD, WHEEL, SEGMENT, Body(1.0, 0.1, 0.1, 0.01, 2.5)]
+BODIES = [DISC, ROD, WHEEL, SEGMENT, segment(1.0, 0.1, 0.1, 0.01, 2.5)]
 
 bodies = st.one_of(
     st.sampled_from(BODIES),
     st.floats(0.3, math.pi).map(lambda half_angle: circular_segment(1.0, 0.5, half_angle)),
     st.builds(
-        lambda share, half_angle: segment(1.0, 0.5, share, 0.1, half_angle), st.floats(0.0, 1.0), st.floats(0.3, 3.1)
+        lambda share, half_angle: segment_by_share(1.0, 0.5, share, 0.1, half_angle),
+        st.floats(0.0, 1.0),
+        st.floats(0.3, 3.1),
     ),
 )
 orientations = st.floats(-10.0, 10.0)
 spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0))
 
 
-def land_each(body: Body, flights: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
+def land_each(bodies: np.ndarray, flights: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
     """Find the touchdown of each of some flights, rows gravity, y, phi, v, omega, horizon, by itself."""
-    hop = hops[0]
+    body, hop = bodies[0], hops[0]
     flight.write_body(body, hop)
     for i in range(len(flights)):
         row = flights[i]
         hop["inward"], hop["y"], hop["phi"] = row[0], row[1], row[2]
         hop["v"], hop["omega"], hop["horizon"] = row[3], row[4], row[5]
-        flight.begin_search(hop)
-        flight.search(math.inf, hop)
+        flight.begin_search(body, hop)
+        flight.search(math.inf, body, hop)
         found[i] = hop["touchdown"]
 
 
@@ -60,19 +62,21 @@ def finish_time(x: float, u: float, acceleration: float, length: float) -> float
     return finish_time_of(hop)
 
 
-def alone(body: Body, flights: np.ndarray) -> np.ndarray:
+def alone(body: Segment, flights: np.ndarray) -> np.ndarray:
     """Touchdown of each flight, searched for by itself."""
     found = np.empty(len(flights))
-    land_each_compiled(body, flights, new(HOP), found)
+    land_each_compiled(body.record, flights, new(HOP), found)
     return found
 
 
-def touchdown_time(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float) -> float:
+def touchdown_time(
+    body: Segment, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float
+) -> float:
     """Touchdown of one flight."""
     return float(alone(body, np.array([[gravity, y, phi, v, omega, horizon]]))[0])
 
 
-def gap_at(body: Body, gravity: float, y: float, phi: float, v: float, omega: float, t: float) -> float:
+def gap_at(body: Segment, gravity: float, y: float, phi: float, v: float, omega: float, t: float) -> float:
     """Gap [m] at a time of a free flight."""
     return y + t * (v - 0.5 * gravity * t) - float(support(body, np.array(phi + omega * t)))
 
@@ -80,7 +84,7 @@ def gap_at(body: Body, gravity: float, y: float, phi: float, v: float, omega: fl
 @property_of_all
 @given(bodies, st.sampled_from([0.0, 9.81]), st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
 def test_touchdown_is_the_first_root_of_the_gap(
-    body: Body, gravity: float, clearance: float, phi: float, v: float, omega: float
+    body: Segment, gravity: float, clearance: float, phi: float, v: float, omega: float
 ) -> None:
     """Oracle: 20000 points of the gap, bisected; between launch and touchdown none of them lies below the surface."""
     y, horizon = support_height(body, phi) + clearance, 2.0
@@ -102,12 +106,11 @@ def test_touchdown_is_the_first_root_of_the_gap(
 @property_of_all
 @given(bodies, st.sampled_from([0.0, 9.81]), orientations, st.floats(-3.0, 3.0), st.floats(-200.0, 200.0))
 def test_a_body_that_leaves_the_surface_comes_down_at_the_first_root(
-    body: Body, gravity: float, phi: float, departure: float, omega: float
+    body: Segment, gravity: float, phi: float, departure: float, omega: float
 ) -> None:
     """Oracle: the scan; a start on the surface is not a touchdown unless the body moves down."""
     y = support_height(body, phi)
-    local = phi - whole_turns(phi)
-    a, _ = arms(body, feature_at(body, local), local)
+    _, a, _ = touching(body, phi)
     assume(abs(departure) > 1e-6)
     v = departure + a * omega
     found = touchdown_time(body, gravity, y, phi, v, omega, 2.0)
@@ -146,7 +149,7 @@ def test_a_graze_is_told_from_a_miss_and_from_a_touch(clearance: float) -> None:
 
 @pytest.mark.parametrize("omega", [50.0, 500.0, 5000.0])
 @pytest.mark.parametrize("body", [DISC, ROD, SEGMENT])
-def test_fast_spin_hides_no_root(body: Body, omega: float) -> None:
+def test_fast_spin_hides_no_root(body: Segment, omega: float) -> None:
     """Oracle: the scan, 200 points a turn, of a slow fall: the body touches while its longest side passes below."""
     y = 1.2
     found = touchdown_time(body, 0.0, y, 0.3, -0.5, omega, 3.0)
@@ -168,7 +171,7 @@ def test_a_wheel_falls_as_galileo_says(height: float, v: float) -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-def test_without_gravity_a_body_that_does_not_approach_never_lands(body: Body) -> None:
+def test_without_gravity_a_body_that_does_not_approach_never_lands(body: Segment) -> None:
     """Oracle: uniform motion."""
     y = body.radius + body.eccentricity + 0.1
     assert touchdown_time(body, 0.0, y, 0.4, 0.0, 30.0, 1e9) == math.inf
@@ -180,7 +183,7 @@ def test_without_gravity_a_body_that_does_not_approach_never_lands(body: Body) -
 
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_a_body_at_rest_on_the_surface_touches_now(body: Body, gravity: float) -> None:
+def test_a_body_at_rest_on_the_surface_touches_now(body: Segment, gravity: float) -> None:
     """Oracle: by hand; without spin nothing lifts it."""
     for phi in (0.0, 0.5, -1.5, math.pi):
         assert touchdown_time(body, gravity, support_height(body, phi), phi, 0.0, 0.0, 10.0) == 0.0
@@ -189,7 +192,7 @@ def test_a_body_at_rest_on_the_surface_touches_now(body: Body, gravity: float) -
 def test_a_heavy_side_that_swings_up_lifts_the_body() -> None:
     """Oracle: at phi = pi and v = 0 the gap is h (1 - cos(omega t)) - g t^2/2: lifted iff h omega^2 > g."""
     g, h = 9.81, DISC.eccentricity
-    a, y = arms(DISC, ARC, math.pi - whole_turns(math.pi))  # a is not quite zero
+    _, a, y = touching(DISC, math.pi)  # a is not quite zero
     for sign in (1.0, -1.0):
         slow, fast = sign * 0.99 * math.sqrt(g / h), sign * 2.0 * math.sqrt(g / h)
         assert touchdown_time(DISC, g, y, math.pi, a * slow, slow, 10.0) == 0.0
@@ -203,10 +206,11 @@ def test_a_heavy_side_that_swings_up_lifts_the_body() -> None:
 @pytest.mark.parametrize("offset", [0.05, 0.1, 0.2])
 def test_a_body_lifted_off_its_corner_lands_at_the_first_root(offset: float) -> None:
     """Oracle: the scan of a segment that leaves its corner without speed, lifted by its spin, just beyond its arc."""
-    body = segment(1.0, 0.5, 0.0, 0.1, 0.9)
+    body = segment_by_share(1.0, 0.5, 0.0, 0.1, 0.9)
     phi, omega = 0.9 + offset, -300.0
     y = support_height(body, phi)
-    a, _ = arms(body, TAIL, phi)
+    part, a, _ = touching(body, phi)
+    assert part == TAIL
     found = touchdown_time(body, 9.81, y, phi, a * omega, omega, 1.0)
     scanned, _ = scanned_touchdown(body, 9.81, y, phi, a * omega, omega, 1.0, 400_001)
     assert found <= scanned * (1.0 + 1e-9)
@@ -223,7 +227,7 @@ def test_a_touchdown_at_rounding_speed_is_not_below_the_surface() -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-def test_a_touchdown_beyond_the_horizon_is_none(body: Body) -> None:
+def test_a_touchdown_beyond_the_horizon_is_none(body: Segment) -> None:
     """Oracle: the touchdown itself, from a longer look."""
     landing = touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 10.0)
     assert touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 0.999 * landing) == math.inf
@@ -233,7 +237,7 @@ def test_a_touchdown_beyond_the_horizon_is_none(body: Body) -> None:
 @property_of_all
 @given(bodies, st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
 def test_the_mirrored_flight_lands_at_the_same_time(
-    body: Body, clearance: float, phi: float, v: float, omega: float
+    body: Segment, clearance: float, phi: float, v: float, omega: float
 ) -> None:
     """Oracle: mirror symmetry, bit for bit."""
     assume(abs(phi - whole_turns(phi)) < math.pi)
@@ -247,13 +251,13 @@ def test_a_mirrored_flight_without_spin_onto_the_end_of_the_arc_lands_at_the_sam
     share: float, half_angle: float, clearance: float, v: float
 ) -> None:
     """Oracle: mirror symmetry, bit for bit, where arc and corner are equally low but for rounding."""
-    body = segment(1.0, 0.5, share, 0.1, half_angle)
+    body = segment_by_share(1.0, 0.5, share, 0.1, half_angle)
     y = support_height(body, half_angle) + clearance
     found = touchdown_time(body, 9.81, y, half_angle, v, 0.0, 5.0)
     assert found == touchdown_time(body, 9.81, y, -half_angle, v, -0.0, 5.0)
 
 
-def assorted_flights(body: Body, seed: int) -> np.ndarray:
+def assorted_flights(body: Segment, seed: int) -> np.ndarray:
     """Flights from above, from the surface, of fast spins, along grazes, at rest, and of states that are no numbers."""
     rng = np.random.default_rng(seed)
     rows = []
@@ -261,8 +265,7 @@ def assorted_flights(body: Body, seed: int) -> np.ndarray:
         phi, v = rng.uniform(-10.0, 10.0), rng.uniform(-5.0, 5.0)
         omega = rng.choice([0.0, rng.uniform(-10.0, 10.0), rng.uniform(-3000.0, 3000.0)])
         gravity, horizon = rng.choice([0.0, 9.81]), rng.choice([2.0, 0.1])
-        local = phi - whole_turns(phi)
-        a, b = arms(body, feature_at(body, local), local)
+        _, a, b = touching(body, phi)
         y = b + rng.uniform(0.0, 1.0)
         match kind % 8:
             case 1:
@@ -282,8 +285,8 @@ def assorted_flights(body: Body, seed: int) -> np.ndarray:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # plain Python warns of states that are no numbers
-@pytest.mark.parametrize("body", [*BODIES, segment(1.0, 0.5, 0.0, 0.1, 0.9)])
-def test_a_flight_and_its_mirror_image_land_at_the_same_time(body: Body) -> None:
+@pytest.mark.parametrize("body", [*BODIES, segment_by_share(1.0, 0.5, 0.0, 0.1, 0.9)])
+def test_a_flight_and_its_mirror_image_land_at_the_same_time(body: Segment) -> None:
     """Oracle: the mirror image, bit for bit, whatever the flight."""
     flights = assorted_flights(body, 3)
     found = alone(body, flights)

@@ -10,25 +10,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.simulation.bodies import Body, circular_segment
-from sledenv.simulation.support import (
-    arms,
-    directions,
-    feature_at,
-    feature_geometry,
-    has_corners,
-    lowest_support,
-    support_height,
-    whole_turns,
-)
-from tests.bodies import rod
+from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.support import directions, support_height, whole_turns
+from tests.bodies import rod, touching
 from tests.oracles import outline_heights, support
 
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
-POINT = Body(1.0, 0.0, 0.0, 0.02)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
+POINT = segment(1.0, 0.0, 0.0, 0.02)
 SEGMENT = circular_segment(1.0, 0.5, math.radians(110.0))
 SHALLOW = circular_segment(1.0, 0.5, 0.3)
-LOPSIDED = Body(1.0, 0.5, 0.5, 0.1, 2.0)  # mass centre on the arc
+LOPSIDED = segment(1.0, 0.5, 0.5, 0.1, 2.0)  # mass centre on the arc
 ROD = rod(1.0, 0.4, 0.02)  # mass centre on the chord
 BODIES = [DISC, POINT, SEGMENT, SHALLOW, LOPSIDED, ROD]
 CORNERED = [SEGMENT, SHALLOW, LOPSIDED, ROD]
@@ -37,16 +28,9 @@ bodies = st.sampled_from(BODIES)
 property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 
 
-def at(body: Body, phi: float) -> tuple[int, float, float]:
-    """Feature and arms at any phi [rad]."""
-    local = phi - whole_turns(phi)
-    feature = feature_at(body, local)
-    return feature, *arms(body, feature, local)
-
-
 @property_of_all
 @given(bodies, st.floats(-30.0, 30.0))
-def test_support_height_is_that_of_the_outline(body: Body, phi: float) -> None:
+def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> None:
     """Oracle: the lowest of 20001 points of the outline, whose arc sags by r (step)^2/8 at most between two of them."""
     sag = body.radius * (2.0 * body.half_angle / 20000) ** 2 / 8.0
     lowest = -outline_heights(body, phi, 20001).min()
@@ -55,16 +39,16 @@ def test_support_height_is_that_of_the_outline(body: Body, phi: float) -> None:
 
 @property_of_all
 @given(bodies, st.floats(-30.0, 30.0))
-def test_support_height_is_that_of_arc_and_corners(body: Body, phi: float) -> None:
+def test_support_height_is_that_of_arc_and_corners(body: Segment, phi: float) -> None:
     """Oracle: the positions of arc and corners, from the rotated body coordinates, without the shifted angles."""
     assert support_height(body, phi) == pytest.approx(float(support(body, np.array(phi))), rel=1e-13, abs=1e-14)
 
 
 @pytest.mark.parametrize("body", [DISC, POINT])
 @pytest.mark.parametrize("phi", [0.0, 0.7, -2.0, math.pi])
-def test_arms_of_the_arc_are_the_textbook_ones(body: Body, phi: float) -> None:
+def test_arms_of_the_arc_are_the_textbook_ones(body: Segment, phi: float) -> None:
     """Oracle: a = h sin(phi), b = r - h cos(phi), docs/physics.md, section 1."""
-    feature, a, b = at(body, phi)
+    feature, a, b = touching(body, phi)
     local = phi - whole_turns(phi)
     assert feature == ARC
     assert a == pytest.approx(body.eccentricity * math.sin(local), abs=1e-16)
@@ -73,11 +57,11 @@ def test_arms_of_the_arc_are_the_textbook_ones(body: Body, phi: float) -> None:
 
 @pytest.mark.parametrize("body", CORNERED)
 @pytest.mark.parametrize("side", [1, -1])
-def test_arms_of_a_corner_are_those_of_a_sharp_arc_end(body: Body, side: int) -> None:
+def test_arms_of_a_corner_are_those_of_a_sharp_arc_end(body: Segment, side: int) -> None:
     """Oracle: a = h sin(phi) - r sin(phi -+ alpha), b = r cos(phi -+ alpha) - h cos(phi), physics.md, section 8."""
     alpha, r, h = body.half_angle, body.radius, body.eccentricity
     for phi in np.linspace(alpha + 0.01, math.pi - 0.01, 9) * side:
-        feature, a, b = at(body, phi)
+        feature, a, b = touching(body, phi)
         assert feature == (TAIL if side > 0 else NOSE)
         assert a == pytest.approx(h * math.sin(phi) - r * math.sin(phi - side * alpha), abs=1e-15)
         assert b == pytest.approx(r * math.cos(phi - side * alpha) - h * math.cos(phi), abs=1e-15)
@@ -85,30 +69,31 @@ def test_arms_of_a_corner_are_those_of_a_sharp_arc_end(body: Body, side: int) ->
 
 @pytest.mark.parametrize("body", CORNERED)
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_arms_are_continuous_where_the_arc_ends(body: Body, side: float) -> None:
+def test_arms_are_continuous_where_the_arc_ends(body: Segment, side: float) -> None:
     """Oracle: the end of the arc is the corner."""
     edge = side * body.half_angle
     corner = TAIL if side > 0.0 else NOSE
-    assert feature_at(body, edge) == ARC
-    assert feature_at(body, math.nextafter(edge, 4.0 * side)) == corner
-    assert arms(body, corner, edge) == pytest.approx(arms(body, ARC, edge), abs=1e-15)
+    part, *at_edge = touching(body, edge)
+    beyond, *behind = touching(body, math.nextafter(edge, 4.0 * side))
+    assert (part, beyond) == (ARC, corner)
+    assert behind == pytest.approx(at_edge, abs=1e-15)
 
 
 @property_of_all
 @given(bodies, ANGLES.filter(lambda phi: abs(phi) != math.pi))
 @example(SEGMENT, SEGMENT.half_angle)
 @example(DISC, 0.0)
-def test_the_mirrored_pose_has_the_mirrored_contact_bit_for_bit(body: Body, phi: float) -> None:
+def test_the_mirrored_pose_has_the_mirrored_contact_bit_for_bit(body: Segment, phi: float) -> None:
     """Oracle: mirror symmetry, phi -> -phi: nose and tail change places, a changes its sign."""
-    feature, a, b = at(body, phi)
-    mirrored, a_mirrored, b_mirrored = at(body, -phi)
+    feature, a, b = touching(body, phi)
+    mirrored, a_mirrored, b_mirrored = touching(body, -phi)
     assert mirrored == {ARC: ARC, NOSE: TAIL, TAIL: NOSE}[feature]
     assert (a_mirrored, b_mirrored) == (-a, b)
 
 
 @property_of_all
 @given(bodies, ANGLES, st.integers(-(10**6), 10**6))
-def test_whole_turns_change_nothing(body: Body, phi: float, turns: int) -> None:
+def test_whole_turns_change_nothing(body: Segment, phi: float, turns: int) -> None:
     """Oracle: periodicity, up to the rounding of phi."""
     many = phi + turns * 2.0 * math.pi
     assert abs(many - whole_turns(many)) <= math.pi * (1.0 + 1e-9)
@@ -118,26 +103,25 @@ def test_whole_turns_change_nothing(body: Body, phi: float, turns: int) -> None:
 
 def test_only_an_arc_with_two_ends_has_corners() -> None:
     """Oracle: a full disc and a point have none."""
-    assert [has_corners(body) for body in BODIES] == [False, False, True, True, True, True]
+    assert [len(body.arcs) for body in BODIES] == [1, 1, 3, 3, 3, 3]
 
 
-@pytest.mark.parametrize("body", BODIES)
-def test_feature_geometry_reaches_the_feature(body: Body) -> None:
+@pytest.mark.parametrize("body", CORNERED)
+def test_a_corner_is_as_far_away_as_the_end_of_the_arc(body: Segment) -> None:
     """Oracle: the distance of the corner from the mass centre, by Pythagoras."""
-    assert feature_geometry(body, ARC) == (body.eccentricity, body.radius, 0.0)
     across = body.radius * math.sin(body.half_angle)
     above = body.eccentricity - body.radius * math.cos(body.half_angle)
-    for corner in (NOSE, TAIL):
-        reach, radius, _ = feature_geometry(body, corner)
-        assert reach == pytest.approx(math.sqrt(across**2 + above**2), rel=1e-15)
-        assert radius == 0.0
+    (record,) = body.record
+    reach = pytest.approx(math.hypot(across, above), rel=1e-15)
+    assert record["h"][:3].tolist() == [reach, body.eccentricity, reach]
+    assert record["r"][:3].tolist() == [0.0, body.radius, 0.0]
 
 
 @pytest.mark.parametrize("body", BODIES)
-def test_lowest_support_is_the_least_height_over_all_poses(body: Body) -> None:
+def test_lowest_support_is_the_least_height_over_all_poses(body: Segment) -> None:
     """Oracle: 40001 poses, flat or on the chord included."""
     heights = support(body, np.append(np.linspace(-math.pi, math.pi, 40001), [0.0, math.pi]))
-    assert lowest_support(body) == pytest.approx(heights.min(), abs=1e-9)
+    assert body.lowest_support == pytest.approx(heights.min(), abs=1e-9)
 
 
 def test_a_direction_does_not_depend_on_how_many_there_are():

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sledenv.kernel import motion
-from sledenv.kernel.geometry import incline_of
+from sledenv.kernel.outline import incline_of
 from sledenv.kernel.params import Incline
 from sledenv.kernel.records import FLIGHT_LOSSES
 from sledenv.simulation.scene import Slope

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.settings import DEFAULT, Settings
 from sledenv.simulation.simulate import simulate_batch
-from sledenv.simulation.support import arms, feature_at
+from sledenv.simulation.support import lowest_arms
 from tests import extrapolation
-from tests.bodies import rod, segment
+from tests.bodies import rod, segment_by_share
 
 
 class Contacts(NamedTuple):
     """Touchdowns of one body: one a lane."""
 
-    body: Body
+    body: Segment
     laws: np.ndarray  # (N, 5) fields of ContactLaw
     slopes: np.ndarray  # (N, 3) fields of Slope
     states: np.ndarray  # (N, 6) fields of State
@@ -30,7 +30,7 @@ class Contacts(NamedTuple):
     max_time: float  # [s]
 
 
-def random_body(rng: np.random.Generator) -> Body:
+def random_body(rng: np.random.Generator) -> Segment:
     """A disc, a rod or a segment, uniform or not; up to .9 of the way to the arc."""
     mass, radius = 10.0 ** rng.uniform(-1.0, 2.0), 10.0 ** rng.uniform(-2.0, 0.5)
     kind = rng.choice(["disc", "rod", "lamina", "segment"], p=[0.3, 0.05, 0.25, 0.4])
@@ -39,8 +39,8 @@ def random_body(rng: np.random.Generator) -> Body:
     if kind == "rod":
         return rod(mass, radius, mass * radius**2 * 10.0 ** rng.uniform(-1.5, 0.0))
     half_angle = rng.uniform(0.05, math.pi) if kind == "segment" else math.pi
-    body = segment(mass, radius, rng.uniform(0.0, 0.9) * rng.choice([0.0, 1.0], p=[0.1, 0.9]), 1.0, half_angle)
-    return body._replace(inertia=mass * (radius + body.eccentricity) ** 2 * 10.0 ** rng.uniform(-1.5, 0.0))
+    body = segment_by_share(mass, radius, rng.uniform(0.0, 0.9) * rng.choice([0.0, 1.0], p=[0.1, 0.9]), 1.0, half_angle)
+    return body.replace(inertia=mass * (radius + body.eccentricity) ** 2 * 10.0 ** rng.uniform(-1.5, 0.0))
 
 
 def random_contacts(n: int, lanes: int, seed: int) -> Iterator[Contacts]:
@@ -72,7 +72,7 @@ def random_contacts(n: int, lanes: int, seed: int) -> Iterator[Contacts]:
         phi = rng.uniform(-math.pi, math.pi, lanes)
         edge = rng.choice([0.0, body.half_angle, -body.half_angle, math.pi], lanes)
         phi = np.where(rng.random(lanes) < 0.1, edge, phi)
-        a, b = np.array([arms(body, feature_at(body, angle), angle) for angle in phi.tolist()]).T
+        a, b = lowest_arms(body.record, phi)[1].T
         v_t = some(rng.normal(size=lanes), (0.0, 0.1), (0.01, 0.1), (1.0, 0.5), (5.0, 0.3))
         omega = some(rng.normal(size=lanes) / size, (0.0, 0.1), (0.01, 0.1), (1.0, 0.5), (5.0, 0.3))
         v_n = some(-np.abs(rng.normal(size=lanes)), (0.0, 0.03), (1e-9, 0.04), (1e-3, 0.13), (1.0, 0.5), (5.0, 0.3))
@@ -172,7 +172,7 @@ def integrated(contacts: Contacts) -> tuple[np.ndarray, np.ndarray]:
     body, laws, slopes, states, _, max_time = contacts
     codes, found = np.zeros(len(states), int), outcomes(contacts)
     for i, (law, slope, (_, _, phi, u, v, omega)) in enumerate(zip(laws, slopes, states, strict=True)):
-        p = np.array([*body, *law, slope[0], slope[2]])
+        p = np.array([*(getattr(body, name) for name in Segment.fields), *law, slope[0], slope[2]])
         entry = np.array([0.0, phi, 0.0, u, v, omega])
         codes[i], t, (x, phi, _, u, v, omega) = extrapolation.contact(p, entry, max_time, 1.0)
         for name, value in {"t": t, "x": x, "phi": phi, "u": u, "v": v, "omega": omega}.items():
@@ -192,7 +192,7 @@ def test_a_contact_is_that_of_an_independent_method(bodies: int, lanes: int) -> 
     compared = undecided = 0
     for drawn in random_contacts(bodies * lanes, lanes, seed=5):
         body, states = drawn.body, drawn.states
-        a = np.array([arms(body, feature_at(body, phi), phi)[0] for phi in states[:, 2].tolist()])
+        a = lowest_arms(body.record, states[:, 2])[1][:, 0]
         closing = states[:, 4] - a * states[:, 5] < -1e-6 * drawn.speeds
         edge = np.isin(np.abs(states[:, 2]), (body.half_angle, math.pi))
         contacts = chosen(drawn, np.flatnonzero(closing & ~edge))._replace(max_time=0.2 * drawn.max_time)
@@ -210,25 +210,25 @@ def test_a_contact_is_that_of_an_independent_method(bodies: int, lanes: int) -> 
     assert undecided < 0.002 * bodies * lanes
 
 
-def contact_of(body: Body, law: tuple[float, ...], slope: tuple[float, float], state: tuple[float, ...]) -> Contacts:
+def contact_of(body: Segment, law: tuple[float, ...], slope: tuple[float, float], state: tuple[float, ...]) -> Contacts:
     """One touchdown, for ten periods."""
     speed = max(abs(value) for value in state[3:5])
     columns = (np.array([row]) for row in (law, (slope[0], math.inf, slope[1]), (0.0, *state[1:])))
     return Contacts(body, *columns, np.array([speed]), 20.0 * math.pi * math.sqrt(body.mass / law[0]))
 
 
-SEGMENT = Body(2.203875383780148, 0.010307818127086013, 0.0, 3.389284127863658e-05, 1.7303834323101066)
-NEARLY_A_DISC = Body(
+SEGMENT = segment(2.203875383780148, 0.010307818127086013, 0.0, 3.389284127863658e-05, 1.7303834323101066)
+NEARLY_A_DISC = segment(
     1.518510633770974, 0.011772303248635032, 5.260297408156035e-06, 0.00010517633874891525, 3.0130853945865574
 )
-ROLLING = Body(6.455217403349629, 0.576492413255222, 0.16732821121858368, 2.8764746066912794, 2.43658542980601)
-UPRIGHT = Body(0.3330875857855089, 0.010893069804946112, 0.005322540923221938, 4.099292211189562e-05)
-EDGE = Body(0.2128210113346139, 0.28885731419792515, 0.1913113516140024, 0.004029803503108958, 0.9027148010775059)
-FLAT = Body(44.164223759245914, 2.2359848567921947, 1.1727898155485408, 23.960096893995317, 1.3023432632328806)
+ROLLING = segment(6.455217403349629, 0.576492413255222, 0.16732821121858368, 2.8764746066912794, 2.43658542980601)
+UPRIGHT = segment(0.3330875857855089, 0.010893069804946112, 0.005322540923221938, 4.099292211189562e-05)
+EDGE = segment(0.2128210113346139, 0.28885731419792515, 0.1913113516140024, 0.004029803503108958, 0.9027148010775059)
+FLAT = segment(44.164223759245914, 2.2359848567921947, 1.1727898155485408, 23.960096893995317, 1.3023432632328806)
 
-LEVEL = Body(42.916911759718246, 0.2909479602146949, 0.25609324238852105, 0.279497072002727, 0.6449766730856418)
-DEEP = Body(86.10380659002807, 0.021046605817784822, 0.0067030239217833335, 0.004883270027284517, 3.0222596560554913)
-SLIDER = Body(7.853537137303034, 2.0642428024176285, 0.34124836921944557, 14.398470358559983, 2.109608617588168)
+LEVEL = segment(42.916911759718246, 0.2909479602146949, 0.25609324238852105, 0.279497072002727, 0.6449766730856418)
+DEEP = segment(86.10380659002807, 0.021046605817784822, 0.0067030239217833335, 0.004883270027284517, 3.0222596560554913)
+SLIDER = segment(7.853537137303034, 2.0642428024176285, 0.34124836921944557, 14.398470358559983, 2.109608617588168)
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ SLIDER = Body(7.853537137303034, 2.0642428024176285, 0.34124836921944557, 14.398
     ],
 )
 def test_touchdowns_that_are_easily_misjudged(
-    body: Body, law: tuple[float, ...], slope: tuple[float, float], state: tuple[float, ...]
+    body: Segment, law: tuple[float, ...], slope: tuple[float, float], state: tuple[float, ...]
 ) -> None:
     """Oracle: the same contact with longer steps; each of these once ended elsewhere, or not at all."""
     contacts = contact_of(body, law, slope, state)

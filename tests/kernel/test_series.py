@@ -28,26 +28,27 @@ def _expand(spaces: np.ndarray) -> None:
 
 @compiled
 def _complete(spaces: np.ndarray) -> None:
-    complete(spaces[0]["contact"], spaces[0]["step"])
+    complete(spaces[0]["contact"], spaces[0]["points"][0], spaces[0]["steps"][0])
 
 
 def expanded(branch: tuple[int, int, int]) -> np.ndarray:
     """Return the space of a contact in a branch, with the series of a step."""
     gap_rate, slip, spin = branch
     spaces = new(SPACE)
-    contact, step = spaces[0]["contact"], spaces[0]["step"]
+    contact, point, step = spaces[0]["contact"], spaces[0]["points"][0], spaces[0]["steps"][0]
+    contact["count"] = 1.0
     contact["per_mass"], contact["ratio"] = 1.0 / MASS, MASS / INERTIA
-    contact["h"], contact["r"] = H, R
-    contact["gap_rate"], contact["slip"], contact["spin"] = branch
-    contact["mu"], contact["rho"] = -slip * FRICTION, -spin * ARM
-    contact["friction"], contact["arm"] = FRICTION, ARM
-    contact["stiffness"], contact["inward"], contact["downhill"] = STIFFNESS, INWARD, DOWNHILL
+    point["h"], point["r"] = H, R
+    point["gap_rate"], point["slip"], contact["spin"] = branch
+    point["mu"], point["rho"] = -slip * FRICTION, -spin * ARM
+    contact["friction"], point["arm"] = FRICTION, ARM
+    point["stiffness"], contact["inward"], contact["downhill"] = STIFFNESS, INWARD, DOWNHILL
     contact["phi"] = step["theta"] = 0.8
     step["sine"], step["cosine"] = math.sin(0.8), math.cos(0.8)
     step["unit"] = 1.5e-3
-    contact["gap"] = -2e-3
-    contact["v_n"], contact["v_t"], contact["omega"] = 1.1 * gap_rate, 0.7 * slip, 6.0 * spin
-    contact["other"] = math.inf
+    point["gap"] = -2e-3
+    point["v_n"], point["v_t"], contact["omega"] = 1.1 * gap_rate, 0.7 * slip, 6.0 * spin
+    point["other"] = math.inf
     contact["k_closing"] = contact["k_opening"] = STIFFNESS
     _expand(spaces)
     return spaces
@@ -67,7 +68,7 @@ def rate(coefficients: np.ndarray, s: float) -> float:
 def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -> None:
     """Oracle: friction.rates_of with the forces of the series; locked velocities stay zero."""
     gap_rate, slip, spin = branch
-    step = expanded(branch)[0]["step"]
+    step = expanded(branch)[0]["steps"][0]
     unit = step["unit"]
     for s in (0.0, 0.3, 0.8):
         theta, omega, normal = (value(step[name], s) for name in ("phi", "omega", "normal"))
@@ -94,7 +95,7 @@ def test_the_series_obey_the_equations_of_motion(branch: tuple[int, int, int]) -
 def test_a_completed_step_is_that_of_the_series(branch: tuple[int, int, int]) -> None:
     """Oracle: the polynomials, and their integrals by Gauss-Legendre quadrature; bounds hold on a fine grid."""
     spaces = expanded(branch)
-    step = spaces[0]["step"]
+    step = spaces[0]["steps"][0]
     length = step["length"] = 0.7
     _complete(spaces)
     unit = step["unit"]

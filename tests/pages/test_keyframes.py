@@ -12,7 +12,7 @@ import pytest
 
 from sledenv.pages.keyframes import TOLERANCE, encoded, keyframes, packed, steps_for
 from sledenv.plot.shapes import drawable_rows, reach, states_at
-from sledenv.simulation.bodies import Body, circular_segment, sled
+from sledenv.simulation.bodies import Body, circular_segment, segment, sled
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
@@ -41,7 +41,7 @@ DESCENTS = {
     "rigid": lambda: dropped(solver="rigid"),
     "no time": lambda: dropped(max_time=1e-12),
     "one flight": lambda: dropped(max_time=0.1),
-    "point": lambda: dropped(Body(1.0, 0.0, 0.0, 1.0), max_time=1.0),
+    "point": lambda: dropped(segment(1.0, 0.0, 0.0, 1.0), max_time=1.0),
     "no gravity": lambda: dropped(slope=Slope(0.15, 10.0, 0.0), max_time=2.0),
 }
 

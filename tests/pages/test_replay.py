@@ -17,13 +17,14 @@ from sledenv.pages import html
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.pages.words import mode_name
 from sledenv.plot.shapes import film_times, pace, push_at, states_at
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Body, circular_segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
+from tests.plot.outlined import descent_of
 
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
@@ -79,7 +80,10 @@ UGLY = {
     "without end": lambda: dropped(slope=Slope(0.2), max_time=2.0),
     "long": lambda: dropped(slope=Slope(0.15, 3000.0), max_time=4.0),
     "rod": lambda: dropped(rod(2.0, 0.5, 0.17), max_time=1.0),
-    "point": lambda: dropped(Body(1.0, 0.0, 0.0, 1.0), max_time=1.0),
+    "point": lambda: dropped(segment(1.0, 0.0, 0.0, 1.0), max_time=1.0),
+    "boulder": lambda: descent_of("boulder", "compliant"),
+    "rider": lambda: descent_of("rider", "compliant"),
+    "line": lambda: descent_of("line", "rigid"),
     "overflow": lambda: broken(dropped()),
 }
 
@@ -95,6 +99,28 @@ def test_ugly_descents_have_a_page(name: str) -> None:
     data = data_of(replay_page(UGLY[name](), name))
     assert len(data["rows"]["t"]) > 0
     assert np.isfinite(data["rows"]["x"]).all()
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize("name", ["boulder", "rider"])
+def test_a_page_shows_any_body_and_names_its_parts(name: str, solver: str) -> None:
+    """Oracle: the log of the descent, with the place where each contact began; the support height of the body."""
+    descent = descent_of(name, solver)
+    body, data = descent.body, data_of(replay_page(descent, name))
+    expected = [body.parts[code - 1] for code in descent.rebounds["feature"].tolist()]
+    assert [contact["feature"] for contact in data["contacts"]] == expected
+    assert [row[3] for row in data["table"]["rows"]] == expected
+    assert all(part in data["setting"] for part in body.parts)
+    assert [contact["from"] for contact in data["contacts"]] == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
+    rows, begun = data["rows"], descent.rebounds["t_touchdown"][0]
+    first = next(i for i, t in enumerate(rows["t"]) if t >= begun - 1e-9)
+    assert rows["place"][first] == pytest.approx(descent.rebounds["x_contact"][0], abs=1e-6)
+    outline, heavy = np.array(data["body"]["outline"]), np.array(data["body"]["heavy"])
+    assert data["size"] == pytest.approx(body.size)
+    for phi in np.linspace(0.0, 6.0, 25).tolist():
+        lowest = (outline @ (math.sin(phi), math.cos(phi))).min()
+        assert -lowest == pytest.approx(support_height(body, phi), abs=2e-3 * body.size)
+    assert heavy[:, 1].max() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_descent_without_trajectory_is_refused_and_nothing_is_written(descent: Descent, tmp_path: Path) -> None:

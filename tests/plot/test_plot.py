@@ -20,14 +20,18 @@ import sledenv
 from sledenv import plot
 from sledenv.kernel.records import Feature
 from sledenv.plot import shapes
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Arc, Body, circular_segment, polygon, segment
+from sledenv.simulation.bodies import rod as round_rod
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import arms_of, mass_properties
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import arms, support_height
+from sledenv.simulation.support import support_height
 from tests.bodies import DISC, HILL, ICE, MAT, POINT, ROD, SLED, UGLY, rod, run
+from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, SETTINGS, descent_of
 
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
+OTHERS = {"boulder": BOULDER, "rider": RIDER, "crate": CRATE, "rod": round_rod(5.0, 1.2, 0.2), "line": LINE}
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +49,7 @@ def jams() -> Descent:
 @pytest.fixture(scope="module")
 def impact() -> Descent:
     law = ContactLaw(9810.0, 0.5, 0.1, 0.001)
-    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    body = segment(1.0, 0.1, 0.05, 7.5e-3)
     return run(
         body, law, Slope(0.0, 1.0, 0.0), (0.0, 0.005, math.pi / 4, 0.0, -10.0, 0.0), max_time=0.04, sample_interval=1e-4
     )
@@ -74,9 +78,9 @@ def test_an_outline_is_the_segment_between_an_arc_and_its_chord(half_angle: floa
     assert chord == pytest.approx(0.8 * math.sin(half_angle), abs=1e-9)
 
 
-@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED])
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, *OTHERS.values()], ids=["disc", "segment", "sled", *OTHERS])
 def test_the_lowest_point_of_an_outline_touches_where_the_kernel_says(body: Body) -> None:
-    """Oracle: the support height and the arms of sledenv.kernel.geometry."""
+    """Oracle: the support height of the kernel."""
     for phi in np.linspace(-7.0, 7.0, 57).tolist():
         points = shapes.body_outline(body, 0.0, 1.0, phi, 4001)
         assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
@@ -86,7 +90,33 @@ def test_a_point_is_drawn_where_it_is() -> None:
     assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
 
 
-@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD])
+@pytest.mark.parametrize("name", OTHERS)
+def test_any_other_outline_is_closed_convex_and_around_its_mass_centre(name: str) -> None:
+    """Oracle: area and centroid in closed form; the outline of a line has neither."""
+    body = OTHERS[name]
+    points = shapes.body_outline(body, 3.0, 2.0, 0.7, 2001)
+    assert points[0].tolist() == points[-1].tolist()
+    edges = np.diff(points, axis=0)
+    assert np.hypot(*edges.T).min() > 1e-6
+    turns = edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1)
+    assert turns.min() > -1e-12  # counterclockwise
+    if name != "line":
+        area, centroid = shoelace(points)
+        expected, (x, y), _ = mass_properties(body.arcs)
+        assert area == pytest.approx(expected, rel=1e-5)
+        turned = x * math.cos(0.7) - y * math.sin(0.7), x * math.sin(0.7) + y * math.cos(0.7)
+        assert centroid - (3.0, 2.0) == pytest.approx(turned, abs=1e-5)
+
+
+def test_an_outline_has_few_points_where_few_will_do() -> None:
+    """Oracle: a polygon has its corners and the first one again; a flat arc bulges out of its pieces as a circle."""
+    assert len(shapes.body_outline(CRATE, 0.0, 0.0, 0.0)) == len(CRATE.arcs) + 1
+    assert len(shapes.body_outline(RIDER, 0.0, 0.0, 0.0)) < 64
+    assert len(shapes.body_outline(LINE, 0.0, 0.0, 0.0)) == 3
+    assert shapes.body_outline(Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]), 1.0, 2.0, 0.5).tolist() == 2 * [[1.0, 2.0]]
+
+
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD, *OTHERS.values()])
 def test_reach_is_the_distance_of_the_farthest_point(body: Body) -> None:
     distances = np.hypot(*shapes.body_outline(body, 0.0, 0.0, 1.2, 4001).T)
     assert shapes.reach(body) == pytest.approx(distances.max(), rel=1e-5)
@@ -107,6 +137,44 @@ def test_the_heavy_side_holds_the_mass_centre() -> None:
     _, centroid = shoelace(shapes.heavy_side(DISC, 2.0, 1.0, 0.8))
     centre = np.array(shapes.arc_centre(DISC, 2.0, 1.0, 0.8))
     assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
+    """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
+    body = OTHERS[name]
+    for phi in (0.0, 2.2):
+        whole, lower = (draw(body, 3.0, 2.0, phi, 401) for draw in (shapes.body_outline, shapes.heavy_side))
+        up = np.array([-math.sin(phi), math.cos(phi)])
+        assert lower[0].tolist() == lower[-1].tolist()
+        heights, every = (lower - (3.0, 2.0)) @ up, (whole - (3.0, 2.0)) @ up
+        assert heights.max() == pytest.approx(0.0, abs=1e-12)
+        assert heights.min() == pytest.approx(every.min())
+        if name != "line":
+            grid = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 400)]), axis=-1).reshape(-1, 2)
+            edges = np.diff(whole - (3.0, 2.0), axis=0)
+            within = np.ones(len(grid), bool)
+            for edge, start in zip(edges, whole - (3.0, 2.0), strict=False):
+                within &= edge[0] * (grid - start)[:, 1] - edge[1] * (grid - start)[:, 0] >= 0.0
+            share = (within & (grid @ up < 0.0)).sum() / within.sum()
+            assert shoelace(lower)[0] / shoelace(whole)[0] == pytest.approx(share, abs=0.01)
+
+
+def test_the_lower_part_of_a_body_that_lies_on_its_mass_centre_is_its_foot() -> None:
+    body = polygon(1.0, [(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)], inertia=1.0, centre=(0.2, 0.0))
+    foot = shapes.heavy_side(body, 0.0, 0.0, 0.0)
+    assert sorted(map(tuple, foot[:-1].tolist())) == [(-1.2, 0.0), (0.8, 0.0)]
+    tip = polygon(1.0, [(0.0, 0.0), (1.0, 1.0), (-1.0, 1.0)], inertia=1.0, centre=(0.0, 0.0))
+    assert shapes.heavy_side(tip, 0.0, 0.0, 0.0) == pytest.approx(np.zeros((2, 2)))
+
+
+def test_other_spokes_begin_at_the_middle_of_the_body() -> None:
+    """Oracle: the centroid of the outline; a uniform body has it at its mass centre, a line in its middle."""
+    begin, end = shapes.spoke(RIDER, 3.0, 2.0, 0.7)
+    assert end.tolist() == [3.0, 2.0]
+    assert begin == pytest.approx(shoelace(shapes.body_outline(RIDER, 3.0, 2.0, 0.7, 2001))[1], abs=1e-5)
+    for body in (BOULDER, LINE):
+        assert shapes.spoke(body, 3.0, 2.0, 0.7) == pytest.approx(np.array([(3.0, 2.0), (3.0, 2.0)]))
 
 
 def test_the_slope_descends_to_the_right_in_the_world() -> None:
@@ -140,14 +208,42 @@ def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
 
 
 def test_contacts_begin_under_the_touching_feature(slides: Descent) -> None:
-    """Oracle: the contact point lies at -a from the mass centre in the first row of the trajectory in contact."""
+    """Oracle: the arm of the arc that touches, in the first row of the trajectory in contact."""
     rows = slides.trajectory
     spans = shapes.contact_spans(slides)
     assert len(spans) == len(slides.rebounds) > 2
     for rebound, (begin, _) in zip(slides.rebounds, spans, strict=True):
         row = rows[np.argmin(np.abs(rows["t"] - (rebound["t"] - rebound["duration"])))]
         assert row["feature"] == rebound["feature"]
-        assert begin == pytest.approx(row["x"] - arms(SEGMENT, rebound["feature"], row["phi"])[0], abs=1e-6)
+        (arc,) = (arc for arc in SEGMENT.arcs if arc.part == SEGMENT.parts[rebound["feature"] - 1])
+        assert begin == pytest.approx(row["x"] - arms_of(arc, row["phi"])[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize("name", SETTINGS)
+def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, solver: str) -> None:
+    """Oracle: the place that the kernel wrote at touchdown."""
+    descent = descent_of(name, solver)
+    assert len(descent.rebounds) > 3
+    assert solver == "rigid" or len(set(descent.rebounds["feature"].tolist())) > 1
+    spans = shapes.contact_spans(descent)
+    assert spans[:, 0] == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
+    push = shapes.push_at(descent, float(descent.rebounds["t_touchdown"][0]))
+    assert push is not None
+    assert push.place == pytest.approx(descent.rebounds["x_contact"][0], abs=1e-6)
+
+
+def test_a_part_is_touched_where_it_lies() -> None:
+    """Oracle: a flat rod touches with its nose, with its tail, or with both, which counts as the lower one of two."""
+    codes = {part: code for code, part in enumerate(LINE.parts, 1)}
+    assert LINE.parts == ("nose", "tail", "bottom", "top")
+    for phi in (-1e-16, 0.0, 1e-16, 1e-3 - 1e-3, 2.0 * math.pi):
+        assert shapes.contact_place(LINE, 5.0, phi, codes["nose"]) == pytest.approx(5.6)
+        assert shapes.contact_place(LINE, 5.0, phi, codes["tail"]) == pytest.approx(4.4)
+    for code in (0, codes["bottom"]):
+        assert shapes.contact_place(LINE, 5.0, -0.1, code) == pytest.approx(5.0 + 0.6 * math.cos(0.1))
+        assert shapes.contact_place(LINE, 5.0, 0.1, code) == pytest.approx(5.0 - 0.6 * math.cos(0.1))
+    assert shapes.contact_place(LINE, 5.0, math.pi - 0.1, codes["top"]) == pytest.approx(5.0 + 0.6 * math.cos(0.1))
 
 
 def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
@@ -314,7 +410,7 @@ def in_the_plane(figure: Figure) -> np.ndarray:
     return np.concatenate([[piece[0] for piece in pieces], pieces[-1][-1:]])
 
 
-@pytest.mark.parametrize("body", [DISC, SEGMENT, ROD])
+@pytest.mark.parametrize("body", [DISC, SEGMENT, ROD, CRATE])
 def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_cone(body: Body) -> None:
     """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
     rng = np.random.default_rng(1)
@@ -436,9 +532,29 @@ def test_ugly_descents_are_drawn(name: str) -> None:
         figure.savefig(io.BytesIO(), dpi=40)
 
 
+@pytest.mark.parametrize(("name", "solver"), [("boulder", "compliant"), ("rider", "compliant"), ("line", "rigid")])
+def test_descents_of_any_body_are_drawn(name: str, solver: str) -> None:
+    """Oracle: the poses of a strobe picture have the outline of the body; energy is conserved."""
+    descent = descent_of(name, solver)
+    figure = plot.plot_strobe(descent)
+    poses = figure.axes[0].collections[1].get_paths()
+    points = shapes.body_outline(descent.body, 0.0, 0.0, 0.0)
+    assert len(poses) > 5
+    for path in poses:
+        drawn = np.asarray(path.vertices)[: len(points)]
+        assert np.hypot(*np.diff(drawn, axis=0).T) == pytest.approx(np.hypot(*np.diff(points, axis=0).T), abs=1e-9)
+    figures = [figure, plot.plot_descent(descent), plot.plot_impulses(descent), plot.plot_phase_portraits(descent)]
+    figures += [plot.plot_impact(descent)] + ([plot.plot_penetration(descent)] if solver == "compliant" else [])
+    for figure in figures:
+        figure.savefig(io.BytesIO(), dpi=40)
+    layers = plot.energy_layers(descent, shapes.drawable_rows(descent))
+    sums = np.sum(list(layers.values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=0.05)
+
+
 def test_growth_is_drawn_over_the_rebounds() -> None:
     """Oracle: the singular values and distances of the result, the latter in its natural units."""
-    body = Body(1.0, 0.1, 0.05, 7.5e-3)
+    body = segment(1.0, 0.1, 0.05, 7.5e-3)
     found = sledenv.sensitivity(body, ICE, HILL, State(0.0, 0.6, 0.7, 1.0, 0.0, 2.0), sledenv.Settings(max_rebounds=4))
     figure = plot.plot_growth(found)
     above, below = figure.axes
@@ -455,7 +571,7 @@ def test_growth_is_drawn_over_the_rebounds() -> None:
 def test_growth_of_ugly_descents_is_drawn_or_refused() -> None:
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
     still = sledenv.sensitivity(
-        Body(1.0, 0.5, 0.0, 0.1),
+        segment(1.0, 0.5, 0.0, 0.1),
         law,
         Slope(0.0),
         State(0.0, 1.0, 0.0),

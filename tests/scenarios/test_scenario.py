@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from sledenv.scenarios.configuration import read_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-from sledenv.simulation.bodies import Body, circular_segment, sled
+from sledenv.simulation.bodies import Body, circular_segment, polygon, segment, sled
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.support import lowest_support, support_height
+from sledenv.simulation.support import support_height
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.stem for path in (ROOT / "configs" / "scenarios").glob("*.yaml"))
@@ -70,6 +70,8 @@ SLED = {
     "mass_centre_height_m": 0.14,
     "gyration_radius_m": 0.38,
 }
+POLYGON = {"kind": "polygon", "mass_kg": 2, "points_m": [[0, 0], [0.4, 0], [0.3, 0.3], [0, 0.3]]}
+POINTS = "must be a list of 3 to 12 pairs [x, y] of numbers in (-inf, inf) m"
 
 
 @pytest.fixture
@@ -92,6 +94,7 @@ def test_what_is_no_context_is_named(context: Any) -> None:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
+KINDS = "disc, segment, sled, polygon, custom"
 BOUNDS = "must be a pair [low, high] of numbers in"
 
 
@@ -129,8 +132,8 @@ BOUNDS = "must be a pair [low, high] of numbers in"
             "body.inertia_kg_m2 = 18.76: must be a number in (0, m (r^2 - h^2)] = (0, 18.75] kg m^2",
         ),
         ("body__radius_m", 1e200, "body.inertia_kg_m2 = 18.75: m r^2 must be a finite number of kg m^2"),
-        ("body__kind", "disk", "body.kind = 'disk': must be one of disc, segment, sled, custom (did you mean 'disc'?)"),
-        ("body__kind", DELETE, "body.kind: missing; must be one of disc, segment, sled, custom"),
+        ("body__kind", "disk", f"body.kind = 'disk': must be one of {KINDS} (did you mean 'disc'?)"),
+        ("body__kind", DELETE, f"body.kind: missing; must be one of {KINDS}"),
         (
             "control__spin_rad_s",
             8,
@@ -398,12 +401,14 @@ def test_each_kind_of_body_is_built() -> None:
         return Scenario.model_validate(changed(body=section)).body()
 
     disc = {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2}
-    assert body(kind="disc", **disc) == Body(2, 0.5, 0.1, 0.2)
-    assert body(kind="custom", **disc) == Body(2, 0.5, 0.1, 0.2, math.pi)
-    assert body(kind="custom", **disc, half_angle_deg=90) == Body(2, 0.5, 0.1, 0.2, math.pi / 2)
-    assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == Body(2, 0, 0, 0.2)
+    assert body(kind="disc", **disc) == segment(2, 0.5, 0.1, 0.2)
+    assert body(kind="custom", **disc) == segment(2, 0.5, 0.1, 0.2, math.pi)
+    assert body(kind="custom", **disc, half_angle_deg=90) == segment(2, 0.5, 0.1, 0.2, math.pi / 2)
+    assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == segment(2, 0, 0, 0.2)
     assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
     assert body(**SLED) == sled(120, 1.2, 1, 0.14, 0.38)
+    assert body(**POLYGON) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)])
+    assert body(**POLYGON, rounding_m=0.05) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)], 0.05)
 
 
 @pytest.mark.parametrize(
@@ -439,6 +444,16 @@ def test_each_kind_of_body_is_built() -> None:
             "body.mass_centre_height_m = 0.21: must be a number in [0, 0.2] m: the chord between the runners' ends",
         ),
         (
+            POLYGON | {"inertia_kg_m2": 1},
+            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, points_m, rounding",
+        ),
+        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
+        (POLYGON | {"rounding_m": -0.1}, "body.rounding_m = -0.1: must be a number in [0, inf) m"),
+        (
+            POLYGON | {"rounding_m": 0.2},
+            "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each",
+        ),
+        (
             {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},
             "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, radius_m, half_angle_deg",
         ),
@@ -448,6 +463,25 @@ def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], messa
     """Oracle: the message."""
     (line,) = problems(changed(body=section))
     assert line.startswith(f"scenario example: {message}")
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (0.3, f".points_m = 0.3: {POINTS}"),
+        ([[0, 0], [1, 0]], f".points_m = [[0, 0], [1, 0]]: {POINTS}"),
+        (13 * [[0, 0]], f".points_m = [[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], ...]: {POINTS}"),
+        ([[0, 0], [1, 0], [0, 1, 0]], f".points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
+        ([[0, 0], [1, "0"], [0, 1]], f".points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
+        ([[0, 0], [1, 0], [0, math.inf]], f".points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
+        ([[0, 0], [1, 0], [1, 0]], ": points_m[1]: must differ from the next one"),
+        ([[0, 0], [1, 0], [1, 1], [0.9, 0.1]], ": points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; "),
+    ],
+)
+def test_the_corners_of_a_polygon_are_points_of_a_convex_one(points: Any, message: str) -> None:
+    """Oracle: the message."""
+    (line,) = problems(changed(body=POLYGON | {"points_m": points}))
+    assert line.startswith(f"scenario example: body{message}")
 
 
 @pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
@@ -463,6 +497,21 @@ def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: 
     around = state.phi + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
     outline = state.y + shape.eccentricity * math.cos(state.phi) - shape.radius * np.cos(around)
     assert outline.min() == pytest.approx(context.drop, abs=1e-8)
+
+
+def test_a_polygon_survives_dumping_and_counts_in_the_hash(tmp_path: Path) -> None:
+    """Oracle: equality with the original, which was read from a file; another corner is another scenario."""
+    (tmp_path / "one.yaml").write_text(yaml.safe_dump(changed(body=POLYGON)), encoding="utf-8")
+    one = load_scenario(tmp_path / "one.yaml")
+    assert Scenario.model_validate(one.model_dump()) == Scenario.model_validate(one.model_dump(mode="json")) == one
+    assert hash(pickle.loads(pickle.dumps(one))) == hash(one)
+    other = Scenario.model_validate(changed(body=POLYGON | {"points_m": [[0, 0], [0.4, 0], [0.3, 0.2], [0, 0.3]]}))
+    assert other.hash != one.hash
+    context = one.sample(np.random.default_rng(1))
+    corners = np.array(POLYGON["points_m"]) - [0.17619047619, 0.14285714286]  # the centroid
+    for phi in (0.0, 2.0):
+        low = (corners[:, 0] * math.sin(phi) + corners[:, 1] * math.cos(phi)).min()
+        assert one.launch(context, phi).y == pytest.approx(context.drop - low)
 
 
 def test_a_launch_takes_the_disturbance_unless_the_agent_chooses(scenario: Scenario) -> None:
@@ -496,14 +545,14 @@ def test_every_shipped_scenario_is_valid_and_launches(name: str) -> None:
         assert isinstance(body, Body)
         assert law.restitution == pytest.approx(context.restitution, rel=1e-15)
         assert slope == Slope(context.angle, scenario.slope_section.length_m, scenario.slope_section.gravity_m_s2)
-        assert state.y == context.drop + support_height(body, state.phi) >= lowest_support(body)
+        assert state.y == context.drop + support_height(body, state.phi) >= body.lowest_support
 
 
 def test_the_papers_impact_starts_where_the_paper_says() -> None:
     """Oracle: the paper's worked example, T(0) = 50 J."""
     scenario = load_scenario("paper_impact")
     context = scenario.sample(np.random.default_rng(0))
-    assert scenario.body() == Body(1, 0.1, 0.05, 7.5e-3)
+    assert scenario.body() == segment(1, 0.1, 0.05, 7.5e-3)
     assert scenario.law(context) == pytest.approx(ContactLaw(9.81e3, 0.5, 0.1, 0.001), rel=1e-15)
     assert scenario.slope(context) == Slope(0, 1, 0)
     assert scenario.launch(context) == State(0, 0.07, math.pi / 4, 0, -10, 0)

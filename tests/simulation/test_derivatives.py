@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -38,8 +38,8 @@ from tests.oracles import (
 )
 
 REFERENCE = json.loads(DATA_FILE.read_text())
-WHEEL = Body(1.0, 0.5, 0.0, 0.1)
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+WHEEL = segment(1.0, 0.5, 0.0, 0.1)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(60.0))
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 G = 9.81
@@ -53,7 +53,7 @@ def law_of(restitution: float, friction: float = 0.0, arm: float = 0.0) -> Conta
 def reference(solver: Any, **options: Any) -> Sensitivity:
     body, state = reference_doubles()
     return sensitivity(
-        Body(*body[:4]),
+        segment(*body[:4]),
         ContactLaw(*body[4:8]),
         Slope(body.slope, math.inf, body.gravity),
         State(*state),
@@ -224,7 +224,7 @@ def test_gravity_and_stiffness_together_set_the_pace_of_what_is_dropped_at_rest(
     st.sampled_from([DISC, SEGMENT]), st.sampled_from(["compliant", "rigid"]),
 )  # fmt: skip
 def test_the_mirror_image_has_the_mirrored_derivatives(
-    phi: float, u: float, omega: float, body: Body, solver: Any
+    phi: float, u: float, omega: float, body: Segment, solver: Any
 ) -> None:
     """Oracle: on the level, x, phi, u, omega change their signs, and so do derivatives of one by the others."""
     y = 0.3 + support_height(body, phi)
@@ -277,7 +277,7 @@ def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
 # --- where the sequence changes ---------------------------------------------------------------------------------------
 
 
-def fingerprints(body: Body, law: ContactLaw, slope: Slope, launches: np.ndarray, rebounds: int) -> list[bytes]:
+def fingerprints(body: Segment, law: ContactLaw, slope: Slope, launches: np.ndarray, rebounds: int) -> list[bytes]:
     """What a batch tells of the events of each descent."""
     batch = simulate_batch(body, law, slope, launches, Settings(max_rebounds=rebounds), keep_rebounds=True)
     table = np.stack([batch.rebounds[name] for name in ("feature", "mode", "sequence")], axis=-1)

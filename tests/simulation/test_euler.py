@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import circular_segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 
-BODY = Body(1.0, 0.1, 0.05, 7.5e-3)
+BODY = segment(1.0, 0.1, 0.05, 7.5e-3)
 LAW = ContactLaw(9.81e3, 0.5, 0.1, 0.001)
 LEVEL = Slope(0.0, math.inf, 0.0)
 LAUNCH = State(0.0, 0.07, math.pi / 4, 0.0, -10.0, 0.0)

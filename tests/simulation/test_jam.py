@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sledenv.kernel.records import FINISH as FINISHED
 from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import circular_segment, segment
 from sledenv.simulation.jam import descent_jam, rebound_jam
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
@@ -21,7 +21,7 @@ from sledenv.simulation.support import support_height
 
 property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
-WHEEL = Body(1.0, 0.1, 0.0, 5e-3)
+WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 energies = st.one_of(st.just(0.0), st.floats(1e-9, 1e6))
 UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code not in (FINISHED, NON_FINITE)]

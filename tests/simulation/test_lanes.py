@@ -12,13 +12,14 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Settings, Slope, simulate_batch
+from sledenv import ContactLaw, Settings, Slope, segment, simulate_batch
 from sledenv.kernel.records import OUTCOME
 from sledenv.machine.workers import runner
 from sledenv.simulation import lanes
 from tests.bodies import same_bits
 
 LANES = 300
+BODY = segment(1.0, 0.1, 0.05, 7.5e-3)
 LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
 
 
@@ -26,7 +27,7 @@ def descended(*_: int) -> np.ndarray:
     """Outcomes of a batch whose lanes end at different times."""
     launches = np.tile([0.0, 0.2, 0.4, 1.0, -1.0, 3.0], (LANES, 1))
     launches[:, 5] += np.linspace(-2.0, 2.0, LANES)
-    return simulate_batch(Body(1.0, 0.1, 0.05, 7.5e-3), LAW, Slope(0.2, 8.0), launches, Settings("rigid")).outcomes
+    return simulate_batch(BODY, LAW, Slope(0.2, 8.0), launches, Settings("rigid")).outcomes
 
 
 @pytest.fixture(params=["1", "2"])
@@ -134,7 +135,7 @@ def test_an_interrupt_of_this_thread_ends_the_others_in_the_middle_of_a_block() 
     with pytest.raises(KeyboardInterrupt):
         lanes._share(work, 2, deque(), ended)
     flights = np.zeros(4, OUTCOME)
-    tables = lanes.Tables(LAW, Settings().limits, *np.zeros((4, 1, 6)))
+    tables = lanes.Tables(LAW, Settings().limits, BODY.record, *np.zeros((3, 1, 6)))
     lanes.follower(tables, lanes.ALL_HOPS, flights, lanes.NO_LOGS, ended=ended)(0, 4)
     assert not flights["status"].any()  # all still running
 
@@ -144,7 +145,7 @@ def test_every_lane_is_followed_once(count: int, threads: int, monkeypatch: pyte
     """Oracle: the lanes in order, for numbers of them around the limits of a block and of a thread."""
     taken: list[int] = []
     follow_each(monkeypatch, lambda start, end: taken.extend(range(start, end)))
-    tables = lanes.Tables(LAW, Settings().limits, *np.zeros((4, 1, 6)))
+    tables = lanes.Tables(LAW, Settings().limits, BODY.record, *np.zeros((3, 1, 6)))
     lanes.follow_all(tables, lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
     assert sorted(taken) == list(range(count))
 

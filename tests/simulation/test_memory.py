@@ -11,11 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Ride, RideBatch, Settings, Slope, State, simulate, simulate_batch, simulate_blocks
+from sledenv import (
+    ContactLaw,
+    Ride,
+    RideBatch,
+    Settings,
+    Slope,
+    State,
+    segment,
+    simulate,
+    simulate_batch,
+    simulate_blocks,
+)
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation import memory
 
-GIVEN = Body(1.0, 0.1, 0.05, 7.5e-3), ContactLaw(1e6, 0.5, 0.1, 1e-3), Slope(0.2, 8.0)
+GIVEN = segment(1.0, 0.1, 0.05, 7.5e-3), ContactLaw(1e6, 0.5, 0.1, 1e-3), Slope(0.2, 8.0)
 LAUNCH = State(0.0, 0.2, 0.4, 1.0, -1.0, 3.0)
 HIGH = State(0.0, 1.0, 0.0)
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sledenv import (
-    Body,
     ContactLaw,
     Feature,
     Settings,
@@ -16,6 +15,7 @@ from sledenv import (
     State,
     circular_segment,
     rigid_impact,
+    segment,
     simulate,
     simulate_batch,
 )
@@ -23,8 +23,8 @@ from sledenv.simulation.support import support_height
 from tests.bodies import rod
 
 GRAVITY = 9.81
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
-PILOT = Body(1.0, 0.5, 0.25, 0.1875)  # J = m (r^2 - h^2): the mass centre is a node of rolling
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
+PILOT = segment(1.0, 0.5, 0.25, 0.1875)  # J = m (r^2 - h^2): the mass centre is a node of rolling
 
 
 def laid(body, phi, u=0.0, omega=0.0):
@@ -40,7 +40,7 @@ def rigid(body, law, slope, state, **kwargs):
 @pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
 def test_a_bouncing_wheel_settles_after_the_zeno_time(restitution):
     """Oracle: 2 v0 e / (G (1 - e)) from the first impact on, and each flight shorter by exactly e."""
-    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    wheel = segment(1.0, 0.1, 0.0, 5e-3)
     law = ContactLaw.from_restitution(restitution, stiffness=1e6, friction=0.0, rolling_arm=0.0)
     descent = rigid(wheel, law, Slope(0.0), State(0, 0.6, 0, 1.0), settle_speed=1e-9, max_time=20)
     fall = math.sqrt(2 * 0.5 / GRAVITY)
@@ -57,7 +57,7 @@ def test_a_bouncing_wheel_settles_after_the_zeno_time(restitution):
 def test_a_wheel_that_slides_through_all_its_bounces_keeps_the_closed_form_speed():
     """Oracle: u_inf = u0 + v0 (2 e tan(beta) - f (1 + e)) / (1 - e), docs/physics.md, section 6."""
     beta, e, f, drop = math.radians(8.0), 0.5, 0.02, 0.3
-    wheel = Body(1.0, 0.1, 0.0, 5e-3)
+    wheel = segment(1.0, 0.1, 0.0, 5e-3)
     law = ContactLaw.from_restitution(e, stiffness=1e6, friction=f, rolling_arm=0.0)
     slope = Slope(beta, gravity=GRAVITY)
     inward, downhill = GRAVITY * math.cos(beta), GRAVITY * math.sin(beta)
@@ -70,7 +70,7 @@ def test_a_wheel_that_slides_through_all_its_bounces_keeps_the_closed_form_speed
 
 def test_a_sliding_disc_starts_to_roll_and_comes_to_rest_where_the_textbook_says():
     """Oracle: rolling starts at .185340 s with u = .454545, rest at .509684 s and x = .208507 (closed form)."""
-    disc = Body(1.0, 0.5, 0.0, 0.1)
+    disc = segment(1.0, 0.5, 0.0, 0.1)
     law = ContactLaw(1e6, 0.5, 0.3, 0.1)
     descent = rigid(disc, law, Slope(0.0), laid(disc, 0.0, u=1.0), record="trajectory", sample_interval=1e-3)
     rows = descent.trajectory
@@ -85,7 +85,7 @@ def test_a_sliding_disc_starts_to_roll_and_comes_to_rest_where_the_textbook_says
 SUSTAINED = {
     "slide and rotate": (PILOT, ContactLaw(1e9, 0.5, 0.05, 0.002), 0.15, 0.9, 1.0, 0.0),
     "roll": (PILOT, ContactLaw(1e9, 0.5, 0.9, 0.002), 0.15, 0.9, 0.0, 0.0),
-    "slide with stopped rotation": (Body(1.0, 0.5, 0.05, 0.2), ContactLaw(1e9, 0.5, 0.1, 0.2), 0.3, 0.2, 1.0, 0.0),
+    "slide with stopped rotation": (segment(1.0, 0.5, 0.05, 0.2), ContactLaw(1e9, 0.5, 0.1, 0.2), 0.3, 0.2, 1.0, 0.0),
     "slip stops, then rolls": (PILOT, ContactLaw(1e9, 0.5, 0.4, 0.01), 0.05, -0.6, 1.5, 0.0),
     "stuck": (PILOT, ContactLaw(1e9, 0.5, 0.6, 0.2), 0.05, 0.1, 0.0, 0.0),
     "a corner slides": (circular_segment(1.0, 0.5, 1.2), ContactLaw(1e9, 0.5, 0.1, 0.01, 0.01), 0.1, 1.6, 0.5, 0.0),
@@ -128,7 +128,7 @@ def test_sliding_with_stopped_rotation_has_the_acceleration_of_a_block():
 
 def test_a_rolling_eccentric_disc_lifts_off_where_the_normal_force_vanishes():
     """Oracle: the gap acceleration without contact, -(G + h cos(phi) omega^2), vanishes there; it lands again."""
-    body = Body(1.0, 0.5, 0.4, 0.05)
+    body = segment(1.0, 0.5, 0.4, 0.05)
     law = ContactLaw(1e9, 0.5, 3.0, 0.0)
     phi = 0.0
     spin = -40.0
@@ -201,9 +201,9 @@ def random_launches(count, seed):
     """Bodies of every kind with laws, slopes and launches that include the degenerate ones."""
     rng = np.random.default_rng(seed)
     some = rng.random
-    for body in (DISC, PILOT, rod(1.0, 0.5, 0.08), Body(2.0, 0.3, 0.0, 0.05),
+    for body in (DISC, PILOT, rod(1.0, 0.5, 0.08), segment(2.0, 0.3, 0.0, 0.05),
                  circular_segment(1.0, 0.5, 1.0), circular_segment(100.0, 0.5, math.radians(110)),
-                 Body(1.0, 0.5, 0.475, 0.02)):  # fmt: skip
+                 segment(1.0, 0.5, 0.475, 0.02)):  # fmt: skip
         laws = [
             ContactLaw(10 ** rng.uniform(5, 7) * body.mass, rng.uniform(0.05, 0.95), rng.uniform(0, 3) * (some() < 0.9),
                        rng.uniform(0, 0.05) * (some() < 0.8), rng.uniform(0, 0.02) * (some() < 0.5))
@@ -248,7 +248,7 @@ def test_a_hundred_thousand_random_descents_keep_their_books(solver):
 CONVERGENCE = {
     "slip stops": (DISC, 0.5, 0.9, 0.001, 0.3, 1.0, -3.0, 0.0),
     "spin reverses, slip reverses": (DISC, 0.5, 0.1, 0.001, 0.6, 1.0, -4.0, 6.0),
-    "slip reverses, spin reverses": (Body(1.0, 0.1, 0.05, 2e-3), 0.3, 0.15, 0.001, -0.9, 0.3, -5.0, -10.0),
+    "slip reverses, spin reverses": (segment(1.0, 0.1, 0.05, 2e-3), 0.3, 0.15, 0.001, -0.9, 0.3, -5.0, -10.0),
 }
 
 
@@ -279,7 +279,7 @@ def test_the_compliant_impact_converges_to_the_rigid_one_as_the_root_of_the_comp
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.8])
 def test_a_body_that_touches_without_gravity_glides_on(friction: float) -> None:
     """Oracle: uniform motion, of surfaces compliant and rigid: nothing presses the body onto the slope."""
-    body, slope = Body(1.0, 0.2, 0.1, 0.02, math.pi), Slope(0.0, 10.0, 0.0)
+    body, slope = segment(1.0, 0.2, 0.1, 0.02, math.pi), Slope(0.0, 10.0, 0.0)
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=friction, rolling_arm=0.001)
     for solver in ("rigid", "compliant"):
         end = simulate(body, law, slope, State(0.0, 0.1, 0.0, 1.0, 0.0, 0.0), solver=solver)
@@ -294,7 +294,7 @@ def test_impacts_on_the_chord_balance_momentum(half_angle: float) -> None:
     shape = circular_segment(100.0, 0.5, math.radians(half_angle))
     slope, rng = Slope(0.05), np.random.default_rng(7)
     for slender in (1.0, 0.02):  # of little inertia: a hit of one corner sends the other one into the slope
-        body = Body(100.0, 0.5, shape.eccentricity, slender * shape.inertia, shape.half_angle)
+        body = segment(100.0, 0.5, shape.eccentricity, slender * shape.inertia, shape.half_angle)
         for tilt in (0.0, 1e-9, -1e-7, 1e-3):
             phi = math.pi - tilt
             law = ContactLaw.from_restitution(rng.uniform(0.1, 0.9), stiffness=1e8, friction=0.05, rolling_arm=0)

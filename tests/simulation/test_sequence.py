@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment, segment
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
 
-DISC = Body(1.0, 0.1, 0.05, 7.5e-3)
+DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(60.0))
 LAW = ContactLaw(1e6, 0.5, 0.3, 0.002, 0.001)
 INCLINE = Slope(0.2, 10.0, 9.81)
@@ -27,7 +27,7 @@ def launches(count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("body", [DISC, SEGMENT], ids=["disc", "segment"])
-def test_first_rigid_rebounds_have_the_same_code_just_when_their_impacts_have_the_same_phases(body: Body) -> None:
+def test_first_rigid_rebounds_have_the_same_code_just_when_their_impacts_have_the_same_phases(body: Segment) -> None:
     """Oracle: rigid_impact's own list of phases, of a launch that has fallen on one point."""
     batch = simulate_batch(
         body, LAW, INCLINE, launches(300), Settings(solver="rigid", max_rebounds=1), keep_rebounds=True

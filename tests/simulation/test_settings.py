@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Ride, RideBatch, Settings, Slope, State, load_scenario, sensitivity, simulate
+from sledenv import ContactLaw, Ride, RideBatch, Settings, Slope, State, load_scenario, segment, sensitivity, simulate
 from sledenv.simulation.settings import DEFAULT
 
 PROBLEM: Any = (
-    Body(1.0, 0.1, 0.05, 7.5e-3),
+    segment(1.0, 0.1, 0.05, 7.5e-3),
     ContactLaw(1e6, 0.5, 0.1, 0.001),
     Slope(0.2, 10.0),
     State(0.0, 1.0, 0.3, 1.0),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Segment, circular_segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from tests.two_springs import BOTH, SPIN, TILT, Chord, Contact, U, V, follow, random_contacts
 
@@ -21,12 +21,12 @@ def law_of(restitution: float, *, stiffness: float = 1e8, friction: float = 0.0,
     )
 
 
-def kinetic(body: Body, state: State) -> float:
+def kinetic(body: Segment, state: State) -> float:
     """Kinetic energy [J]."""
     return 0.5 * body.mass * (state.u**2 + state.v**2) + 0.5 * body.inertia * state.omega**2
 
 
-def lying(body: Body, law: ContactLaw, slope: Slope, u: float) -> State:
+def lying(body: Segment, law: ContactLaw, slope: Slope, u: float) -> State:
     """The chord flat and at rest in the normal direction, at the penetration at which the mean stiffness carries."""
     penetration = body.mass * slope.gravity * math.cos(slope.angle) / (2.0 * law.stiffness)
     return State(0.0, Chord(body, law, slope).depth - penetration, math.pi, u)

@@ -19,10 +19,10 @@ from scipy import stats
 import sledenv
 from sledenv import Settings, simulate, simulate_batch
 from sledenv.machine.workers import Call
-from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.uncertainty import StudyError, run, summary
 from sledenv.uncertainty.descents import descend_past
+from tests.bodies import same_bits
 from tests.uncertainty.make import DROP, PUSH, made, mapping
 
 GRAVITY = 9.81
@@ -142,9 +142,9 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     limits = {"max_rebounds": 200, "end_on_chord": True}
     passed = 0
     for i in range(len(lanes.launches)):
-        body, law, slope, launch = (
-            kind(*row[i]) for kind, row in zip((Body, ContactLaw, Slope, State), lanes, strict=True)
-        )
+        body = study.base.body_section.model_copy(update={"mass_kg": float(lanes.bodies["mass"][i])}).build()
+        same_bits(lanes.bodies[i], body.record[0])
+        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), lanes[1:], strict=True))
         whole = simulate(body, law, slope, launch, **limits)
         for name in whole.outcome.dtype.names:
             assert whole.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
+from sledenv.envs.task import highest_support
 from sledenv.scenarios.scenario import Context
 from sledenv.simulation.support import support_heights
 
@@ -88,11 +89,11 @@ class Landing:
         body = self._task.body
         angle, drop, fall = (contexts[:, Context._fields.index(name)] for name in ("angle", "drop", "fall"))
         normal = self._gravity * np.cos(angle)
-        touching = support_heights(body, np.ascontiguousarray(pose))
-        low, high = np.zeros_like(drop), fall_time(drop + body.radius + body.eccentricity, fall, normal)
+        touching = support_heights(body.record, np.ascontiguousarray(pose))
+        low, high = np.zeros_like(drop), fall_time(drop + highest_support(body), fall, normal)
         for _ in range(_HALVINGS):
             time = 0.5 * (low + high)
-            height = drop + support_heights(body, pose - spin(time) * time) - touching
+            height = drop + support_heights(body.record, pose - spin(time) * time) - touching
             late = fall_time(height, fall, normal) > time
             low, high = np.where(late, time, low), np.where(late, high, time)
         return 0.5 * (low + high)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import made
 from sledenv.simulation.scene import ContactLaw, Slope
 
@@ -35,7 +35,7 @@ def numbers(
 
 def resting(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw, Slope]:
     """Return what rests, how it touches and where, each checked."""
-    return made("body", Body, body), made("law", ContactLaw, law), pressed(slope)
+    return made_body(body), made("law", ContactLaw, law), pressed(slope)
 
 
 def pressed(slope: Slope) -> Slope:

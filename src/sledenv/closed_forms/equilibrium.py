@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sledenv.closed_forms.arguments import Floats, numbers, resting
 from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import made
 from sledenv.simulation.scene import ContactLaw, Slope
 
@@ -19,7 +19,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
 
     At rest N = m g cos(beta) and F = -m g sin(beta), so the moment to be borne by rolling resistance is
     M = a N - b F. It rests if and only if ``|F| <= f N`` and ``|M| <= delta N``, that is ``tan|beta| <= f`` and
-    ``|a + b tan(beta)| <= delta`` with the arms a, b and the rolling arm delta of the feature that touches.
+    ``|a + b tan(beta)| <= delta`` with the arms a, b and the rolling arm delta of the arc that touches.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
     Returns
     -------
     ndarray of bool
-        The shape of ``phi``. Lying on its chord (phi = pi) a body touches with two corners, of which one is taken alone
-        here; see :func:`sledenv.closed_forms.on_chord.chord_rests`.
+        The shape of ``phi``. Lying flat on a straight side, as on its chord at phi = pi, a body touches with both ends,
+        of which one is taken alone here; see :func:`sledenv.closed_forms.on_chord.chord_rests`.
 
     Raises
     ------
@@ -49,8 +49,8 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
 def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[float, float]]:
     """Orientations at which the body rests on the slope, the solution set of :func:`static_jam` in closed form.
 
-    On each feature (6.1) reads ``|h sin(theta - beta) + r sin(beta)| <= delta cos(beta)`` with
-    theta = phi + shift, so its bounds are inverse sines.
+    On each arc (6.1) reads ``|h sin(theta - beta) + r sin(beta)| <= delta cos(beta)`` with theta = phi + shift,
+    so its bounds are inverse sines.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[f
     -------
     list of (float, float)
         Disjoint closed intervals [rad] in (-pi, pi], in order; one that contains pi is split there. Where delta = 0
-        the body can only balance, and an interval is one point. An interval of a corner that ends where the arc
-        begins does not contain that end if the arc does not rest there.
+        the body can only balance, and an interval is one point. An interval that ends where another arc touches, which
+        does not rest there, does not contain that end. Lying flat on a straight side counts as in :func:`static_jam`.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
     TypeError, ValueError
         If ``phi`` is not finite.
     """
-    body, law = made("body", Body, body), made("law", ContactLaw, law)
+    body, law = made_body(body), made("law", ContactLaw, law)
     a, b, arm = arms_at(body, law, numbers("steepest_jam", "phi", phi, np.isfinite, "finite"))
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (-arm - a) / b, (arm - a) / b

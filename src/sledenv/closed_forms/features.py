@@ -1,4 +1,4 @@
-"""Which feature of a body touches at an orientation, with its geometry and its rolling arm."""
+"""Which arc of a body touches at an orientation, with its geometry and its rolling arm."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from sledenv.closed_forms.arguments import Floats
-from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw
-from sledenv.simulation.support import feature_geometry, has_corners
+from sledenv.simulation.support import lowest_arms, within_a_turn
 
 TURN = 2.0 * math.pi
 
 
 class Sector(NamedTuple):
-    """The orientations at which one feature touches, and its geometry: docs/physics.md (8.2)."""
+    """The orientations at which one arc touches, and its geometry: docs/physics.md (8.2)."""
 
     low: float  # [rad]
     high: float  # [rad]
@@ -28,23 +27,25 @@ class Sector(NamedTuple):
 
 
 def sectors(body: Body, law: ContactLaw) -> list[Sector]:
-    """Split (-pi, pi] by the feature that touches."""
-    alpha = body.half_angle
-    if not has_corners(body):
-        return [Sector(-math.pi, math.pi, *feature_geometry(body, ARC), law.rolling_arm)]
-    return [
-        Sector(-math.pi, -alpha, *feature_geometry(body, NOSE), law.corner_rolling_arm),
-        Sector(-alpha, alpha, *feature_geometry(body, ARC), law.rolling_arm),
-        Sector(alpha, math.pi, *feature_geometry(body, TAIL), law.corner_rolling_arm),
-    ]
+    """Split (-pi, pi] by the arc that touches; an arc that is lowest at +-pi has the first and the last sector."""
+    record = body.record[0]
+    count = int(record["count"])
+    begin, h, r, shift, corner = (record[name][:count].tolist() for name in ("begin", "h", "r", "shift", "corner"))
+    arms = [rolling_arm(law, of_a_corner) for of_a_corner in corner]
+    return list(map(Sector, begin, [*begin[1:], math.pi], h, r, shift, arms))
+
+
+def rolling_arm(law: ContactLaw, corner: float) -> float:
+    """Rolling arm [m] of an arc, from its entry ``corner`` in the record of a body."""
+    return law.corner_rolling_arm if corner else law.rolling_arm
 
 
 def arms_at(body: Body, law: ContactLaw, phi: Floats) -> tuple[Floats, Floats, Floats]:
-    """Arms a, b and rolling arm [m] of the feature that touches at each orientation, edges to the arc."""
-    local = phi - TURN * np.floor(phi / TURN + 0.5)
-    parts = sectors(body, law)
-    index = np.zeros(local.shape, dtype=int)
-    if len(parts) > 1:
-        index = np.where(np.abs(local) <= body.half_angle, 1, np.where(local > 0.0, 2, 0))
-    h, r, shift, arm = (np.array([part[i] for part in parts])[index] for i in range(2, 6))
-    return h * np.sin(local + shift), r - h * np.cos(local + shift), arm
+    """Arms a, b and rolling arm [m] of the arc that touches at each orientation.
+
+    Where one hands over to the next, it is the larger one, as in the simulator.
+    """
+    arcs, arms = lowest_arms(body.record, within_a_turn(phi.ravel()))
+    arm = np.where(body.record["corner"][0][arcs] > 0.0, law.corner_rolling_arm, law.rolling_arm)
+    a, b, arm = (column.reshape(phi.shape) for column in (*arms.T, arm))
+    return a, b, arm

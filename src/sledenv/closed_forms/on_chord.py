@@ -1,92 +1,119 @@
-"""A body that lies flat on its chord, in closed form: loads of its corners, tipping, rest and sliding."""
+"""A body that lies flat on its chord, or on another straight side: loads of its ends, tipping, rest and sliding."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.closed_forms.arguments import Floats, is_number, numbers, pressed, resting
-from sledenv.simulation.bodies import Body
+from sledenv.closed_forms.features import rolling_arm
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import made
 from sledenv.simulation.scene import ContactLaw, Slope
-from sledenv.simulation.support import has_corners
 
 
-def chord_loads(body: Body, law: ContactLaw, slope: Slope, slip: ArrayLike) -> tuple[Floats, Floats]:
-    """Loads [N] of the two corners of a body that lies flat on its chord: docs/physics.md (8.6).
+def chord_loads(
+    body: Body, law: ContactLaw, slope: Slope, slip: ArrayLike, side: str = "chord"
+) -> tuple[Floats, Floats]:
+    """Loads [N] of the two ends of a straight side on which a body lies flat: docs/physics.md (8.6).
 
     They carry the weight together, and their moment balances that of friction, which acts H below the mass centre:
-    ``L (N_tail - N_nose) = -H F``, with F = -s_t f m g cos(beta) sliding and F = -m g sin(beta) at rest.
+    ``L (N_tail - N_nose) = -H F`` for the two corners of a chord, with F = -s_t f m g cos(beta) sliding and
+    F = -m g sin(beta) at rest. Ends at other distances from the mass centre share the weight by their arms a.
 
     Parameters
     ----------
     body : Body
-        With corners.
+        With such a side.
     law, slope
         As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
     slip : array_like
         Velocity along the slope [m/s], or just its sign s_t; 0 at rest.
+    side : str
+        Name of the straight side; the chord of a segment by default.
 
     Returns
     -------
     tuple of ndarray
-        Of the tail, which lies downhill, and of the nose; the shape of ``slip``. Rolling resistance is taken to be
-        without moment: it may shift ``delta m g cos(beta) / (2 L)`` from either corner to the other. A negative load
-        that it cannot make up for means that the body tips, see :func:`chord_tipping_friction`.
+        Of the end that lies downhill, the tail of a chord, and of the other one, the nose; the shape of ``slip``.
+        Rolling resistance is taken to be without moment: it may shift ``delta m g cos(beta) / (2 L)`` from either end
+        to the other, over the length 2 L. A negative load that it cannot make up for means that the body tips, see
+        :func:`chord_tipping_friction`.
 
     Raises
     ------
     TypeError, ValueError
-        If the body has no corners, ``slip`` is NaN or gravity is 0.
+        If the body has no such side, or several of that name, ``slip`` is NaN or gravity is 0.
     """
     body, law, slope = resting(body, law, slope)
-    along, across = _chord(body)
+    base = _base_of(body, law, side)
     sign = np.sign(numbers("chord_loads", "slip", slip, is_number, "a number"))
-    weight = body.mass * slope.gravity * math.cos(slope.angle)
+    share = body.mass * slope.gravity * math.cos(slope.angle) / (base.uphill - base.downhill)
     ratio = np.where(sign == 0.0, -math.tan(slope.angle), -sign * law.friction)  # F / N
-    return 0.5 * weight * (1.0 - ratio * along / across), 0.5 * weight * (1.0 + ratio * along / across)
+    return share * (base.uphill - ratio * base.height), share * (ratio * base.height - base.downhill)
 
 
-def chord_tipping_friction(body: Body, law: ContactLaw) -> float:
-    """Ratio ``|F| / N`` [-] above which friction tips a body that lies on its chord over the corner ahead: (8.7).
+def chord_tipping_friction(body: Body, law: ContactLaw, side: str = "chord", slip: float = 1.0) -> float:
+    """Ratio ``|F| / N`` [-] above which friction tips a body that lies flat over the end ahead: (8.7).
 
-    It is ``(L + delta) / |H|`` with the rolling arm delta of the corners: sliding flat needs a smaller friction
-    coefficient, and lying at rest a smaller slope.
-
-    Returns
-    -------
-    float
-        inf if the mass centre lies in the chord, H = 0.
-
-    Raises
-    ------
-    ValueError
-        If the body has no corners.
-    """
-    body, law = made("body", Body, body), made("law", ContactLaw, law)
-    along, across = _chord(body)
-    return math.inf if along == 0.0 else (across + law.corner_rolling_arm) / abs(along)
-
-
-def chord_rests(body: Body, law: ContactLaw, slope: Slope) -> bool:
-    """Whether a body that lies flat on its chord at rest stays: ``tan|beta| <= f`` and it does not tip, (8.7).
+    It is ``(L + delta) / |H|`` for a chord, with the rolling arm delta of the corners: sliding flat needs a smaller
+    friction coefficient, and lying at rest a smaller slope. For any side L is the distance along it from the mass
+    centre to that end, and delta that of the end.
 
     Parameters
     ----------
     body : Body
-        With corners.
-    law, slope
-        As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
+        With such a side.
+    law : ContactLaw
+        How it touches; its friction is not used.
+    side : str
+        Name of the straight side; the chord of a segment by default.
+    slip : float
+        Velocity along the slope, or just its sign: at 0 or above, the end ahead is the one downhill, on which a body
+        also tips that lies on a slope. It does not matter where the mass centre is over the middle.
+
+    Returns
+    -------
+    float
+        inf if the mass centre lies in the side, H = 0; 0 if the body tips off the side whatever the friction, because
+        the mass centre is not over it.
 
     Raises
     ------
-    ValueError
-        If the body has no corners or gravity is 0.
+    TypeError, ValueError
+        If the body has no such side, or several of that name, or ``slip`` is NaN.
+    """
+    body, law = made_body(body), made("law", ContactLaw, law)
+    base = _base_of(body, law, side)
+    uphill = float(numbers("chord_tipping_friction", "slip", slip, is_number, "a number")) < 0.0
+    if not base.least <= 0.0 <= base.most:
+        return 0.0
+    return math.inf if base.height == 0.0 else (base.most if uphill else -base.least) / abs(base.height)
+
+
+def chord_rests(body: Body, law: ContactLaw, slope: Slope, side: str = "chord") -> bool:
+    """Whether a body that lies flat on a side at rest stays: ``tan|beta| <= f`` and it does not tip, (8.7).
+
+    Parameters
+    ----------
+    body : Body
+        With such a side.
+    law, slope
+        As for :func:`sledenv.closed_forms.equilibrium.static_jam`.
+    side : str
+        Name of the straight side; the chord of a segment by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the body has no such side, or several of that name, or gravity is 0.
     """
     body, law, slope = resting(body, law, slope)
-    return math.tan(abs(slope.angle)) <= min(law.friction, chord_tipping_friction(body, law))
+    base, steepness = _base_of(body, law, side), math.tan(slope.angle)
+    return abs(steepness) <= law.friction and base.least <= -steepness * base.height <= base.most
 
 
 def chord_slide(law: ContactLaw, slope: Slope, speed: ArrayLike, time: ArrayLike) -> tuple[Floats, Floats]:
@@ -157,13 +184,51 @@ def chord_finish_time(law: ContactLaw, slope: Slope, speed: float) -> float:
     return turned + 2.0 * distance / (start + math.sqrt(squared)) if 0.0 < squared < math.inf else math.inf
 
 
-def _chord(body: Body) -> tuple[float, float]:
-    """H and L [m] of docs/physics.md (8.2)."""
-    if not has_corners(body):
-        raise ValueError(
-            f"Body.half_angle = {body.half_angle}, radius = {body.radius}: the body has no chord to lie on"
-        )
-    return body.eccentricity - body.radius * math.cos(body.half_angle), body.radius * math.sin(body.half_angle)
+class _Base(NamedTuple):
+    """What a body that lies flat on a side stands on."""
+
+    downhill: float  # [m] arm a of the end downhill, which is not positive if the mass centre is over the side
+    uphill: float  # [m] that of the other one
+    height: float  # [m] of the mass centre above the side: their arm b
+    least: float  # [m] where the load may act, rolling resistance included: ``b F/N`` is from here
+    most: float  # [m] to here, or the body tips
+
+
+def _base_of(body: Body, law: ContactLaw, side: str) -> _Base:
+    """Ends of the straight side of this name; of a chord height is H and the arms are L: docs/physics.md (8.2)."""
+    record, known = body.record[0], _sides(body)
+    found = [k for k, name in enumerate(known) if name and name == side]
+    if len(found) > 1:
+        raise ValueError(f"side = {side!r}: {len(found)} sides of the body have this name: must be that of one")
+    if not found:
+        names = ", ".join(repr(name) for name in dict.fromkeys(known) if name)
+        have = f"must be one of {names}" if names else "it has no straight side"
+        raise ValueError(f"side = {side!r}: the body has no {side} to lie on: {have}")
+    one = found[0]
+    other = int(record["next"][one])
+    (x, y, r, corner), (x_next, y_next, r_next, corner_next) = (
+        (-float(record["across"][k]), *(float(record[name][k]) for name in ("along", "r", "corner")))
+        for k in (one, other)
+    )
+    apart, grows = math.hypot(x_next - x, y_next - y), r_next - r
+    length = math.sqrt((apart - grows) * (apart + grows))
+    # Direction of the slope and its normal in the frame of the body. Taken from the centres and not from the
+    # orientation, a mass centre in the side has exactly the height 0.
+    cosine = ((x - x_next) * length + (y_next - y) * grows) / apart**2
+    sine = ((y_next - y) * length + (x_next - x) * grows) / apart**2
+    downhill, uphill = y * sine - x * cosine, y_next * sine - x_next * cosine
+    least, most = downhill - rolling_arm(law, corner), uphill + rolling_arm(law, corner_next)
+    return _Base(downhill, uphill, r - x * sine - y * cosine, least, most)
+
+
+def _sides(body: Body) -> list[str]:
+    """Return the name of the straight side that follows each arc of the record, "" where there is none."""
+    record = body.record[0]
+    codes = record["side"][: int(record["count"])].astype(int).tolist()
+    names = [body.parts[code - 1] if code else "" for code in codes]
+    if record["low"][0] < -math.pi and len(names) > 1:  # the first arc is the last one once more
+        names[0] = ""
+    return names
 
 
 def _sliding_rate(law: ContactLaw, slope: Slope, direction: ArrayLike) -> Floats:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.closed_forms.arguments import Floats, is_number, numbers
-from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
-from sledenv.simulation.bodies import Body
+from sledenv.closed_forms.features import Sector, arms_at, sectors
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import made
 from sledenv.simulation.scene import ContactLaw
 
@@ -42,7 +42,7 @@ def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin:
     TypeError, ValueError
         If ``phi`` is not finite or a velocity is NaN.
     """
-    body, law = made("body", Body, body), made("law", ContactLaw, law)
+    body, law = made_body(body), made("law", ContactLaw, law)
     angle = numbers("painleve", "phi", phi, np.isfinite, "finite")
     s_t = np.sign(numbers("painleve", "slip", slip, is_number, "a number"))
     s_w = np.sign(numbers("painleve", "spin", spin, is_number, "a number"))
@@ -53,19 +53,19 @@ def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin:
 def painleve_threshold(body: Body, law: ContactLaw) -> float:
     """Smallest friction f [-] above which the Painlevé region exists at some orientation; ``law.friction`` is not used.
 
-    It is the minimum over the orientations of ``(J/m + a^2 - |a| delta) / |a b|``, on the arc and on a corner.
+    It is the minimum over the orientations of ``(J/m + a^2 - |a| delta) / |a b|``, on each arc.
 
     Returns
     -------
     float
         0 if rolling resistance alone suffices, inf if no friction does (a wheel).
     """
-    body, law = made("body", Body, body), made("law", ContactLaw, law)
-    return min(_threshold_in(body, sector) for sector in sectors(body, law) if sector.high > 0.0)
+    body, law = made_body(body), made("law", ContactLaw, law)
+    return min(_threshold_in(body, sector) for sector in sectors(body, law))
 
 
 def _threshold_in(body: Body, sector: Sector) -> float:
-    """Painlevé threshold over the orientations phi >= 0 of one feature; the others mirror them."""
+    """Painlevé threshold over the orientations at which one arc touches."""
     gyration = body.inertia / body.mass  # J/m, [m^2]
 
     def needed(theta: Floats) -> Floats:
@@ -75,11 +75,11 @@ def _threshold_in(body: Body, sector: Sector) -> float:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(borne < 0.0, 0.0, np.where(a * b > 0.0, borne / (a * b), np.inf))
 
-    theta = np.linspace(max(sector.low, 0.0), sector.high, _GRID) + sector.shift
+    theta = np.linspace(sector.low, sector.high, _GRID) + sector.shift
     # Rolling resistance counts for most at |a| = delta/2; the grid need not contain that orientation.
     if 0.5 * sector.arm <= sector.h > 0.0:
         best = math.asin(0.5 * sector.arm / sector.h)
-        candidates = np.array([best, math.pi - best, best - math.pi, -best, best + math.pi, TURN - best])
+        candidates = np.add.outer(math.pi * np.arange(-2, 3), [best, -best]).ravel()
         theta = np.union1d(theta, candidates[(candidates >= theta[0]) & (candidates <= theta[-1])])
     values = needed(theta)
     padded = np.concatenate([[np.inf], values, [np.inf]])

@@ -12,7 +12,7 @@ from typing import Final, get_args
 
 from sledenv.compiler.entries import INTERPRETED
 from sledenv.kernel.entries import LIBRARY
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import segment
 from sledenv.simulation.lanes import num_threads
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -22,7 +22,7 @@ from sledenv.simulation.simulate import simulate, simulate_batch
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
 
 # The reference descent and its first rebound, computed to 50 digits: tests/data/reference_descent.json.
-_BODY = Body(mass=1.0, radius=0.1, eccentricity=0.05, inertia=7.5e-3)
+_BODY = segment(mass=1.0, radius=0.1, eccentricity=0.05, inertia=7.5e-3)
 _LAW = ContactLaw(stiffness=1e6, asymmetry=0.5, friction=0.1, rolling_arm=1e-3)
 _SLOPE = Slope(angle=math.pi / 18.0)
 _LAUNCH = State(0.0, 0.6 - 0.05 * math.cos(math.pi / 4.0), math.pi / 4.0, 0.0, 0.0, 0.0)
@@ -97,7 +97,7 @@ def _reference() -> str:
 
 def _impact() -> str:
     """Compare with the textbook: a wheel that slides throughout an impact loses f (1 + e) v of its speed."""
-    wheel, law = Body(1.0, 0.1, 0.0, 0.005), ContactLaw(1.0, asymmetry=0.6, friction=0.1, rolling_arm=0.0)
+    wheel, law = segment(1.0, 0.1, 0.0, 0.005), ContactLaw(1.0, asymmetry=0.6, friction=0.1, rolling_arm=0.0)
     after = rigid_impact(wheel, law, State(0.0, 0.1, 0.0, 10.0, -1.0, 0.0)).state
     if not (abs(after.u - 9.85) <= 1e-14 * 10.0 and abs(after.v - 0.5) <= 1e-14):
         return f"u, v = {after.u!r}, {after.v!r} after the impact of a wheel, not 9.85, 0.5"

@@ -61,12 +61,12 @@ class Shape:
 
     def body(self, mass: float) -> Body:
         """Return the body of this mass."""
-        from sledenv.simulation.bodies import Body
+        from sledenv.simulation.bodies import segment
 
         if self.radius is None:
             raise ValueError("--radius: poses over time need it")
         inertia = mass * self.gyration_radius**2
-        return Body(mass, self.radius, self.eccentricity, inertia, math.radians(self.half_angle_deg))
+        return segment(mass, self.radius, self.eccentricity, inertia, math.radians(self.half_angle_deg))
 
 
 @Parameter(name="*", group=Group("For rebounds", sort_key=1))

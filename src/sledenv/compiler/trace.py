@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,6 +98,17 @@ class _Fields:
         data = self._builder.bitcast(self._data, ir.PointerType(byte))
         return self._builder.gep(data, [ir.Constant(ir.IntType(64), self._record.offset(name))], source_etype=byte)
 
+    def _records(self, name: str, of: Any) -> list[_Fields]:
+        """Records of an array of them."""
+        found = []
+        for i in range(of.shape[0]):
+            byte = ir.IntType(8)
+            place = self._builder.gep(
+                self._place(name), [ir.Constant(ir.IntType(64), i * of.dtype.size)], source_etype=byte
+            )
+            found.append(_Fields(self._builder, place, of.dtype))
+        return found
+
     def __getattr__(self, name: str) -> Any:
         from numba import types
 
@@ -105,6 +116,8 @@ class _Fields:
             of: Any = self._record.typeof(name)
             if isinstance(of, types.Record):
                 self._known[name] = _Fields(self._builder, self._place(name), of)
+            elif isinstance(of, types.NestedArray) and isinstance(of.dtype, types.Record):
+                self._known[name] = self._records(name, of)
             elif isinstance(of, types.NestedArray):
                 self._known[name] = Series(self._builder, self._place(name))
             else:
@@ -131,10 +144,14 @@ class _Interpreted:
 
     def __getattr__(self, name: str) -> Any:
         field = self._record[name]
+        if isinstance(field, np.ndarray) and field.dtype.names:
+            return [_Interpreted(one) for one in field]
         return _Interpreted(field) if isinstance(field, np.void) else field
 
     def __setattr__(self, name: str, value: Any) -> None:
-        self._record[name] = np.concatenate(value) if isinstance(value, list) else value
+        self._record[name] = (
+            np.concatenate(value).reshape(self._record[name].shape) if isinstance(value, list) else value
+        )
 
 
 def _tuple(kind: type[Any], numbers: Iterable[Any]) -> Any:
@@ -169,6 +186,12 @@ class _Unknown(float):
 
     def __getattr__(self, name: str) -> _Unknown:
         return _Unknown(math.nan)
+
+    def __iter__(self) -> Iterator[_Unknown]:
+        return iter((self, self))  # arrays of records have two
+
+    def __getitem__(self, i: int) -> _Unknown:
+        return self
 
 
 def _unknown(kind: Any) -> Any:
@@ -240,13 +263,13 @@ def straight(program: Program) -> Callable[..., None]:
     return run
 
 
-def of_step(program: Program) -> Callable[[np.void, np.void], None]:
-    """Return a kernel of its own that runs a program of a contact and a step of it."""
+def of_point(program: Program) -> Callable[[np.void, np.void, np.void], None]:
+    """Return a kernel of its own that runs a program of a contact, a point of it and its step."""
     run = straight(program)
 
     @kernel
-    def whole(contact: np.void, step: np.void) -> None:
-        run(contact, step)
+    def whole(contact: np.void, point: np.void, step: np.void) -> None:
+        run(contact, point, step)
 
     return whole
 

@@ -175,8 +175,9 @@ class Canvas:
         x, y, phi = state.x, state.y, state.phi
         ink = _mix(INK, strength)
         for outline, colour in ((body_outline, SHELL), (heavy_side, HEAVY)):
-            if body.radius > 0.0:
-                pygame.draw.polygon(self.surface, _mix(colour, strength), self.points(outline(body, x, y, phi)))
+            points = self.points(outline(body, x, y, phi))
+            if body.size > 0.0 and len(points) > 2:
+                pygame.draw.polygon(self.surface, _mix(colour, strength), points)
         self.line(body_outline(body, x, y, phi), ink, 1.5)
         self.line(spoke(body, x, y, phi), ink, 1.5)
         self.dot(x, y, ink, 3.0)

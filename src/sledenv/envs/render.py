@@ -12,7 +12,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import Camera, Canvas, panel_height
 from sledenv.kernel.records import Status
-from sledenv.pages.words import feature_name, mode_name, motion_words, quantity
+from sledenv.pages.words import mode_name, motion_words, part_name, quantity
 from sledenv.plot.shapes import (
     Push,
     contact_spans,
@@ -279,7 +279,7 @@ def _number(value: float, unit: str) -> str:
 
 def _push_words(descent: Descent, push: Push) -> tuple[str, ...]:
     """How the contact will end, what it does now and with which force."""
-    name = f"contact {push.number + 1}, {feature_name(push.feature)}: "
+    name = f"contact {push.number + 1}, {part_name(descent.body, push.feature)}: "
     available = descent.law.friction * push.normal
     grip = f"   grip {abs(push.tangential) / available:.2f}" if available > 0.0 else ""
     mode = mode_name(int(descent.rebounds[push.number]["mode"]))

@@ -18,7 +18,7 @@ from sledenv.envs.inputs import FIELDS, Contexts, Given
 from sledenv.kernel.records import LOG_FULL, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked
@@ -236,7 +236,7 @@ class Task:
         phi = np.arctan2(sine, cosine)
         columns = (
             progress * self.scenario.slope_section.length_m,
-            support_heights(self.body, phi),
+            support_heights(self.body.record, phi),
             phi,
             u * self._speed,
             v * self._speed,
@@ -252,7 +252,7 @@ class Task:
             most[i] = max(most[i], *np.abs(pair))
         _, _, _, speed, drop, fall, _, spin = most.tolist()
         angle, slope = self._context_high[0], self.scenario.slope_section
-        height = drop + self.body.radius + self.body.eccentricity + slope.length_m * max(0.0, np.sin(angle))
+        height = drop + highest_support(self.body) + slope.length_m * max(0.0, np.sin(angle))
         gyration = self.body.inertia / self.body.mass  # [m^2]
         square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * slope.gravity_m_s2 * height
         fastest = float(np.sqrt(square)) or 1.0
@@ -344,3 +344,11 @@ class Task:
         ended = status != RUNNING
         truncated = _TRUNCATED[status]
         return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
+
+
+def highest_support(body: Body) -> float:
+    """Bound [m] of the height of the mass centre where a body touches, in whatever pose.
+
+    Of a segment it is that of its whole disc: agents are told speeds by it, and those that are trained know them so.
+    """
+    return body.radius + body.eccentricity if isinstance(body, Segment) else body.size

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from sledenv.identification.objective import Floats
 from sledenv.identification.recorded_tables import RECORDING, columns, read_table
-from sledenv.kernel.records import ARC
-from sledenv.simulation.bodies import Body
-from sledenv.simulation.rules import POSITIVE, checked, made
-from sledenv.simulation.support import arms, feature_at, within_a_turn
+from sledenv.simulation.bodies import Body, made_body
+from sledenv.simulation.rules import POSITIVE, checked
+from sledenv.simulation.support import lowest_arms, within_a_turn
 
 BEFORE: Final = ("u_before_m_s", "v_before_m_s", "omega_before_rad_s")
 AFTER: Final = ("u_after_m_s", "v_after_m_s", "omega_after_rad_s")
@@ -173,7 +172,7 @@ def read_rebounds(
     before = columns(table, BEFORE)
     after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
     if body is not None:
-        body = made("body", Body, body)
+        body = made_body(body)
         k = math.sqrt(body.inertia / body.mass)
         reach, corner = arms_of(body, columns(table, POSE)[:, 0])
     else:
@@ -195,7 +194,5 @@ def read_rebounds(
 
 def arms_of(body: Body, phi: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Arms [m] at orientations [rad], (N, 2), and whether a corner touches, (N,)."""
-    local = within_a_turn(phi).tolist()
-    features = [feature_at(body, one) for one in local]
-    found = np.array([arms(body, feature, one) for feature, one in zip(features, local, strict=True)])
-    return found, np.array(features) != ARC
+    arcs, found = lowest_arms(body.record, within_a_turn(phi))
+    return found, body.record["corner"][0][arcs] > 0.0

@@ -26,7 +26,7 @@ from sledenv.identification.flights import (
 from sledenv.identification.intervals import Interval, LocalMinimumError
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.plot.shapes import drawable_rows, reach, states_at
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
@@ -58,7 +58,7 @@ def parameters_of(
 ) -> list[Parameter]:
     """Return all parameters: those of the law, then the launches."""
     frame = min(float(np.median(np.diff(one.times))) for one in recordings)
-    arm = body.radius if body.radius > 0.0 else reach(body)
+    arm = body.radius if isinstance(body, Segment) and body.radius > 0.0 else body.size
     default = {
         "stiffness": tuple(
             body.mass * (math.pi / time) ** 2 for time in (_LONGEST, min(_SHORTEST * frame, 0.1 * _LONGEST))

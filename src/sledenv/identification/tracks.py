@@ -20,7 +20,7 @@ from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, disti
 from sledenv.pages.replay import Ghost
 from sledenv.pages.words import TRAJECTORY_COLUMNS
 from sledenv.plot.shapes import drawable_rows, reach, states_at
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -67,8 +67,9 @@ def identify_tracks(
         Values of parameters that are known, of ``restitution``, ``friction``, ``rolling_arm`` [m],
         ``corner_rolling_arm`` [m], 0 unless there are bounds of it, and ``stiffness`` [N/m].
     bounds : mapping, optional
-        Lower and upper bound of fitted ones; restitution in [0, 1], friction in [0, 1.5], arms from 0 to the radius
-        and stiffness, of contacts that last from .02 intervals of frames to .1 s, by default.
+        Lower and upper bound of fitted ones; restitution in [0, 1], friction in [0, 1.5], arms from 0 to the radius of
+        a segment or to the size of any other body, and stiffness, of contacts that last from .02 intervals of frames to
+        .1 s, by default.
     noise : tuple of float, optional
         Standard deviations of a position [m] and of an orientation [rad]. Estimated from the third differences of
         poses by default, by their median so that rebounds and wrong poses hardly count.
@@ -89,7 +90,7 @@ def identify_tracks(
     """
     checked_choice("solver", solver, get_args(BatchSolver))
     checked_choice("loss", loss, get_args(Loss))
-    body, slope = made("body", Body, body), made("slope", Slope, slope)._replace(length=math.inf)
+    body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
     known = None
     if noise is not None:
         names = zip(Noise._fields, noise, strict=True)

@@ -6,9 +6,9 @@ import numpy as np
 
 from sledenv.kernel.descend import close_books, descend, trim
 from sledenv.kernel.flight import write_body
-from sledenv.kernel.geometry import incline_of
 from sledenv.kernel.laws import Law, law_of_row
-from sledenv.kernel.params import Limits, Slope, State, body_of, reader, row_of
+from sledenv.kernel.outline import incline_of
+from sledenv.kernel.params import Limits, Slope, State, reader, row_of
 from sledenv.kernel.records import RUNNING
 from sledenv.kernel.state import TAKING_OFF
 
@@ -39,8 +39,9 @@ def descend_lanes(
         Any law of the kind that is in ``laws``.
     limits : Limits
         Shared by all lanes.
-    bodies, laws, slopes : ndarray, one row for all lanes or one for each lane
-        Fields of Body, of the law and of Slope.
+    bodies : ndarray of BODY, one for all lanes or one for each lane
+    laws, slopes : ndarray, one row for all lanes or one for each lane
+        Fields of the law and of Slope.
     launches : ndarray, shape (N, 6)
         Fields of State.
     trims : ndarray, shape (N, 2) or (0, 2)
@@ -62,7 +63,7 @@ def descend_lanes(
     space["work"], space["most_work"] = 0.0, limits.most_work
     while space["lane"] < last:
         lane = int(space["lane"])
-        flight, body = flights[lane], body_of(bodies, lane)
+        flight, body = flights[lane], row_of(bodies, lane)
         if flight["status"] == RUNNING:
             if once and space["stage"] == TAKING_OFF:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])

@@ -6,15 +6,14 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.flight import write_body
-from sledenv.kernel.geometry import arms, distance, feature_at, whole_turns
 from sledenv.kernel.impact import MOST_PHASES, impact
-from sledenv.kernel.params import Body, ContactLaw, State
-from sledenv.kernel.records import ARC
+from sledenv.kernel.outline import distance, lowest_arms, whole_turns
+from sledenv.kernel.params import ContactLaw, State
 
 
 @kernel
 def collide(
-    body: Body,
+    bodies: np.ndarray,
     law: ContactLaw,
     state: State,
     restitution: float,
@@ -27,7 +26,8 @@ def collide(
 
     Parameters
     ----------
-    body, law, state
+    bodies : ndarray of BODY, shape (1,)
+    law, state
         See :mod:`sledenv.kernel.params`.
     restitution : float
         [-].
@@ -40,13 +40,11 @@ def collide(
     count : ndarray of int, shape (1,)
         Set to the number of phases; to MOST_PHASES + 1 if the impact does not end in MOST_PHASES of them.
     """
-    hop = hops[0]
+    hop, body = hops[0], bodies[0]
     write_body(body, hop)
-    local = state.phi - whole_turns(state.phi)
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
+    arc, a, b = lowest_arms(body, state.phi - whole_turns(state.phi))
     hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+    hop["arm"] = law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
     _touch(hop, a, b, state.u, state.v, state.omega)
     count[0] = impact(hypothesis, hop, phases)
 

@@ -1,7 +1,8 @@
 """Contact with extent in time, event-driven, in power series of high order: docs/physics.md, sections 5 and 6.
 
 One loop serves the paper's two-stiffness law and the sustained contact of rigid surfaces, where the normal force is
-unbounded and the gap stays closed until that force would become negative.
+unbounded and the gap stays closed until that force would become negative. The body touches with one point, or with two
+while both ends of a straight side are down.
 
 Between events the forces are analytic, so a step is a power series of the state and every event the first root of one.
 """
@@ -14,105 +15,95 @@ from typing import Any
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import of_step
+from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, where
-from sledenv.kernel import events, normal, progress, records
-from sledenv.kernel.chord import complete_both, feel_both, join, look_at_both, prepare_both, rolling_part, unite
-from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, resolve, sign_of
-from sledenv.kernel.geometry import sine_and_cosine, whole_turns
-from sledenv.kernel.params import Body, Incline, Limits
+from sledenv.kernel import events, joining, normal, progress, records
+from sledenv.kernel.friction import CLEAR, Bounds, Branch, Drive, Mobility, resolve, sign_of
+from sledenv.kernel.outline import whole_turns, within
+from sledenv.kernel.pair import resolve_pair
+from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.recurrence import expand
-from sledenv.kernel.roots import horner, locate
+from sledenv.kernel.roots import locate
 from sledenv.kernel.state import followed_by
 from sledenv.kernel.step import begin_step, complete, expect, orient
-from sledenv.kernel.trajectory import (
-    CONTACT_ROWS,
-    next_row,
-    rows_to_write,
-    write_corner,
-    write_forces,
-    write_motion,
-    write_slip,
-)
+from sledenv.kernel.tracing import rolling_part, sample_step
 
 SOUGHT = 1.1  # lengths of the step: an expected root is sought if the guess lies within so many
 NO_LOAD = 1e-9  # of the force that drives the slip: a smaller normal force counts as none
 LASTING = 1e-12  # [units] a branch that lasts less is due to rounding
+UNITS = 0.7  # unit of time of a step of two points over that of one: two springs are stiffer
 
 
-def _signs(point: Any) -> Any:
+def _signs(contact: Any, point: Any) -> Any:
     """In a program: code of the signs of a branch, 0 to 26."""
-    return (point.gap_rate + 1.0) + 3.0 * (point.slip + 1.0) + 9.0 * (point.spin + 1.0)
+    return (point.gap_rate + 1.0) + 3.0 * (point.slip + 1.0) + 9.0 * (contact.spin + 1.0)
 
 
-def _noting(contact: Any, second: Any) -> None:
+def _noting(contact: Any, one: Any, two: Any) -> None:
     """Program that adds the branch of a contact to its sequence, unless it is the last one there."""
-    both = where(equal(contact.paired, 0.0), 0.0, 1.0 + _signs(second))
-    branch = _signs(contact) + 27.0 * (contact.feature + 5.0 * both)
+    both = where(equal(contact.count, 1.0), 0.0, 1.0 + _signs(contact, two))
+    branch = _signs(contact, one) + 27.0 * (one.arc + 1.0 + 16.0 * both)
     contact.sequence = where(equal(branch, contact.branch), contact.sequence, followed_by(contact.sequence, branch))
     contact.branch = branch
 
 
-_note = of_step(_noting)
+_note = straight(_noting)
 
 
 @kernel
-def _begin(body: Body, slope: Incline, limits: Limits, contact: np.void) -> None:
-    """Set up a contact at its start; its orientation becomes one within a turn."""
+def _begin(body: np.void, slope: Incline, contact: np.void, points: np.ndarray) -> None:
+    """Set up a contact at its start; its orientation becomes one within the interval of its arc."""
+    point = points[0]
     turns = whole_turns(contact["phi"])
     contact["phi"] -= turns
-    # At +-pi, where the corners change over, rounding must not give one corner the angle of the other.
-    feature, phi = contact["feature"], contact["phi"]
-    wrong = (feature == records.TAIL and phi < 0.0) or (feature == records.NOSE and phi > 0.0)
-    other_turn = math.copysign(2.0 * math.pi, phi) if wrong else 0.0
-    contact["turns"] = turns + other_turn
-    contact["phi"] -= other_turn
-    size = body.radius + body.eccentricity
+    turn = within(body, int(point["arc"]), contact["phi"])
+    contact["turns"] = turns + turn
+    contact["phi"] -= turn
+    size = body["size"]
     contact["size"] = size
-    contact["scale"] = progress.speed_scale(slope, size, contact["v_n"], contact["v_t"], contact["omega"])
-    contact["per_mass"], contact["ratio"] = 1.0 / body.mass, body.mass / body.inertia
-    contact["inward"], contact["downhill"], contact["length"] = slope.inward, slope.downhill, slope.length
-    contact["tolerance"] = limits.tolerance
-    progress.forget_branch(contact)
-    contact["at_edge"], contact["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
-    progress.write_feature(body, contact)
+    contact["scale"] = progress.speed_scale(slope, size, point["v_n"], point["v_t"], contact["omega"])
+    contact["per_mass"], contact["ratio"] = 1.0 / body["mass"], body["mass"] / body["inertia"]
+    contact["inward"], contact["downhill"] = slope.inward, slope.downhill
+    progress.forget_branch(contact, points)
+    point["at_edge"], point["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
+    progress.write_arc(body, 0.0, contact, point)
 
 
 @kernel
-def _resolved(body: Body, contact: np.void, step: np.void) -> Branch:
-    """Branch of a contact from here on, by the box rule."""
-    v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
+def _resolved(body: np.void, contact: np.void, point: np.void, step: np.void) -> Branch:
+    """Branch of a contact of one point from here on, by the box rule."""
+    v_n, v_t, omega = point["v_n"], point["v_t"], contact["omega"]
     if v_n != 0.0 and v_t != 0.0 and omega != 0.0:
         return Branch(sign_of(v_n), sign_of(v_t), sign_of(omega))
-    a, b = contact["h"] * step["sine"], contact["r"] - contact["h"] * step["cosine"]
+    a, b = point["h"] * step["sine"], point["r"] - point["h"] * step["cosine"]
     square = omega * omega
     drive = Drive(
         contact["downhill"] + a * square,
-        -contact["inward"] - contact["h"] * step["cosine"] * square,
+        -contact["inward"] - point["h"] * step["cosine"] * square,
     )
     shallow = normal.NO_DEPTH * contact["size"]
-    if abs(drive.t) > normal.NO_DEPTH * abs(drive.n) and contact["k_closing"] < math.inf:
-        shallow = min(shallow, NO_LOAD * body.mass * abs(drive.t) / contact["k_closing"])
-    closing, opening = normal.bounds(contact, shallow)
+    if abs(drive.t) > normal.NO_DEPTH * abs(drive.n) and contact["rigid"] == 0.0:
+        shallow = min(shallow, NO_LOAD * body["mass"] * abs(drive.t) / contact["k_closing"])
+    closing, opening = normal.bounds(contact, point, shallow)
     return resolve(
-        Mobility(1.0 / body.mass, 1.0 / body.inertia, a, b),
+        Mobility(1.0 / body["mass"], 1.0 / body["inertia"], a, b),
         drive,
         contact["friction"],
-        contact["arm"],
+        point["arm"],
         contact["size"],
         Bounds(closing, opening),
-        progress.signs(contact),
+        progress.signs(contact, point),
     )
 
 
 @kernel
-def _tried(number: int, contact: np.void) -> Branch:
-    """One of the branches that the velocities of a contact admit.
+def _tried(number: int, contact: np.void, point: np.void) -> Branch:
+    """One of the branches that the velocities of a contact of one point admit.
 
     The box rule sees the forces of an instant. Where they and the drives grow from zero together it may choose a branch
     that ends at once; the right one is then the one in which time advances.
     """
-    v_n, v_t, omega = contact["v_n"], contact["v_t"], contact["omega"]
+    v_n, v_t, omega = point["v_n"], point["v_t"], contact["omega"]
     side = progress.side(contact)
     sense = side if number // 9 != 1 else -side  # it may matter whether a slip is tried before its lock or after that
     return Branch(
@@ -123,20 +114,72 @@ def _tried(number: int, contact: np.void) -> Branch:
 
 
 @kernel
-def _choose(body: Body, contact: np.void, step: np.void) -> None:
-    """Choose the branch that a contact follows from here on, and write what depends on it."""
+def _choose(body: np.void, contact: np.void, point: np.void, step: np.void) -> None:
+    """Choose the branch that a contact of one point follows from here on, and write what depends on it."""
     trial = progress.trial(contact)
-    branch = _tried(progress.TRIALS - trial, contact) if trial > 0 else _resolved(body, contact, step)
-    progress.take_branch(branch, contact)
+    if trial > 0:
+        branch = _tried(progress.TRIALS - trial, contact, point)
+    else:
+        branch = _resolved(body, contact, point, step)
+    progress.take_branch(branch, contact, point)
 
 
 @kernel
-def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
+def _choose_both(body: np.void, space: np.void) -> int:
+    """Choose the branch of both points. Rigid points that are to leave do so at once: RUNNING then goes on with one."""
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    trial = progress.trial(contact)
+    if trial > 0:  # recent releases may be due to rounding
+        progress.forget_zeros(contact, points)
+    signs, other_signs = progress.signs(contact, points[0]), progress.signs(contact, points[1])
+    branch, other, violation = resolve_pair(space, signs, other_signs, progress.side(contact), trial)
+    progress.take_branch(branch, contact, points[0])
+    progress.take_branch(other, contact, points[1])
+    leaves, other_leaves = branch.gap_rate > 0, other.gap_rate > 0
+    if contact["rigid"] != 0.0 and (violation > CLEAR or (leaves and other_leaves)):
+        if not contact["inward"] > 0.0:
+            return records.SEPARATED
+        # Friction tips the body over the point ahead, and no finite force prevents it: an impact there follows.
+        joining.part(body, points[0]["v_t"] * points[0]["h"] * steps[0]["sine"] < 0.0, contact, points)
+        return records.INCONSISTENT
+    if contact["rigid"] != 0.0 and (leaves or other_leaves):
+        joining.part(body, not leaves, contact, points)
+    return records.RUNNING
+
+
+@kernel
+def _look(body: np.void, limits: Limits, flight: np.void, space: np.void) -> int:
+    """Choose the branch of a contact, if it may change; return the status: RUNNING if a step follows."""
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    paired = contact["count"] > 1.0
+    if paired:
+        orient(contact, points[0], steps[0])
+        orient(contact, points[1], steps[1])
+        if contact["undecided"] != 0.0:
+            status = _choose_both(body, space)
+            if status != records.RUNNING:
+                return status
+    if contact["count"] == 1.0:
+        progress.watch_nearer(body, contact, points[0])
+        orient(contact, points[0], steps[0])
+        if contact["undecided"] != 0.0:
+            _choose(body, contact, points[0], steps[0])
+    return _standing(limits, flight, space)
+
+
+@kernel
+def _standing(limits: Limits, flight: np.void, space: np.void) -> int:
     """Status of a contact before a step: RUNNING if there is to be one."""
-    if contact["gap_rate"] == 0.0 and contact["slip"] == 0.0 and contact["spin"] == 0.0:
+    contact, point, step = space["contact"], space["points"][0], space["steps"][0]
+    lies = contact["count"] > 1.0 and contact["spin"] == 0.0 and point["gap_rate"] == 0.0
+    if lies and flight["t_on_chord"] == math.inf:
+        flight["t_on_chord"], flight["x_on_chord"] = contact["time"], contact["x"]
+    if point["gap_rate"] == 0.0 and point["slip"] == 0.0 and contact["spin"] == 0.0:
         return records.JAMMED
-    if contact["k_closing"] == math.inf and contact["gap_rate"] > 0.0:
-        turning = contact["h"] * step["cosine"] * contact["omega"] * contact["omega"]
+    if lies and limits.end_on_chord != 0.0:
+        return records.TUMBLED
+    if contact["rigid"] != 0.0 and point["gap_rate"] > 0.0:
+        turning = point["h"] * step["cosine"] * contact["omega"] * contact["omega"]
         return records.INCONSISTENT if contact["inward"] + turning > 0.0 else records.SEPARATED
     if flight["steps"] >= limits.max_steps or contact["stalled"] > progress.MOST_STALLED:
         return records.STEP_BUDGET
@@ -144,164 +187,145 @@ def _standing(limits: Limits, flight: np.void, contact: np.void, step: np.void) 
 
 
 @kernel
-def _prepare(slope: Incline, contact: np.void, step: np.void) -> None:
-    """Write what the series of a step need, and the bounds of a locked normal force."""
-    begin_step(contact, step)
-    step["largest"], step["least"] = normal.bounds(contact, 0.0)
-    if contact["gap_rate"] == 0.0:
-        step["unit"] = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
+def _prepare(slope: Incline, space: np.void) -> None:
+    """Write what the series of a step need: the unit of time, and the bounds of locked normal forces."""
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    unit = progress.settled_unit(contact["size"], slope.gravity, contact["omega"])
+    if contact["count"] == 1.0:
+        begin_step(contact, points[0], steps[0])
+        if points[0]["gap_rate"] == 0.0:
+            steps[0]["unit"] = unit
+    else:
+        for i in range(2):
+            if points[i]["gap_rate"] != 0.0:
+                unit = min(unit, UNITS * points[i]["pace"])
+        steps[0]["unit"] = steps[1]["unit"] = unit
+    for i in range(int(contact["count"])):
+        steps[i]["largest"], steps[i]["least"] = normal.bounds(contact, points[i], 0.0)
 
 
 @kernel
-def _bound(limits: Limits, contact: np.void, step: np.void) -> int:
-    """Find what is likely to end a step, and how long its series hold; return what ``bound_step`` does."""
-    if contact["gap_rate"] != 0.0:
-        expect(contact, step)
+def _bound(limits: Limits, space: np.void) -> int:
+    """Find how long the series of a step hold, and complete it up to there or to what is likely to end it.
+
+    Returns what ``bound_step`` does, or INCONSISTENT.
+    """
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    point, step = points[0], steps[0]
+    if contact["count"] > 1.0:
+        bounded = progress.bound_step(limits, progress.MOST_UNITS, contact, point, step)
+        if bounded != records.NON_FINITE:
+            bounded = progress.bound_step(limits, step["length"], contact, points[1], steps[1])
+        if bounded != records.NON_FINITE:
+            step["length"], step["event"] = steps[1]["length"], events.NOTHING
+            complete(contact, point, step)
+            complete(contact, points[1], steps[1])
+        return bounded
+    if point["gap_rate"] != 0.0:
+        expect(contact, point, step)
     else:
         step["expected"] = events.NOTHING
-    if contact["k_closing"] == math.inf and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
+    if contact["rigid"] != 0.0 and not 0.0 <= step["normal"][0] <= contact["most_normal"]:
         return records.INCONSISTENT
-    return progress.bound_step(limits, progress.MOST_UNITS, contact, step)
+    bounded = progress.bound_step(limits, progress.MOST_UNITS, contact, point, step)
+    if bounded != records.NON_FINITE:
+        _foresee(contact, point, step)
+    return bounded
 
 
 @kernel
-def _turns_back(before: float, end: float, series: np.ndarray, event: int, contact: np.void, step: np.void) -> None:
+def _turns_back(
+    before: float, end: float, series: np.ndarray, event: int, contact: np.void, point: np.void, step: np.void
+) -> None:
     """Let a step end where a velocity has become zero, if it has changed its sign by the end of the step."""
     if before * end < 0.0:
         length = step["length"]
         at = locate(series, length * before / (before - end), length)
         if at > 0.0:
             step["length"], step["event"] = at, event
-            complete(contact, step)
+            complete(contact, point, step)
 
 
 @kernel
-def _foresee(contact: np.void, step: np.void) -> None:
+def _foresee(contact: np.void, point: np.void, step: np.void) -> None:
     """Complete a step up to what is likely to end it, sought where it is expected and up to ``step["most"]``."""
     step["event"] = events.NOTHING
     expected = int(step["expected"])
     # A gap rate that starts from zero has a root there, which the search might find.
-    sought = expected == events.SEPARATION or (expected == events.RATE_ZERO and contact["gap_zeros"] == 0.0)
+    sought = expected == events.SEPARATION or (expected == events.RATE_ZERO and point["gap_zeros"] == 0.0)
     if sought and step["guess"] < SOUGHT * step["length"]:
         series = normal.load_series(contact, step) if expected == events.SEPARATION else step["v_n"]
         at = locate(series, step["guess"], step["most"])
         if at > 0.0:
             step["length"], step["event"] = at, expected
-    complete(contact, step)
-    if contact["slip"] != 0.0 and contact["slip_zeros"] == 0.0:
-        _turns_back(contact["v_t"], step["v_t_end"], step["v_t"], events.SLIP_ZERO, contact, step)
+    complete(contact, point, step)
+    if point["slip"] != 0.0 and point["slip_zeros"] == 0.0:
+        _turns_back(point["v_t"], step["v_t_end"], step["v_t"], events.SLIP_ZERO, contact, point, step)
     if contact["spin"] != 0.0 and contact["spin_zeros"] == 0.0:
-        _turns_back(contact["omega"], step["omega_end"], step["omega"], events.SPIN_ZERO, contact, step)
+        _turns_back(contact["omega"], step["omega_end"], step["omega"], events.SPIN_ZERO, contact, point, step)
 
 
 @kernel
-def _forces(contact: np.void, step: np.void, t: float) -> tuple[float, float, float]:
-    """Normal force, tangential force [N] and moment [N m] of a point during a step."""
-    push = horner(step["normal"], t)
-    force = contact["mu"] * push if contact["slip"] != 0.0 else horner(step["force"], t)
-    moment = contact["rho"] * push if contact["spin"] != 0.0 else horner(step["moment"], t)
-    return push, force, moment
-
-
-@kernel
-def write_contact(space: np.void, t: float, row: np.void) -> None:
-    """Fill the forces of a row at a time of the step."""
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    feature, slip, spin = int(contact["feature"]), int(contact["slip"]), int(contact["spin"])
-    push, force, moment = _forces(contact, step, t)
-    if contact["paired"] == 0.0:
-        write_forces(row, push, force, moment, feature, slip, spin)
-        write_corner(row, feature, push, force)
-    else:
-        push_2, force_2, moment_2 = _forces(second, second_step, t)
-        if slip == 0 and spin == 0:  # only their sum is determined
-            force, force_2 = force * push / (push + push_2), force * push_2 / (push + push_2)
-        moment = rolling_part(moment + moment_2, contact["arm"] * push, second["arm"] * push_2)
-        write_forces(row, push + push_2, force + force_2, moment, records.CHORD, slip, spin)
-        write_corner(row, feature, push, force)
-        write_corner(row, int(second["feature"]), push_2, force_2)
-    write_slip(row, horner(step["v_t"], t), contact["friction"])
-
-
-@kernel
-def _sample_step(limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> None:
-    """Add rows over one step, both its ends included: forces may jump between it and the next."""
-    contact, step = space["contact"], space["step"]
-    h, r, shift = contact["h"], contact["r"], contact["shift"]
-    unit, length = step["unit"], step["length"]
-    rows = max(float(CONTACT_ROWS), np.ceil(length * unit / limits.sample_interval))
-    for i in range(rows_to_write(rows + 1.0, flight, trajectory)):
-        t = length * (i / rows)  # never beyond the step
-        phi, omega = horner(step["phi"], t), horner(step["omega"], t)
-        sine, cosine = sine_and_cosine(phi + shift)
-        a, b = h * sine, r - h * cosine
-        row = next_row(trajectory, flight)
-        write_motion(
-            row,
-            contact["time"] + t * unit,
-            horner(step["x"], t),
-            horner(step["gap"], t) + b,
-            phi + contact["turns"],
-            horner(step["v_t"], t) - b * omega,
-            horner(step["v_n"], t) + a * omega,
-            omega,
-        )
-        write_contact(space, t, row)
-
-
-@kernel
-def _look(body: Body, limits: Limits, flight: np.void, contact: np.void, step: np.void) -> int:
-    """Choose the branch of a contact of one point, if it may change; return the status: RUNNING if a step follows."""
-    orient(contact, step)
-    if contact["undecided"] != 0.0:
-        _choose(body, contact, step)
-    return _standing(limits, flight, contact, step)
-
-
-@kernel
-def _step(body: Body, slope: Incline, limits: Limits, space: np.void) -> int:
+def _step(slope: Incline, limits: Limits, space: np.void) -> int:
     """Find the series of a step and its first event; return what ``bound_step`` does, or INCONSISTENT.
 
     The contact itself stays where it is.
     """
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    paired = contact["paired"] != 0.0
-    if paired:
-        prepare_both(slope, space)
-    else:
-        _prepare(slope, contact, step)
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    _prepare(slope, space)
     expand(space)
-    if paired:
-        bounded = complete_both(limits, space)
-    else:
-        bounded = _bound(limits, contact, step)
+    bounded = _bound(limits, space)
     if bounded != records.RUNNING and bounded != records.TIMEOUT:
         return bounded
-    if not paired:
-        _foresee(contact, step)
-    foreseen = step["length"]
-    events.first_event(body, space)
-    if step["length"] < foreseen:  # something else happens before
-        complete(contact, step)
-        if paired:
-            complete(second, second_step)
+    foreseen = steps[0]["length"]
+    events.first_event(slope.length, space)
+    if steps[0]["length"] < foreseen:  # something else happens before
+        for i in range(int(contact["count"])):
+            complete(contact, points[i], steps[i])
     return bounded
 
 
 @kernel
-def _feel(body: Body, contact: np.void, step: np.void, second: np.void) -> int:
-    """Apply to a contact of one point what happens at the end of a step; return its status, RUNNING if it goes on."""
-    status = progress.follow_event(body, contact, step)
-    if status == records.BOTH_CORNERS and contact["k_closing"] < math.inf:
-        # With both ends of a flat arc in the slope one point no longer says where the surfaces push.
-        sunk = contact["feature"] == records.ARC and body.half_angle <= 0.5 * math.pi
-        return records.RUNNING if not sunk and join(body, contact, second) else records.BURIED
-    return status
+def _feel(body: np.void, slope: Incline, space: np.void) -> int:
+    """Apply to a contact what happens at the end of a step; return its status, RUNNING if it goes on.
+
+    Where one of two points has left, the contact goes on with the other.
+    """
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    if contact["count"] == 1.0:
+        status = progress.follow_event(body, slope.length, contact, points[0], steps[0])
+        if status == records.TWO_POINTS and contact["rigid"] == 0.0:
+            # With both ends of a flat arc in the slope one point no longer says where the surfaces push.
+            sunk = body["sinks"][int(points[0]["arc"])] != 0.0
+            return records.RUNNING if not sunk and joining.join(body, contact, points) else records.BURIED
+        return status
+    if steps[1]["event"] != events.NOTHING:
+        contact["undecided"] = 1.0
+    leaves = other_leaves = False
+    for i in range(2):
+        status = progress.follow_event(body, slope.length, contact, points[i], steps[i])
+        if status != records.RUNNING and status != records.SEPARATED:
+            return status
+        if status == records.SEPARATED:
+            leaves, other_leaves = leaves or i == 0, other_leaves or i == 1
+    joining.agree(contact, points)
+    if not leaves and not other_leaves:
+        return records.RUNNING
+    contact["undecided"] = 1.0
+    gone = (leaves or _up(points[0])) and (other_leaves or _up(points[1]))
+    joining.part(body, other_leaves, contact, points)
+    return records.SEPARATED if gone else records.RUNNING
+
+
+@kernel
+def _up(point: np.void) -> bool:
+    """Whether a point is off the slope and does not come down."""
+    return bool(point["gap"] >= 0.0 and point["v_n"] >= 0.0)
 
 
 @kernel
 def follow(
-    body: Body,
+    body: np.void,
     slope: Incline,
     limits: Limits,
     flight: np.void,
@@ -310,70 +334,62 @@ def follow(
 ) -> int:
     """Follow a contact from touchdown to separation, rest or the end of the slope: docs/physics.md, section 5.
 
-    The body touches with one point, or with two while both ends of its chord are down.
-
     Parameters
     ----------
-    body, slope, limits
+    body : record of BODY
+    slope, limits
         See :mod:`sledenv.kernel.params`.
     flight : record of OUTCOME
         Whose contact it is; its steps and its rows of the trajectory are counted.
     space : record of SPACE
-        Its ``contact`` holds the state at touchdown, overwritten by that at the end, and how the surfaces meet: the
-        fields of CONTACT from those of :mod:`sledenv.kernel.normal` to ``most_normal``. Impulses and losses are added
-        up. Rigid surfaces start at rest, without gap or gap rate, ``paired`` if they touch with two points.
+        Its ``contact`` and the first of its ``points`` hold the state at touchdown, overwritten by that at the end, and
+        how the surfaces meet: the fields of CONTACT from those of :mod:`sledenv.kernel.normal` to ``corner_arm``.
+        Impulses and losses are added up. Rigid surfaces start at rest, without gap or gap rate, with a ``count`` of 2 if
+        they touch with two points.
     trajectory : ndarray of TRAJECTORY
         Rows are added while there is room; length 0 records nothing.
 
     Returns
     -------
     int
-        SEPARATED, of rigid surfaces INCONSISTENT or BOTH_CORNERS; or the status with which the descent ends.
+        SEPARATED, of rigid surfaces INCONSISTENT or TWO_POINTS; or the status with which the descent ends.
     """
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    _begin(body, slope, limits, contact)
-    if contact["paired"] != 0.0:
-        join(body, contact, second)
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    joined = contact["count"] > 1.0
+    contact["count"] = 1.0
+    _begin(body, slope, contact, points)
+    if joined:
+        joining.join(body, contact, points)
     while True:
-        status = records.RUNNING
-        if contact["paired"] != 0.0:
-            status = look_at_both(body, limits, flight, space)
-        if contact["paired"] == 0.0 and status == records.RUNNING:
-            status = _look(body, limits, flight, contact, step)
+        status = _look(body, limits, flight, space)
         if status != records.RUNNING:
             break
         flight["steps"] += 1
         space["work"] += 1.0
-        bounded = _step(body, slope, limits, space)
+        bounded = _step(slope, limits, space)
         if bounded != records.RUNNING and bounded != records.TIMEOUT:
             status = bounded
             break
+        step = steps[0]
         if contact["undecided"] != 0.0 and step["length"] > LASTING:
-            _note(contact, second)
+            _note(contact, points[0], points[1])
         if trajectory.shape[0] > 0 and step["length"] > 0.0:
-            _sample_step(limits, flight, space, trajectory)
-        both = contact["paired"] != 0.0
-        if both:
-            loads = contact["arm"] * step["normal_impulse"], second["arm"] * second_step["normal_impulse"]
-            step["moment_impulse"] = rolling_part(step["moment_impulse"], *loads)
-        contact["undecided"] = 1.0 if progress.move_on(contact, step) else 0.0
-        if both:
-            status = feel_both(body, contact, second, step, second_step)
-        else:
-            status = _feel(body, contact, step, second)
+            sample_step(body, limits, flight, space, trajectory)
+        if contact["count"] > 1.0:
+            step["moment_impulse"] = rolling_part(step["moment_impulse"], points, steps)
+        contact["undecided"] = 1.0 if progress.move_on(contact, points, steps) else 0.0
+        event = int(step["event"])
+        status = _feel(body, slope, space)
         if status != records.RUNNING:
             break
-        if contact["undecided"] == 0.0 and step["event"] == events.NOTHING and bounded == records.TIMEOUT:
+        if contact["undecided"] == 0.0 and event == events.NOTHING and bounded == records.TIMEOUT:
             status = records.TIMEOUT
             break
-        if step["event"] != events.NOTHING and step["event"] != events.MIDDLE_PASSED:
+        if event != events.NOTHING and event != events.MIDDLE_PASSED:
             contact["undecided"] = 1.0
     contact["held"] = 1.0
     if status == records.JAMMED or status == records.TUMBLED:  # no step has been made in this branch
-        step["unit"], step["length"] = 1.0, 0.0
+        steps[0]["unit"], steps[0]["length"] = 1.0, 0.0
         expand(space)
     contact["phi"] += contact["turns"]
-    contact["stored"] = normal.stored(contact)
-    if contact["paired"] != 0.0:
-        unite(contact, second)
     return status

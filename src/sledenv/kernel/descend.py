@@ -10,13 +10,12 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.rows import WIDTH
 from sledenv.compiler.trace import straight
-from sledenv.kernel import records
-from sledenv.kernel.contact import write_contact
+from sledenv.kernel import normal, records
 from sledenv.kernel.flight import arrive, begin_search, move, search, write_flight
-from sledenv.kernel.geometry import arms, lowest_support, whole_turns
 from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.motion import finish_time
-from sledenv.kernel.params import Body, Incline, Limits, State
+from sledenv.kernel.outline import arms, whole_turns
+from sledenv.kernel.params import Incline, Limits, State
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
 from sledenv.kernel.state import (
     CONTACT,
@@ -25,15 +24,18 @@ from sledenv.kernel.state import (
     LANDED,
     MOTION,
     PEAKS,
+    POINT,
     SEEKING,
     STEP,
     SUMS,
     TAKING_OFF,
+    TOUCHDOWN,
     add,
     clear,
     copy,
     record,
 )
+from sledenv.kernel.tracing import write_contact
 from sledenv.kernel.trajectory import next_row, rows_to_write
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)
@@ -41,22 +43,24 @@ NEARLY_STUCK = 0.05  # of the entry speed
 
 # Work space of a descent. The next descent may use the same one.
 SPACE = record(
-    ("step", STEP),
-    ("second_step", STEP),
+    ("steps", STEP, (2,)),  # of each point
     # Series of two points that touch, see pair.py: the sum of their normal forces, moments, and bounds of the moments.
     ("together", "f8", (WIDTH,)),  # [N]
-    ("moment", "f8", (WIDTH,)),  # [N m]
-    ("second_moment", "f8", (WIDTH,)),
-    ("load", "f8", (WIDTH,)),  # [N m]
-    ("second_load", "f8", (WIDTH,)),
+    ("moments", "f8", (2, WIDTH)),  # [N m]
+    ("loads", "f8", (2, WIDTH)),  # [N m]
     ("contact", CONTACT),
-    ("second", CONTACT),  # the second point that touches, while there are two
+    ("points", POINT, (2,)),
+    ("touchdown", TOUCHDOWN),
     ("hop", HOP),
     # How much a call has done, and where the next call goes on.
     ("lane", "f8"),  # lane of a batch,
     ("stage", "f8"),  # and what comes next there, see state.py
     ("work", "f8"),  # [-] steps and hops of this call
     ("most_work", "f8"),  # [-] at this number the call stops a search, and begins no other hop
+    # Of a straight side that hits flat, see flat.py.
+    ("ends", "f8", (6,)),
+    ("lost_flat", "f8", (3,)),
+    ("flat", "f8", (9, WIDTH)),
     ("strikes", "f8"),  # impacts of rigid bodies since the touchdown
 )
 
@@ -73,32 +77,36 @@ def _start(launch: Any, flight: Any) -> None:
     copy(launch, flight, State._fields)
 
 
-def meeting(at: Any, contact: Any) -> None:
-    """Program that begins a contact where a hop has come to, in the coordinates of the contact.
+def _arriving(hop: Any, touchdown: Any) -> None:
+    """Program that writes how a body touches down where a hop has come to."""
+    copy(hop, touchdown, ("x", "phi", "u", "v", "v_t", "v_n", "omega"), of="{}_landing")
+    copy(hop, touchdown, ("arc", "a", "b"))
+    touchdown.time = hop.t_landing
+
+
+def meeting(touchdown: Any, contact: Any, point: Any) -> None:
+    """Program that begins a contact at a touchdown.
 
     The gap becomes exactly zero. The energy of the rounding error in the height is far below the error of the ledger.
     """
-    contact.time = contact.time_before = at.t_landing
-    contact.x, contact.gap, contact.x_before = at.x_landing, 0.0, at.x_landing
-    contact.phi = contact.phi_before = at.phi_landing
-    contact.u_before, contact.v_before, contact.v_n = at.u_landing, at.v_landing, at.v_n_landing
-    contact.v_t = contact.v_t_before = at.v_t_landing
-    contact.omega = contact.omega_before = at.omega_landing
-    contact.feature = contact.feature_before = at.feature
-    contact.a_before, contact.b_before = at.a, at.b
-    clear(contact, ("stored", "held", "on_chord", "paired", "sequence", "branch", *PEAKS, *SUMS))
+    copy(touchdown, contact, ("time", "x", "phi", "omega"))
+    copy(touchdown, point, ("arc", "v_n", "v_t"))
+    point.gap, contact.count = 0.0, 1.0
+    clear(contact, ("held", "side_touched", "sequence", "branch", *PEAKS, *SUMS))
 
 
-def _account(contact: Any, rebound: Any) -> None:
-    """Program that writes into a rebound what follows from its contact alone."""
-    copy(contact, rebound, ("x", "phi", *IMPULSES, *PEAKS, "u_before", "v_before", "omega_before"))
+def _account(touchdown: Any, contact: Any, rebound: Any) -> None:
+    """Program that writes into a rebound what follows from its touchdown and its contact alone."""
+    copy(contact, rebound, ("x", "phi", *IMPULSES, *PEAKS))
+    copy(touchdown, rebound, ("u", "v", "omega"), to="{}_before")
     copy(contact, rebound, records.CONTACT_LOSSES, to="loss_{}")
-    rebound.t, rebound.duration = contact.time, contact.time - contact.time_before
-    rebound.t_touchdown, rebound.x_contact = contact.time_before, contact.x_before - contact.a_before
+    rebound.t, rebound.duration = contact.time, contact.time - touchdown.time
+    rebound.t_touchdown, rebound.x_contact = touchdown.time, touchdown.x - touchdown.a
     rebound.omega_after = contact.omega
 
 
-_set_off, _come, _touch_down, _record = straight(_start), straight(_come_to), straight(meeting), straight(_account)
+_set_off, _come, _arrive, _record = straight(_start), straight(_come_to), straight(_arriving), straight(_account)
+_meet = straight(meeting)
 clear_sums = straight(lambda contact: clear(contact, SUMS))
 book_losses = straight(lambda contact, flight: add(contact, flight, records.CONTACT_LOSSES))
 
@@ -118,19 +126,19 @@ def contact_mode(slip_before: float, omega_before: float, slip: float, omega: fl
 
 
 @kernel
-def stuck_code(body: Body, entry_speed: float, u: float, omega: float) -> int:
+def stuck_code(body: np.void, entry_speed: float, u: float, omega: float) -> int:
     """2 if the body has neither velocity along the slope nor spin, 1 if both are below 5 % of the entry speed."""
     if u == 0.0 and omega == 0.0:
         return 2
-    rim = max(body.radius, body.eccentricity) * abs(omega)
+    rim = body["size"] * abs(omega)
     return 1 if max(abs(u), rim) < NEARLY_STUCK * entry_speed else 0
 
 
 @kernel
-def energy(body: Body, slope: Incline, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
+def energy(body: np.void, slope: Incline, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
-    kinetic = 0.5 * body.mass * (u * u + v * v) + 0.5 * body.inertia * omega * omega
-    return kinetic, body.mass * (y * slope.inward - x * slope.downhill)
+    kinetic = 0.5 * body["mass"] * (u * u + v * v) + 0.5 * body["inertia"] * omega * omega
+    return kinetic, body["mass"] * (y * slope.inward - x * slope.downhill)
 
 
 @kernel
@@ -143,12 +151,12 @@ def begin(launch: State, flight: np.void) -> None:
 
 
 @kernel
-def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None:
+def trim(body: np.void, rotor_inertia: float, flight: np.void, spin: float) -> None:
     """Let the rider's rotor lend ``spin`` [rad/s] to the body in flight: docs/physics.md, section 9.
 
     Parameters
     ----------
-    body : Body
+    body : record of BODY
     rotor_inertia : float
         Moment of inertia of the rotor [kg m^2], > 0; the same throughout a descent.
     flight : record of OUTCOME
@@ -159,8 +167,8 @@ def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None
     change = spin - flight["trim"]
     if change != 0.0:  # a spin of -0.0 plus zero would lose its sign
         omega = flight["omega"]
-        rotor = 0.5 * (body.inertia * spin) ** 2 / rotor_inertia
-        done = body.inertia * change * (omega + 0.5 * change) + rotor - flight["rotor"]
+        rotor = 0.5 * (body["inertia"] * spin) ** 2 / rotor_inertia
+        done = body["inertia"] * change * (omega + 0.5 * change) + rotor - flight["rotor"]
         flight["omega"] = omega + change
         flight["trim"] = spin
         flight["rotor"] = rotor
@@ -171,14 +179,14 @@ def trim(body: Body, rotor_inertia: float, flight: np.void, spin: float) -> None
 
 
 @kernel
-def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> None:
+def close_books(body: np.void, slope: Incline, launch: State, flight: np.void) -> None:
     """Bring the energy ledger up to the state of a flight: docs/physics.md, section 9."""
     x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
-    drop = max(0.0, launch.y - lowest_support(body))
+    drop = max(0.0, launch.y - body["lowest"])
     along = max(0.0, x - launch.x)
     flight["initial"] = kinetic + potential
-    flight["supplied"] = kinetic + body.mass * (drop * slope.inward + along * slope.downhill) + flight["work"]
+    flight["supplied"] = kinetic + body["mass"] * (drop * slope.inward + along * slope.downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
     finite = math.isfinite(x + y + flight["phi"] + u + v + omega + flight["kinetic"] + flight["initial"])
     if flight["status"] != RUNNING and not finite:
@@ -186,16 +194,19 @@ def close_books(body: Body, slope: Incline, launch: State, flight: np.void) -> N
 
 
 @kernel
-def write_rebound(body: Body, rebound: np.void, contact: np.void, a: float, b: float) -> None:
-    """Fill one rebound record from a contact that has ended, with the arms ``a``, ``b`` [m] at its end."""
-    u, v = contact["u_before"], contact["v_before"]
-    u_after = contact["v_t"] - b * contact["omega"]
-    _record(contact, rebound)
-    rebound["feature"] = records.CHORD if contact["on_chord"] != 0.0 else int(contact["feature_before"])
-    rebound["mode"] = contact_mode(contact["v_t_before"], contact["omega_before"], contact["v_t"], contact["omega"])
+def write_rebound(
+    body: np.void, touchdown: np.void, contact: np.void, point: np.void, a: float, b: float, rebound: np.void
+) -> None:
+    """Fill one rebound record from a contact that has ended at a point, with its arms ``a``, ``b`` [m] at its end."""
+    u, v, omega = touchdown["u"], touchdown["v"], contact["omega"]
+    u_after = point["v_t"] - b * omega
+    _record(touchdown, contact, rebound)
+    touched = contact["side_touched"]
+    rebound["feature"] = int(touched if touched != 0.0 else body["part"][int(touchdown["arc"])])
+    rebound["mode"] = contact_mode(touchdown["v_t"], touchdown["omega"], point["v_t"], omega)
     rebound["u_after"] = u_after
-    rebound["v_after"] = contact["v_n"] + a * contact["omega"]
-    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, contact["omega"])
+    rebound["v_after"] = point["v_n"] + a * omega
+    rebound["stuck"] = stuck_code(body, math.sqrt(u * u + v * v), u_after, omega)
     rebound["sequence"] = int(contact["sequence"])
 
 
@@ -210,7 +221,7 @@ def _sample_flight(limits: Limits, flight: np.void, duration: float, at: np.void
 
 
 @kernel
-def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> int:
+def _fly(body: np.void, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray) -> int:
     """Move a flight to its touchdown, or to an earlier end; return its status, RUNNING at a touchdown.
 
     ``space["hop"]`` has the time of the touchdown. Afterwards it also says how the body touches.
@@ -230,7 +241,7 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.
         return NON_FINITE
     if trajectory.shape[0] > 0:
         _sample_flight(limits, flight, duration, space["hop"], trajectory)
-    arrive(at, duration)
+    arrive(body, at, duration)
     _come(at, flight)
     if status == FINISH:
         flight["x"] = slope.length
@@ -238,22 +249,26 @@ def _fly(body: Body, slope: Incline, limits: Limits, flight: np.void, space: np.
 
 
 @kernel
-def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void) -> None:
+def _take_off(body: np.void, flight: np.void, rebound: np.void, space: np.void) -> None:
     """Record a contact, and put the flight where the contact ends."""
-    a, b = contact["a_before"], contact["b_before"]
-    if contact["phi"] != contact["phi_before"] or contact["feature"] != contact["feature_before"]:
-        a, b = arms(body, int(contact["feature"]), contact["phi"] - whole_turns(contact["phi"]))
-    write_rebound(body, rebound, contact, a, b)
+    touchdown, contact, points = space["touchdown"], space["contact"], space["points"]
+    point = points[0]
+    a, b = touchdown["a"], touchdown["b"]
+    if contact["phi"] != touchdown["phi"] or point["arc"] != touchdown["arc"]:
+        a, b = arms(body, int(point["arc"]), contact["phi"] - whole_turns(contact["phi"]))
+    write_rebound(body, touchdown, contact, point, a, b, rebound)
     flight["t"], flight["x"], flight["phi"] = contact["time"], contact["x"], contact["phi"]
-    flight["y"] = b + contact["gap"]
+    flight["y"] = b + point["gap"]
     flight["u"], flight["v"], flight["omega"] = rebound["u_after"], rebound["v_after"], contact["omega"]
     flight["rebounds"] += 1
-    flight["stored"] = contact["stored"]
+    flight["stored"] = 0.0
+    for i in range(int(contact["count"])):
+        flight["stored"] += normal.stored(contact, points[i])
     book_losses(contact, flight)
 
 
 @kernel
-def find_touchdown(slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
+def find_touchdown(body: np.void, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> None:
     """Look ahead from the start of a flight to its touchdown; arguments are those of :func:`hop`.
 
     The stage is SEEKING if the work reaches ``space["most_work"]``: the next call then goes on with the search.
@@ -261,14 +276,14 @@ def find_touchdown(slope: Incline, limits: Limits, flight: np.void, space: np.vo
     at = space["hop"]
     if space["stage"] == TAKING_OFF:
         write_flight(at, slope, limits, flight)
-        begin_search(at)
-    space["work"] += search(space["most_work"] - space["work"], at)
+        begin_search(body, at)
+    space["work"] += search(space["most_work"] - space["work"], body, at)
     space["stage"] = TAKING_OFF if at["phase"] == LANDED else SEEKING
 
 
 @kernel
 def hop(
-    body: Body,
+    body: np.void,
     law: Law,
     slope: Incline,
     limits: Limits,
@@ -281,7 +296,8 @@ def hop(
 
     Parameters
     ----------
-    body, law, slope, limits
+    body : record of BODY
+    law, slope, limits
         See :mod:`sledenv.kernel.params`; the type of the law chooses the contact when this is compiled.
     flight : record of OUTCOME
         State of the descent, at its launch or at a rebound, with status RUNNING. It is moved on; :func:`close_books`
@@ -300,21 +316,22 @@ def hop(
     status = _fly(body, slope, limits, flight, space, trajectory)
     touched = status == RUNNING
     if touched:
-        _touch_down(space["hop"], contact)
+        _arrive(space["hop"], space["touchdown"])
+        _meet(space["touchdown"], contact, space["points"][0])
         status = touch(body, law, slope, limits, flight, space, trajectory)
-        _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], contact)
+        _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], space)
         if status == SEPARATED:
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
     flight["status"] = status
     if status != RUNNING and trajectory.shape[0] > 0:
         row = next_row(trajectory, flight)
         if touched and status != LOG_FULL and contact["held"] != 0.0:  # a contact that goes on
-            write_contact(space, space["step"]["length"], row)
+            write_contact(body, space, space["steps"][0]["length"], row)
 
 
 @kernel
 def descend(
-    body: Body,
+    body: np.void,
     law: Law,
     slope: Incline,
     limits: Limits,
@@ -332,7 +349,7 @@ def descend(
     while flight["status"] == RUNNING:
         if space["work"] >= space["most_work"]:
             return False
-        find_touchdown(slope, limits, flight, space)
+        find_touchdown(body, slope, limits, flight, space)
         if space["stage"] == SEEKING:
             return False
         hop(body, law, slope, limits, flight, log, space, trajectory)

@@ -12,54 +12,58 @@ import numpy as np
 
 from sledenv.compiler.entries import Entry, Table
 from sledenv.compiler.library import Library
-from sledenv.kernel import geometry
+from sledenv.kernel import outline
 from sledenv.kernel.batch import descend_lanes
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Body, ContactLaw, Limits, RigidLaw, Slope, State, body_of
+from sledenv.kernel.outline import BODY
+from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY
-from sledenv.kernel.state import CONTACT, HOP, new
+from sledenv.kernel.state import HOP, new
 
 
-def _embark(body: Body, slope: Slope, launch: State, flights: np.ndarray) -> None:
+def _embark(bodies: np.ndarray, slope: Slope, launch: State, flights: np.ndarray) -> None:
     """Put a descent at its launch, and write its ledger."""
     begin(launch, flights[0])
-    close_books(body, geometry.incline_of(slope), launch, flights[0])
+    close_books(bodies[0], outline.incline_of(slope), launch, flights[0])
 
 
-def _trim(body: Body, slope: Slope, launch: State, rotor_inertia: float, spin: float, flights: np.ndarray) -> None:
+def _trim(
+    bodies: np.ndarray, slope: Slope, launch: State, rotor_inertia: float, spin: float, flights: np.ndarray
+) -> None:
     """Trim a descent, and write its ledger."""
-    trim(body, rotor_inertia, flights[0], spin)
-    close_books(body, geometry.incline_of(slope), launch, flights[0])
+    trim(bodies[0], rotor_inertia, flights[0], spin)
+    close_books(bodies[0], outline.incline_of(slope), launch, flights[0])
 
 
-def _arms(body: Body, feature: int, phi: float, found: np.ndarray) -> None:
-    found[0], found[1] = geometry.arms(body, feature, phi)
+def _complete(bodies: np.ndarray) -> None:
+    """Write what follows from the outlines of bodies."""
+    for i in range(bodies.shape[0]):
+        outline.complete(bodies[i])
 
 
-def _feature_geometry(body: Body, feature: int, found: np.ndarray) -> None:
-    found[0], found[1], found[2] = geometry.feature_geometry(body, feature)
-
-
-def _lowest_support(body: Body, found: np.ndarray) -> None:
-    found[0] = geometry.lowest_support(body)
-
-
-def _support_heights(bodies: np.ndarray, phi: np.ndarray, heights: np.ndarray) -> None:
+def _lowest(bodies: np.ndarray, phi: np.ndarray, arcs: np.ndarray, arms: np.ndarray) -> None:
+    """Write which arc of each body is lowest at each orientation, and its arms."""
     for i in range(phi.shape[0]):
-        heights[i] = geometry.support_height(body_of(bodies, i), phi[i])
+        body = row_of(bodies, i)
+        arcs[i], arms[i, 0], arms[i, 1] = outline.lowest_arms(body, phi[i] - outline.whole_turns(phi[i]))
 
 
 def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
     for i in range(phi.shape[0]):
-        sine[i], cosine[i] = geometry.sine_and_cosine(phi[i])
+        sine[i], cosine[i] = outline.sine_and_cosine(phi[i])
+
+
+def _polars(across: np.ndarray, along: np.ndarray, length: np.ndarray, angle: np.ndarray) -> None:
+    for i in range(across.shape[0]):
+        length[i], angle[i] = outline.polar(across[i], along[i])
 
 
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
 _LOG, _LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND), Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
-_SPACES, _CONTACTS, _HOPS, _PHASES = Table(SPACE), Table(CONTACT), Table(HOP), Table(PHASE)
+_SPACES, _HOPS, _PHASES, _BODIES = map(Table, (SPACE, HOP, PHASE, BODY))
 
 _HOME = Path(__file__).parents[1]
 LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
@@ -74,26 +78,31 @@ def _by_law(name: str, function: Any, *kinds: Any) -> Callable[[Law], Entry]:
     return lambda law: rigid if isinstance(law, RigidLaw) else compliant
 
 
-_TABLES = (_ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _OUTCOMES, _LOGS, _TRAJECTORY)
+_TABLES = (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _OUTCOMES, _LOGS, _TRAJECTORY)
 
 run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, *_TABLES, _SPACES, int)
 run_euler: Final = LIBRARY.entry(
-    "descend_euler", descend_euler, Body, ContactLaw, Slope, State, Limits, _LOG, _CONTACTS, _TRAJECTORY, _OUTCOMES
+    "descend_euler", descend_euler, _BODIES, ContactLaw, Slope, State, Limits, _LOG, _SPACES, _TRAJECTORY, _OUTCOMES
 )
-run_embark: Final = LIBRARY.entry("embark", _embark, Body, Slope, State, _OUTCOMES)
-run_trim: Final = LIBRARY.entry("trim", _trim, Body, Slope, State, float, float, _OUTCOMES)
-run_collision: Final = LIBRARY.entry("collide", collide, Body, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
+run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, Slope, State, _OUTCOMES)
+run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, Slope, State, float, float, _OUTCOMES)
+run_collision: Final = LIBRARY.entry("collide", collide, _BODIES, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
 run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS, _ROWS, int, _HOPS, _ROWS, _COUNT)
-run_arms: Final = LIBRARY.entry("arms", _arms, Body, int, float, _DOUBLES)
-run_feature_geometry: Final = LIBRARY.entry("feature_geometry", _feature_geometry, Body, int, _DOUBLES)
-run_lowest_support: Final = LIBRARY.entry("lowest_support", _lowest_support, Body, _DOUBLES)
-run_support_heights: Final = LIBRARY.entry("support_heights", _support_heights, _ROWS, _DOUBLES, _DOUBLES)
+run_complete: Final = LIBRARY.entry("complete", _complete, _BODIES)
+run_lowest: Final = LIBRARY.entry("lowest", _lowest, _BODIES, _DOUBLES, _COUNT, _ROWS)
 run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUBLES, _DOUBLES)
+
+run_polars: Final = LIBRARY.entry("polars", _polars, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES)
 
 
 def _known() -> str:
     """Digest of one descent of each law, and of one by Euler's method."""
-    body, slope = Body(1.0, 0.1, 0.05, 7.5e-3, 2.0), Slope(math.pi / 18.0, math.inf, 9.81)
+    body, slope = np.zeros(1, BODY), Slope(math.pi / 18.0, math.inf, 9.81)
+    body["mass"], body["inertia"], body["count"] = 1.0, 7.5e-3, 3.0
+    body["begin"][0, :3], body["r"][0, 1], body["part"][0, :3] = (-math.pi, -2.0, 2.0), 0.1, (2.0, 1.0, 3.0)
+    body["along"][0, :3], body["across"][0, :3] = (0.09161468365471424, 0.05, 0.09161468365471424), (-0.09, 0.0, 0.09)
+    body["side"][0, 2], body["corner"][0, :3] = 4.0, (1.0, 0.0, 1.0)
+    run_complete(body)
     launch = State(0.0, 0.6, 0.7, 0.5, 0.0, 1.0)
     limits = Limits(3.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 12.0, 0.0, 1e6)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
@@ -107,7 +116,7 @@ def _known() -> str:
             tables = body, law, slope, launch, np.empty((0, 2)), outcomes, log[np.newaxis], rows
             run_lanes(law)(law, limits, *tables, new(SPACE), 1)
         else:
-            run_euler(body, compliant, slope, launch, limits, log, new(CONTACT), rows, outcomes)
+            run_euler(body, compliant, slope, launch, limits, log, new(SPACE), rows, outcomes)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

@@ -11,16 +11,17 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.kernel import motion
 from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, write_rebound
-from sledenv.kernel.geometry import arms, feature_at, incline_of, whole_turns
-from sledenv.kernel.params import Body, ContactLaw, Incline, Limits, Slope, State
-from sledenv.kernel.records import ARC, CHORD, FINISH, LOG_FULL, NON_FINITE, NOSE, RUNNING, STEP_BUDGET, TAIL, TIMEOUT
-from sledenv.kernel.trajectory import next_row, write_corner, write_forces, write_slip
+from sledenv.kernel.outline import arc_at, arms, incline_of, whole_turns
+from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State
+from sledenv.kernel.progress import beside_now
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT
+from sledenv.kernel.trajectory import next_row, write_end, write_forces, write_nose, write_slip, write_tail
 
 
 class Point(NamedTuple):
     """A point of the body: where it is, how it moves and how the slope pushes it."""
 
-    feature: int
+    arc: int
     a: float  # [m] arms
     b: float  # [m]
     gap: float  # [m]
@@ -31,7 +32,7 @@ class Point(NamedTuple):
     moment: float  # [N m] of rolling resistance
 
 
-NOWHERE: Final = Point(ARC, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOWHERE: Final = Point(-1, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 ROW_WORK = 20.0  # [steps] work of a row of the trajectory
 
@@ -50,36 +51,40 @@ _step_on = straight(_step)
 
 
 @kernel
-def _point(body: Body, law: ContactLaw, flight: np.void, feature: int) -> Point:
-    """Lowest point of a feature, and the forces on it: zero above the slope. Numbers of equations are the paper's."""
-    a, b = arms(body, feature, flight["phi"] - whole_turns(flight["phi"]))
+def _point(body: np.void, law: ContactLaw, flight: np.void, arc: int) -> Point:
+    """Lowest point of an arc, and the forces on it: zero above the slope. Numbers of equations are the paper's."""
+    a, b = arms(body, arc, flight["phi"] - whole_turns(flight["phi"]))
     omega = flight["omega"]
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
     if not gap < 0.0:
-        return Point(feature, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0)
-    arm = law.rolling_arm if feature == ARC else law.corner_rolling_arm
+        return Point(arc, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0)
+    arm = law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
     normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(v_n)) * gap  # (13)
     force, moment = -law.friction * normal * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
-    return Point(feature, a, b, gap, v_n, v_t, normal, force, moment)
+    return Point(arc, a, b, gap, v_n, v_t, normal, force, moment)
 
 
 @kernel
-def _look(body: Body, law: ContactLaw, flight: np.void, contact: np.void) -> tuple[Point, Point]:
-    """Write where the body is lowest and how it moves there. Return this point, and the other one of two corners."""
-    feature = feature_at(body, flight["phi"] - whole_turns(flight["phi"]))
-    lowest = _point(body, law, flight, feature)
+def _look(body: np.void, law: ContactLaw, flight: np.void, space: np.void) -> tuple[Point, Point]:
+    """Write where the body is lowest and how it moves there. Return this point, and the one across a straight side."""
+    arc = arc_at(body, flight["phi"] - whole_turns(flight["phi"]))
+    lowest = _point(body, law, flight, arc)
+    contact, point = space["contact"], space["points"][0]
     contact["time"], contact["x"], contact["phi"] = flight["t"], flight["x"], flight["phi"]
-    contact["feature"], contact["omega"] = feature, flight["omega"]
-    contact["gap"], contact["v_n"], contact["v_t"] = lowest.gap, lowest.v_n, lowest.v_t
-    return lowest, NOWHERE if feature == ARC else _point(body, law, flight, NOSE if feature == TAIL else TAIL)
+    point["arc"], contact["omega"] = arc, flight["omega"]
+    point["gap"], point["v_n"], point["v_t"] = lowest.gap, lowest.v_n, lowest.v_t
+    other, _, rises = beside_now(body, arc, flight["phi"])
+    point["rising"] = 1.0 if rises else 0.0
+    across = other >= 0 and (other == body["next"][arc] or other == body["previous"][arc]) and body["sinks"][arc] == 0.0
+    return lowest, _point(body, law, flight, other) if across else NOWHERE
 
 
 @kernel
-def _status(slope: Incline, limits: Limits, flight: np.void, contact: np.void) -> int:
+def _status(slope: Incline, limits: Limits, flight: np.void, lowest: Point) -> int:
     """Whether the descent goes on, or why it ends here."""
-    if not math.isfinite(contact["gap"] + contact["v_n"] + contact["v_t"]):
+    if not math.isfinite(lowest.gap + lowest.v_n + lowest.v_t):
         return NON_FINITE
-    if contact["x"] >= slope.length:
+    if flight["x"] >= slope.length:
         return FINISH
     if flight["t"] >= limits.max_time:
         return TIMEOUT
@@ -87,21 +92,22 @@ def _status(slope: Incline, limits: Limits, flight: np.void, contact: np.void) -
 
 
 @kernel
-def _touch_down(flight: np.void, contact: np.void, a: float) -> None:
-    """Keep the state at a touchdown with the arm ``a`` [m], and set sums and peaks to zero."""
-    contact["time_before"], contact["phi_before"] = contact["time"], contact["phi"]
-    contact["x_before"], contact["a_before"] = contact["x"], a
-    contact["u_before"], contact["v_before"] = flight["u"], flight["v"]
-    contact["v_t_before"], contact["omega_before"] = contact["v_t"], contact["omega"]
-    contact["feature_before"] = contact["feature"]
+def _touch_down(flight: np.void, space: np.void, lowest: Point) -> None:
+    """Keep the state at a touchdown, and set sums and peaks to zero."""
+    contact, touchdown = space["contact"], space["touchdown"]
+    touchdown["time"], touchdown["phi"], touchdown["x"] = flight["t"], flight["phi"], flight["x"]
+    touchdown["u"], touchdown["v"], touchdown["omega"] = flight["u"], flight["v"], flight["omega"]
+    touchdown["v_t"], touchdown["v_n"] = lowest.v_t, lowest.v_n
+    touchdown["arc"], touchdown["a"], touchdown["b"] = lowest.arc, lowest.a, lowest.b
     clear_sums(contact)
-    contact["peak_force"] = contact["peak_penetration"] = contact["on_chord"] = 0.0
+    contact["peak_force"] = contact["peak_penetration"] = contact["side_touched"] = 0.0
 
 
 @kernel
-def _take_off(body: Body, flight: np.void, rebound: np.void, contact: np.void, a: float, b: float) -> None:
+def _take_off(body: np.void, flight: np.void, rebound: np.void, space: np.void, lowest: Point) -> None:
     """Record a contact that has ended."""
-    write_rebound(body, rebound, contact, a, b)
+    contact = space["contact"]
+    write_rebound(body, space["touchdown"], contact, space["points"][0], lowest.a, lowest.b, rebound)
     flight["rebounds"] += 1
     book_losses(contact, flight)
 
@@ -122,26 +128,32 @@ def _add_up(law: ContactLaw, contact: np.void, point: Point, dt: float) -> None:
 
 
 @kernel
-def _write_contact(law: ContactLaw, contact: np.void, lowest: Point, other: Point, row: np.void) -> None:
+def _write_contact(body: np.void, law: ContactLaw, contact: np.void, lowest: Point, other: Point, row: np.void) -> None:
     """Fill the forces of a row."""
-    slip, spin = int(np.sign(contact["v_t"])), int(np.sign(contact["omega"]))
-    feature = CHORD if other.gap < 0.0 else lowest.feature
+    slip, spin = int(np.sign(lowest.v_t)), int(np.sign(contact["omega"]))
+    part = int(contact["side_touched"] if other.gap < 0.0 else body["part"][lowest.arc])
     normal, force, moment = lowest.normal + other.normal, lowest.force + other.force, lowest.moment + other.moment
-    write_forces(row, normal, force, moment, feature, slip, spin)
-    write_slip(row, contact["v_t"], law.friction)
-    write_corner(row, lowest.feature, lowest.normal, lowest.force)
-    write_corner(row, other.feature, other.normal, other.force)
+    write_forces(row, normal, force, moment, part, slip, spin)
+    write_slip(row, lowest.v_t, law.friction)
+    if not other.gap < 0.0:
+        write_end(row, body, lowest.arc, lowest.normal, lowest.force)
+    elif lowest.a < other.a:
+        write_tail(row, lowest.normal, lowest.force)
+        write_nose(row, other.normal, other.force)
+    else:
+        write_tail(row, other.normal, other.force)
+        write_nose(row, lowest.normal, lowest.force)
 
 
 @kernel
 def descend_euler(
-    body: Body,
+    bodies: np.ndarray,
     law: ContactLaw,
     slope: Slope,
     launch: State,
     limits: Limits,
     log: np.ndarray,
-    contacts: np.ndarray,
+    spaces: np.ndarray,
     trajectory: np.ndarray,
     outcomes: np.ndarray,
 ) -> None:
@@ -154,39 +166,42 @@ def descend_euler(
 
     Parameters
     ----------
-    body, law, slope, launch, limits
+    bodies : ndarray of BODY, shape (1,)
+    law, slope, launch, limits
         See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
         moment of friction with the paper's printed sign, which creates energy.
     log : ndarray of REBOUND
         At least ``limits.max_rebounds`` rows.
-    contacts : ndarray of CONTACT, shape (1,)
+    spaces : ndarray of SPACE, shape (1,)
         Work space. It may be that of a descent that has ended.
     trajectory : ndarray of TRAJECTORY
         Rows are written while there is room; ``outcomes[0]["samples"]`` says how many were needed.
     outcomes : ndarray of OUTCOME, shape (1,)
         Zeros or a descent that has ended, to begin a descent; the descent itself, to go on with it. Overwritten.
     """
-    flight, contact = outcomes[0], contacts[0]
+    body, flight, space = bodies[0], outcomes[0], spaces[0]
+    contact, point = space["contact"], space["points"][0]
     incline = incline_of(slope)
     dt = limits.step
     moment_sign = -1.0 if limits.printed_sign == 1.0 else 1.0
     stride = max(1, round(limits.sample_interval / dt))
     touching = False
     if flight["status"] == RUNNING and flight["steps"] > 0:
-        touching = contact["gap"] < 0.0  # at the last step
+        touching = point["gap"] < 0.0  # at the last step
     else:
         begin(launch, flight)
     work = 0.0
     while True:
-        lowest, other = _look(body, law, flight, contact)
-        status = _status(incline, limits, flight, contact)
+        lowest, other = _look(body, law, flight, space)
+        status = _status(incline, limits, flight, lowest)
         inside = lowest.gap < 0.0
         if inside and not touching:
-            _touch_down(flight, contact, lowest.a)
+            _touch_down(flight, space, lowest)
         if other.gap < 0.0:
-            contact["on_chord"] = 1.0
+            side = body["rising_side"] if point["rising"] != 0.0 else body["falling_side"]
+            contact["side_touched"] = side[lowest.arc]
         if touching and (not inside or status != RUNNING):
-            _take_off(body, flight, log[flight["rebounds"]], contact, lowest.a, lowest.b)
+            _take_off(body, flight, log[flight["rebounds"]], space, lowest)
             if status == RUNNING and flight["rebounds"] >= limits.max_rebounds:
                 status = LOG_FULL
         touching = inside
@@ -194,7 +209,7 @@ def descend_euler(
             row = next_row(trajectory, flight)
             work += ROW_WORK
             if inside:
-                _write_contact(law, contact, lowest, other, row)
+                _write_contact(body, law, contact, lowest, other, row)
         if status != RUNNING:
             break
         if inside:
@@ -204,7 +219,7 @@ def descend_euler(
         flight["phi"] += dt * flight["omega"]
         push = lowest.a * lowest.normal + other.a * other.normal
         pull = lowest.b * lowest.force + other.b * other.force
-        flight["omega"] += dt * (-push + moment_sign * pull + (lowest.moment + other.moment)) / body.inertia
+        flight["omega"] += dt * (-push + moment_sign * pull + (lowest.moment + other.moment)) / body["inertia"]
         flight["steps"] += 1
         flight["t"] = flight["steps"] * dt
         work += 1.0

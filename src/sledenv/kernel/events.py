@@ -16,14 +16,12 @@ from sledenv.compiler.rows import EIGHT, element, repeated
 from sledenv.compiler.trace import scalar, write_series
 from sledenv.compiler.values import fma
 from sledenv.kernel import normal
-from sledenv.kernel.geometry import has_corners, sine_and_cosine
-from sledenv.kernel.params import Body
-from sledenv.kernel.records import ARC, TAIL
+from sledenv.kernel.outline import sine_and_cosine
 from sledenv.kernel.roots import first_root, horner
 
 # What ends a step.
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
-RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, FEATURE_ENDS, CHORD_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
+RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, ARC_ENDS, OTHER_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
 
 TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
 SLOPE_ROUNDING = 1e-14  # of the rates of two heights: rounding error of that of their sum
@@ -79,33 +77,29 @@ def _bound_root(force: np.ndarray, sign: float, load: np.ndarray, factor: float,
 
 
 @kernel
-def _feature_end(body: Body, contact: np.void, step: np.void) -> float:
-    """Time at which the contact passes from the arc to a corner or back."""
+def _arc_end(contact: np.void, point: np.void, step: np.void) -> float:
+    """Time at which the contact passes on to the arc at an end of the interval."""
     phi, length = step["phi"], step["length"]
     best = math.inf
-    for side in (1.0, -1.0):
-        if contact["feature"] == ARC:
-            outwards = side
-        elif (contact["feature"] == TAIL) == (side > 0.0):
-            outwards = -side
-        else:
+    for outwards in (1.0, -1.0):
+        edge = point["high"] if outwards > 0.0 else point["low"]
+        if not abs(edge) < math.inf:
             continue
-        edge = side * body.half_angle
-        close = 1e-15 * (body.half_angle + abs(phi[1]) * length)
-        vanishing = 1 + int(contact["spin_zeros"]) if contact["at_edge"] != 0.0 and abs(phi[0] - edge) <= close else 0
+        close = 1e-15 * (abs(edge) + abs(phi[1]) * length)
+        vanishing = 1 + int(contact["spin_zeros"]) if point["at_edge"] != 0.0 and abs(phi[0] - edge) <= close else 0
         best = min(best, _level_root(phi, outwards, edge, vanishing, 0.0, step))
     return best
 
 
 @kernel
-def _chord_down(contact: np.void, step: np.void) -> float:
-    """Time at which the corner on the other side comes down."""
-    other, reach, height = contact["other"], contact["other_sine"], contact["other_cosine"]
+def _other_down(contact: np.void, point: np.void, step: np.void) -> float:
+    """Time at which another arc comes down beside the one that touches."""
+    other, reach, height = point["other"], point["other_sine"], point["other_cosine"]
     gap, length = step["gap"], step["length"]
     above = step["scratch"]
     _sum(step["sines"], reach, step["cosines"], height, other, above)
     leaves = 0  # leading coefficients that rounding may make negative
-    if contact["other_left"] != 0.0:
+    if point["other_left"] != 0.0:
         slope, rounding = above[1] + gap[1], SLOPE_ROUNDING * (abs(above[1]) + abs(gap[1]))
         if slope > rounding:
             leaves = 1
@@ -115,7 +109,7 @@ def _chord_down(contact: np.void, step: np.void) -> float:
     at = sum_root(above, 1.0, gap, 1.0, 0.0, leaves, noise, step)
     if 0.0 < at < math.inf:
         # The step is as long as the series of the velocities hold. Those of sine and cosine may be less exact, so the
-        # root is improved by Newton's method, as long as the corner is on its way down.
+        # root is improved by Newton's method, as long as that arc is on its way down.
         falling = at
         for _ in range(MOST_POLISHED):
             theta = step["theta"] - contact["phi"] + horner(step["phi"], at)
@@ -142,9 +136,9 @@ def happens(at: float, event: int, step: np.void) -> bool:
 
 
 @kernel
-def gap_events(contact: np.void, step: np.void) -> None:
+def _gap_events(contact: np.void, point: np.void, step: np.void) -> None:
     """Look for the end of a locked gap, for the deepest place, and for the separation."""
-    if contact["gap_rate"] == 0.0:
+    if point["gap_rate"] == 0.0:
         force, least, largest = step["normal"], step["least"], step["largest"]
         if largest < math.inf and not step["safe_largest"] > 0.0:
             noise = 1e-15 * (abs(largest) + abs(force[0]))
@@ -156,9 +150,9 @@ def gap_events(contact: np.void, step: np.void) -> None:
                 step["released"] = 1.0
         return
     if step["event"] != RATE_ZERO and not step["safe_v_n"] > 0.0:
-        zeros = int(contact["gap_zeros"])
-        happens(series_root(step["v_n"], contact["gap_rate"], zeros, step), RATE_ZERO, step)
-    if contact["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_load"] > 0.0:
+        zeros = int(point["gap_zeros"])
+        happens(series_root(step["v_n"], point["gap_rate"], zeros, step), RATE_ZERO, step)
+    if point["gap_rate"] > 0.0 and step["event"] != SEPARATION and not step["safe_load"] > 0.0:
         happens(series_root(normal.load_series(contact, step), -1.0, 0, step), SEPARATION, step)
 
 
@@ -169,9 +163,9 @@ def _before_separation(step: np.void) -> float:
 
 
 @kernel
-def slip_events(contact: np.void, step: np.void, normal: np.ndarray) -> None:
+def _slip_events(contact: np.void, point: np.void, step: np.void, normal: np.ndarray) -> None:
     """Look for where a locked slip is released, its force being held against a normal force, or a free one stops."""
-    if contact["slip"] == 0.0:
+    if point["slip"] == 0.0:
         before = _before_separation(step)
         for sign in _both_signs(step["force"][0]):
             if not (step["safe_force"] if sign > 0.0 else step["safe_force_back"]) > 0.0:
@@ -179,12 +173,12 @@ def slip_events(contact: np.void, step: np.void, normal: np.ndarray) -> None:
                 if at < before and happens(at, SLIP_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:
-        zeros = int(contact["slip_zeros"])
-        happens(series_root(step["v_t"], contact["slip"], zeros, step), SLIP_ZERO, step)
+        zeros = int(point["slip_zeros"])
+        happens(series_root(step["v_t"], point["slip"], zeros, step), SLIP_ZERO, step)
 
 
 @kernel
-def spin_events(contact: np.void, step: np.void, moment: np.ndarray, load: np.ndarray, arm: float) -> None:
+def _spin_events(contact: np.void, step: np.void, moment: np.ndarray, load: np.ndarray, arm: float) -> None:
     """Look for where a locked spin is released, its moment held against ``arm`` times a load, or a free one stops."""
     if contact["spin"] == 0.0:
         before = _before_separation(step)
@@ -199,60 +193,46 @@ def spin_events(contact: np.void, step: np.void, moment: np.ndarray, load: np.nd
 
 
 @kernel
-def corner_events(body: Body, contact: np.void, step: np.void) -> None:
-    """Look for where another feature takes over, and for where a second one comes down."""
-    on_arc = contact["feature"] == ARC
-    inside = body.half_angle - abs(contact["phi"])
-    if contact["at_edge"] != 0.0 or not (inside if on_arc else -inside) > step["turn"]:
-        happens(_feature_end(body, contact, step), FEATURE_ENDS, step)
-    if contact["paired"] != 0.0:
-        if on_arc and not abs(contact["phi"]) > step["turn"]:
-            side = -1.0 if contact["phi"] < 0.0 else 1.0
-            happens(series_root(step["phi"], side, 0, step), MIDDLE_PASSED, step)
-    elif contact["other"] < math.inf and not step["safe_other"] > 0.0:
-        at = _chord_down(contact, step)
-        if at < math.inf and on_arc and contact["other_sine"] * horner(step["phi"], at) < 0.0:
-            # By then phi has changed its sign, and the further end of the arc is the other one: watch that from the
-            # middle on.
-            side = 1.0 if contact["other_sine"] > 0.0 else -1.0
-            happens(series_root(step["phi"], side, 0, step), MIDDLE_PASSED, step)
+def _outline_events(contact: np.void, point: np.void, step: np.void) -> None:
+    """Look for where another arc takes over, and for where a second one comes down beside this one."""
+    phi, middle = contact["phi"], point["middle"]
+    if point["at_edge"] != 0.0 or not min(point["high"] - phi, phi - point["low"]) > step["turn"]:
+        happens(_arc_end(contact, point, step), ARC_ENDS, step)
+    watches = point["other"] < math.inf and not step["safe_other"] > 0.0
+    if not abs(middle) < math.inf:
+        if watches:
+            happens(_other_down(contact, point, step), OTHER_DOWN, step)
+        return
+    # From the middle on another arc is the one to watch. Of two points a third one then comes down.
+    inwards = 1.0 if point["rising"] == 0.0 else -1.0
+    if (point["direct"] != 0.0 or contact["count"] > 1.0) and not abs(phi - middle) > step["turn"]:
+        happens(_level_root(step["phi"], inwards, middle, 0, 0.0, step), MIDDLE_PASSED, step)
+    if watches:
+        at = _other_down(contact, point, step)
+        if at < math.inf and inwards * (horner(step["phi"], at) - middle) > 0.0:
+            happens(_level_root(step["phi"], inwards, middle, 0, 0.0, step), MIDDLE_PASSED, step)
         else:
-            happens(at, CHORD_DOWN, step)
+            happens(at, OTHER_DOWN, step)
 
 
 @kernel
-def slope_event(contact: np.void, step: np.void) -> None:
-    """Look for the end of the slope."""
-    if not contact["length"] - contact["x"] > step["travel"]:
-        at = _level_root(step["x"], 1.0, contact["length"], 0, 0.0, step)
-        happens(at, SLOPE_ENDS, step)
+def _slope_event(contact: np.void, length: float, step: np.void) -> None:
+    """Look for the end of a slope of some length [m]."""
+    if not length - contact["x"] > step["travel"]:
+        happens(_level_root(step["x"], 1.0, length, 0, 0.0, step), SLOPE_ENDS, step)
 
 
 @kernel
-def _passes_flat(contact: np.void, second: np.void, step: np.void, second_step: np.void, slip: float) -> float:
-    """Time at which the chord lies flat, while one point sticks and the second slips with this sign relative to it.
+def _passes_flat(contact: np.void, points: np.ndarray, steps: np.ndarray, i: int) -> float:
+    """Time at which a straight side lies flat, while point ``i`` slips relative to the other one, which sticks.
 
     That slip is the difference of the gaps times the spin, too small to be looked for by itself.
     """
-    sign = slip * contact["spin"]
-    flat = abs(contact["gap"] - second["gap"]) <= normal.NO_DEPTH * contact["size"]
+    point, step = points[i], steps[i]
+    sign = -point["slip"] * contact["spin"]
+    flat = abs(point["gap"] - points[1 - i]["gap"]) <= normal.NO_DEPTH * contact["size"]
     vanishing = 1 + int(contact["spin_zeros"]) if flat else 0
-    return sum_root(step["gap"], sign, second_step["gap"], -sign, 0.0, vanishing, 0.0, step)
-
-
-@kernel
-def _second_events(body: Body, contact: np.void, second: np.void, step: np.void, second_step: np.void) -> None:
-    """Let a step of two points end with the first event of the second one."""
-    second_step["length"], second_step["event"], second_step["released"] = step["length"], NOTHING, 0.0
-    if contact["gap_rate"] != 0.0 or second["gap_rate"] != 0.0:
-        gap_events(second, second_step)
-    if contact["spin"] != 0.0 and contact["slip"] == 0.0:
-        happens(_passes_flat(contact, second, second_step, step, -second["slip"]), SLIP_ZERO, second_step)
-    elif contact["spin"] != 0.0:
-        slip_events(second, second_step, second_step["normal"])
-    corner_events(body, second, second_step)
-    if second_step["event"] != NOTHING:
-        step["length"], step["event"] = second_step["length"], NOTHING
+    return sum_root(step["gap"], sign, steps[1 - i]["gap"], -sign, 0.0, vanishing, 0.0, step)
 
 
 @kernel
@@ -263,37 +243,50 @@ def _rounds(moment: np.ndarray, load: np.ndarray, size: float, length: float) ->
 
 
 @kernel
-def first_event(body: Body, space: np.void) -> None:
+def _held_events(contact: np.void, settled: bool, space: np.void) -> None:
+    """Look for what ends the locks that two points share: they are limited by both normal forces."""
+    step, point, load = space["steps"][0], space["points"][0], space["together"]
+    _sum(step["normal"], 1.0, space["steps"][1]["normal"], 1.0, 0.0, load)
+    step["safe_moment"] = step["safe_moment_back"] = 0.0
+    if not settled:
+        _gap_events(contact, point, step)
+    _slip_events(contact, point, step, load)
+    if not settled:
+        for i in range(2):
+            if not _rounds(space["moments"][i], load, contact["size"], step["length"]):
+                _spin_events(contact, step, space["moments"][i], space["loads"][i], 1.0)
+
+
+@kernel
+def first_event(length: float, space: np.void) -> None:
     """Let a step that has been completed end with its first event, of one point or two.
 
-    ``step["event"]`` is what is known to happen at its end, NOTHING if nothing is. What
+    ``event`` of the first step is what is known to happen at its end, NOTHING if nothing is. What
     :func:`sledenv.kernel.step.complete` has proved not to happen is not sought. Overwrites ``length``, ``event`` and
-    ``released``, the sign with which a released velocity leaves.
+    ``released``, the sign with which a released velocity leaves, of each step. ``length`` [m] is that of the slope.
     """
-    contact, second, step, second_step = space["contact"], space["second"], space["step"], space["second_step"]
-    paired = contact["paired"] != 0.0
+    contact, points, steps = space["contact"], space["points"], space["steps"]
+    paired = contact["count"] > 1.0
     held = paired and contact["spin"] == 0.0  # both points do the same
-    settled = paired and contact["gap_rate"] == 0.0 and second["gap_rate"] == 0.0
-    load = step["normal"]
-    step["released"] = 0.0
-    if held:  # locks that both points share are limited by the sum of both normal forces
-        load = space["together"]
-        _sum(step["normal"], 1.0, second_step["normal"], 1.0, 0.0, load)
-        step["safe_moment"] = step["safe_moment_back"] = 0.0
-    if not settled:
-        gap_events(contact, step)
-    if paired and not held and second["slip"] == 0.0:
-        happens(_passes_flat(contact, second, step, second_step, -contact["slip"]), SLIP_ZERO, step)
-    else:
-        slip_events(contact, step, load)
-    if not held:
-        spin_events(contact, step, step["moment"], load, contact["arm"])
-    elif not settled:
-        for moment, against in ((space["moment"], space["load"]), (space["second_moment"], space["second_load"])):
-            if not _rounds(moment, load, contact["size"], step["length"]):
-                spin_events(contact, step, moment, against, 1.0)
-    if has_corners(body):
-        corner_events(body, contact, step)
-    slope_event(contact, step)
-    if paired:
-        _second_events(body, contact, second, step, second_step)
+    settled = paired and points[0]["gap_rate"] == 0.0 and points[1]["gap_rate"] == 0.0
+    steps[0]["released"] = 0.0
+    for i in range(int(contact["count"])):
+        point, step = points[i], steps[i]
+        if i > 0:
+            step["length"], step["event"], step["released"] = steps[0]["length"], NOTHING, 0.0
+        if held and i == 0:
+            _held_events(contact, settled, space)
+        elif not settled:
+            _gap_events(contact, point, step)
+        if not held:
+            if paired and points[1 - i]["slip"] == 0.0:
+                happens(_passes_flat(contact, points, steps, i), SLIP_ZERO, step)
+            else:
+                _slip_events(contact, point, step, step["normal"])
+            if i == 0:
+                _spin_events(contact, step, step["moment"], step["normal"], point["arm"])
+        _outline_events(contact, point, step)
+        if i == 0:
+            _slope_event(contact, length, step)
+        elif step["event"] != NOTHING:
+            steps[0]["length"], steps[0]["event"] = step["length"], NOTHING

@@ -14,22 +14,11 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.kernel import motion
-from sledenv.kernel.geometry import (
-    TURN,
-    arms_at,
-    corner_lengths,
-    distance,
-    feature_at,
-    feature_geometry,
-    has_corners,
-    sine_and_cosine,
-    whole_turns,
-)
-from sledenv.kernel.params import Body, Incline, Limits
-from sledenv.kernel.records import ARC, NOSE, TAIL
+from sledenv.kernel.outline import arc_at, arms, lowest_arms, sine_and_cosine, whole_turns, within
+from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.state import FALLING, LANDED, MOTION, POISED, SEARCHING, copy
 
-EDGE = 1e-9  # [rad] the body is on the edge of a feature if it is this close
+EDGE = 1e-9  # [rad] the body is at the end of an interval if it is this close
 CLEARED = 100.0  # a gap of so many rounding errors is open for certain
 ROUNDING = 4e-16  # of the terms of a gap or a gap rate: rounding error of their sum
 LITTLE_TURN = 0.3  # [rad] in a step with less, a short series describes the gap well
@@ -54,16 +43,10 @@ _write_start, _write_losses = straight(_start_of), straight(_losses_of)
 
 
 @kernel
-def write_body(body: Body, hop: np.void) -> None:
+def write_body(body: np.void, hop: np.void) -> None:
     """Write what a hop needs of its body."""
-    h, (along, across) = body.eccentricity, corner_lengths(body)
-    corners = has_corners(body)
-    hop["radius"], hop["eccentricity"] = body.radius, h
-    hop["half_angle"] = body.half_angle if corners else math.inf
-    hop["along"], hop["across"] = along, across
-    hop["furthest"] = max(h, distance(along, across)) if corners else h
-    hop["size"] = body.radius + body.eccentricity
-    hop["per_mass"], hop["per_inertia"] = 1.0 / body.mass, 1.0 / body.inertia
+    hop["size"], hop["furthest"] = body["size"], body["furthest"]
+    hop["per_mass"], hop["per_inertia"] = 1.0 / body["mass"], 1.0 / body["inertia"]
 
 
 @kernel
@@ -74,24 +57,29 @@ def write_flight(hop: np.void, slope: Incline, limits: Limits, flight: np.void) 
 
 
 @kernel
-def _lowest(hop: np.void, local: float) -> tuple[float, float, float]:
-    """Arms [m] of the feature that is lowest at an angle in [-pi, pi], and its radius [m]."""
-    if abs(local) <= hop["half_angle"]:
-        a, b = arms_at(hop["eccentricity"], 0.0, hop["radius"], local)
-        return a, b, hop["radius"]
-    a, b = arms_at(hop["along"], hop["across"] if local > 0.0 else -hop["across"], 0.0, local)
-    return a, b, 0.0
+def _to_kink(body: np.void, arc: int, local: float, omega: float) -> float:
+    """Angle [rad] that a body may turn with its spin until it passes a straight side; inf if there is none.
 
-
-@kernel
-def _before_kink(hop: np.void, turn: float) -> bool:
-    """Whether a body that turns by ``turn`` [rad] from the start of its flight does not pass +-pi.
-
-    At +-pi one corner takes over from the other. The gap has a kink there, so its second derivative has no bound.
+    There an arc takes over from another one at a distance. The gap has a kink, so its second derivative has no bound.
     """
-    phi = hop["phi"]
-    without = not hop["half_angle"] < math.inf
-    return bool(without or np.rint(phi * (1.0 / TURN)) == np.rint((phi + turn) * (1.0 / TURN)))
+    if omega == 0.0:
+        return math.inf
+    turned, edge = 0.0, 0.0
+    for _ in range(int(body["count"])):
+        if omega > 0.0:
+            edge = body["high"][arc]
+            kinked, ahead = body["side"][arc] > 0.0, int(body["next"][arc])
+            turned += edge - local
+            local = body["low"][ahead]
+        else:
+            ahead = int(body["previous"][arc])
+            edge, kinked = body["low"][arc], body["side"][ahead] > 0.0
+            turned += local - edge
+            local = body["high"][ahead]
+        if kinked or not turned < math.inf:
+            return float(max(turned, 0.0))
+        arc = ahead
+    return math.inf
 
 
 @kernel
@@ -111,13 +99,16 @@ def _safe_step(gap: float, rate: float, bound: float) -> float:
 
 
 @kernel
-def _look_ahead(hop: np.void) -> None:
+def _look_ahead(body: np.void, hop: np.void) -> None:
     """Write what does not change in a search, and where its first step goes."""
     y, v, omega, pull, top = hop["y"], hop["v"], hop["omega"], motion.pull(hop, hop["v"]), hop["size"]
     square, most = omega * omega, motion.most_pull(hop)
     bound = most + hop["furthest"] * square
-    a, b, radius = _lowest(hop, hop["phi"] - whole_turns(hop["phi"]))
+    local = hop["phi"] - whole_turns(hop["phi"])
+    arc, a, b = lowest_arms(body, local)
+    radius = body["r"][arc]
     gap, rate = y - b, v - a * omega
+    hop["kink"] = _to_kink(body, arc, local, omega)
     hop["bound"], hop["noise"], hop["margin"] = bound, ROUNDING * (top + abs(y)), ROUNDING
     hop["root"], hop["alone_from"] = 0.0, math.inf
     # The body stays out of reach at least as long as on the parabola of the largest pull.
@@ -136,7 +127,7 @@ def _look_ahead(hop: np.void) -> None:
     hop["phase"] = SEARCHING
     if 0.0 < first < math.inf and (gap > hop["noise"] or rate > still):
         clear = _safe_step(gap, rate, bound)
-        hop["clear"] = clear if _before_kink(hop, omega * clear) else 0.0
+        hop["clear"] = clear if abs(omega) * clear < hop["kink"] else 0.0
         hop["touchdown"] = hop["last_step"] = first
         hop["phase"] = FALLING
 
@@ -148,7 +139,7 @@ def _alone(reached: float, steep: float, hop: np.void) -> bool:
     It is the first root of a concave gap. It is the first of any gap if three spans leave no time for another root: the
     gap is open at the start of the flight, while the body is out of reach, and just before a root.
     """
-    if not _before_kink(hop, hop["omega"] * reached):
+    if not abs(hop["omega"]) * reached < hop["kink"]:
         hop["alone_from"] = math.inf
     else:
         last = hop["alone_from"] = reached - 2.0 * steep / hop["bound"] if hop["bound"] > 0.0 else -math.inf
@@ -159,7 +150,7 @@ def _alone(reached: float, steep: float, hop: np.void) -> bool:
 
 
 @kernel
-def _fall(hop: np.void) -> None:
+def _fall(body: np.void, hop: np.void) -> None:
     """Go a step towards a root of the gap.
 
     The step goes to the root of the parabola that osculates the gap. The next two derivatives correct it.
@@ -167,7 +158,8 @@ def _fall(hop: np.void) -> None:
     time, omega = hop["touchdown"], hop["omega"]
     phi = motion.turned(hop, time)
     local = phi - whole_turns(phi)
-    a, b, radius = _lowest(hop, local)
+    arc, a, b = lowest_arms(body, local)
+    radius = body["r"][arc]
     height, speed = motion.away(hop, time)
     gap, rate, pull = height - b, speed - a * omega, motion.pull(hop, speed)
     square, lever = omega * omega, radius - b
@@ -187,9 +179,8 @@ def _fall(hop: np.void) -> None:
     error = motion.departure(hop, step, later) + abs(later) * slope
     error += hop["furthest"] * (1.0 / 120.0) * turn * turn * turn * turn * turn
     found = error <= hop["noise"]
-    if hop["half_angle"] < math.inf:  # beyond the end of the feature the derivatives differ
-        angle = abs(local)
-        found = found and turn < min(abs(angle - hop["half_angle"]), math.pi - angle)
+    # Beyond the end of its interval the derivatives differ.
+    found = found and turn < min(body["high"][arc] - local, local - body["low"][arc])
     found = found or abs(gap) <= hop["noise"]
     step += later
     reached = time + step
@@ -203,24 +194,25 @@ def _fall(hop: np.void) -> None:
 
 
 @kernel
-def _heeded(height: float, speed: float, local: float, step: float, hop: np.void) -> float:
-    """Shorten a step of a body with corners, so that no corner comes down unseen.
+def _heeded(height: float, speed: float, local: float, arc: int, body: np.void, hop: np.void) -> float:
+    """Step [s] that passes no straight side unseen: up to where the body lies parallel to the first one ahead.
 
-    The support height has a kink at +-pi, where the other corner takes over. So the step is safe for that corner too,
-    and it is too short for the arc beyond to come down. Without spin no corner takes over: the middle of the chord then
-    stands for both, and the search treats a body and its mirror image alike.
+    From there on the arc across the side is heeded too, up to the end of its interval.
     """
     omega = hop["omega"]
-    coming = -math.copysign(hop["across"], omega) if omega != 0.0 else 0.0
-    a, b = arms_at(hop["along"], coming, 0.0, local)
-    heeded = _safe_step(height - b, speed - a * omega, hop["bound"])
-    if omega != 0.0:
-        heeded = min(heeded, 0.5 * hop["half_angle"] / abs(omega))
-    return min(heeded, step)
+    if omega == 0.0:
+        return math.inf
+    left = _to_kink(body, arc, local, omega)
+    if not left <= EDGE:
+        return float(left / abs(omega))
+    coming = int(body["next"][arc] if omega > 0.0 else body["previous"][arc])
+    a, b = arms(body, coming, local)
+    width = body["high"][coming] - body["low"][coming]
+    return float(min(_safe_step(height - b, speed - a * omega, hop["bound"]), (left + width) / abs(omega)))
 
 
 @kernel
-def _march(hop: np.void) -> None:
+def _march(body: np.void, hop: np.void) -> None:
     """Go a step that passes no root."""
     omega, noise, bound = hop["omega"], hop["noise"], hop["bound"]
     t, height = motion.once_in_reach(hop, hop["touchdown"])
@@ -230,7 +222,7 @@ def _march(hop: np.void) -> None:
     _, speed = motion.away(hop, t)
     phi = motion.turned(hop, t)
     local = phi - whole_turns(phi)
-    a, b, _ = _lowest(hop, local)
+    arc, a, b = lowest_arms(body, local)
     gap, rate = height - b, speed - a * omega
     starting = gap <= noise and t <= 0.0
     if starting:
@@ -247,9 +239,9 @@ def _march(hop: np.void) -> None:
         step = _safe_step(0.0 if starting else gap, rate, bound)
         # The root is reached if all that the curvature can change over the step is below rounding.
         settled = rate < 0.0 and plain and bound * step * step <= noise and not starting
-        if hop["half_angle"] < math.inf:
-            heeded = _heeded(height, speed, local, step, hop)
-            settled, step = settled and step <= heeded, heeded
+        if hop["kink"] < math.inf:
+            heeded = _heeded(height, speed, local, arc, body, hop)
+            settled, step = settled and step <= heeded, min(step, heeded)
         reached = t + step
         hop["touchdown"] = reached if reached <= hop["horizon"] else math.inf
         if settled or not t < reached <= hop["horizon"]:
@@ -260,16 +252,10 @@ def _march(hop: np.void) -> None:
 
 
 @kernel
-def _angle_left(body: Body, phi: float, omega: float) -> float:
-    """Angle [rad] that a body may turn until another feature is lowest; 2 pi without corners."""
-    if not has_corners(body):
-        return 2.0 * math.pi
-    at = phi if omega > 0.0 else -phi
-    least = math.pi - at
-    for edge in (-body.half_angle, body.half_angle):
-        if edge - at > EDGE:
-            least = min(least, edge - at)
-    return max(least, EDGE)
+def _angle_left(body: np.void, arc: int, local: float, omega: float) -> float:
+    """Angle [rad] that a body may turn until another arc than the given one is lowest; 2 pi of a disc."""
+    left = body["high"][arc] - local if omega > 0.0 else local - body["low"][arc]
+    return float(min(max(left, EDGE), 2.0 * math.pi))
 
 
 @kernel
@@ -289,15 +275,15 @@ def _cube_root(number: float) -> float:
 
 
 @kernel
-def _lift(hop: np.void) -> float:
+def _lift(body: np.void, hop: np.void) -> float:
     """Time [s] at which the search for the touchdown of a body without a gap rate starts; -1 if the body stays down."""
-    body = Body(math.nan, hop["radius"], hop["eccentricity"], math.nan, hop["half_angle"])  # only its shape counts
     furthest, omega = hop["furthest"], hop["omega"]
     change, most_change = motion.jerks(hop)
     local = hop["phi"] - whole_turns(hop["phi"])
-    # The next derivatives of the gap decide. On the edge of a feature they are those of the one that the body turns to.
+    # The next derivatives of the gap decide. At the end of an interval they are those of the arc that the body turns to.
     ahead = local + math.copysign(EDGE, omega)
-    h, _, shift = feature_geometry(body, feature_at(body, ahead - whole_turns(ahead)))
+    arc = arc_at(body, ahead - whole_turns(ahead))
+    h, shift = body["h"][arc], body["shift"][arc]
     square = omega * omega
     pull = motion.pull(hop, hop["v"])
     bound = abs(pull) + furthest * square
@@ -307,28 +293,28 @@ def _lift(hop: np.void) -> float:
     lift = -pull - h * cosine * square
     jerk = h * sine * square * omega + change
     if lift > 1e-9 * bound:
-        # The gap stays open this long, unless the feature ends before: gap''' is not below -h |omega|^3 - most_change.
+        # The gap stays open this long, unless the interval ends before: gap''' is not below -h |omega|^3 - most_change.
         open_for = 1.5 * lift / (furthest * square * abs(omega) + most_change)
-        return float(min(open_for, _angle_left(body, local, omega) / abs(omega)))
+        return float(min(open_for, _angle_left(body, arc, local - within(body, arc, local), omega) / abs(omega)))
     if lift > -1e-9 * bound and jerk > 0.0:
         return _cube_root(6.0 * CLEARED * hop["noise"] / jerk)  # it lifts off where the normal force is zero
-    a, _, _ = _lowest(hop, local)
+    _, a, _ = lowest_arms(body, local)
     return 0.0 if hop["v"] - a * omega > 0.0 else -1.0
 
 
 @kernel
-def begin_search(hop: np.void) -> None:
+def begin_search(body: np.void, hop: np.void) -> None:
     """Go straight for the touchdown of the flight in ``hop``. Where it may not be the first, :func:`search` goes on.
 
     The gap obeys ``gap'' >= -(pull + h omega^2)``. This often proves that a root is the first.
     """
-    _look_ahead(hop)
+    _look_ahead(body, hop)
     while hop["phase"] == FALLING:
-        _fall(hop)
+        _fall(body, hop)
 
 
 @kernel
-def search(most: float, hop: np.void) -> float:
+def search(most: float, body: np.void, hop: np.void) -> float:
     """Go on with a search in steps that pass no root, up to ``most`` of them; return their number.
 
     Each step goes to the first root of a parabola below the gap, with the bound of :func:`begin_search` as curvature.
@@ -340,11 +326,11 @@ def search(most: float, hop: np.void) -> float:
     while hop["phase"] != LANDED and steps < most:
         steps += 1.0
         if hop["phase"] == POISED:
-            start = _lift(hop)
+            start = _lift(body, hop)
             hop["touchdown"], hop["margin"] = max(start, 0.0), 0.0
             hop["phase"] = SEARCHING if 0.0 <= start < math.inf else LANDED
         else:
-            _march(hop)
+            _march(body, hop)
     return steps
 
 
@@ -360,14 +346,10 @@ def move(hop: np.void, duration: float) -> None:
 
 
 @kernel
-def arrive(hop: np.void, duration: float) -> None:
-    """Write where a flight is after some time [s], and how the lowest feature of the body would touch there."""
+def arrive(body: np.void, hop: np.void, duration: float) -> None:
+    """Write where a flight is after some time [s], and how the lowest arc of the body would touch there."""
     move(hop, duration)
-    local = hop["phi_landing"] - whole_turns(hop["phi_landing"])
-    a, b, _ = _lowest(hop, local)
-    hop["feature"] = ARC
-    if abs(local) > hop["half_angle"]:
-        hop["feature"] = TAIL if local > 0.0 else NOSE
-    hop["a"], hop["b"] = a, b
+    arc, a, b = lowest_arms(body, hop["phi_landing"] - whole_turns(hop["phi_landing"]))
+    hop["arc"], hop["a"], hop["b"] = arc, a, b
     hop["v_n_landing"] = hop["v_landing"] - a * hop["omega"]
     hop["v_t_landing"] = hop["u_landing"] + b * hop["omega"]

@@ -13,7 +13,6 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar
 from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates, resolve, sign_of
-from sledenv.kernel.geometry import sine_and_cosine
 from sledenv.kernel.state import followed_by
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
@@ -182,10 +181,3 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
 def softened(restitution: float, settle_speed: float, v_n: float, pressing: float) -> float:
     """Restitution of a touch; 0 if the touch is slow and the acceleration ``pressing`` is onto the slope."""
     return 0.0 if pressing > 0.0 and -v_n < settle_speed else restitution
-
-
-@kernel
-def lies_flat(phi: float, across: float, gap: float) -> bool:
-    """Whether the other corner is within a gap [m] of the slope while one corner touches."""
-    sine, _ = sine_and_cosine(phi)
-    return 2.0 * across * abs(sine) <= gap

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,23 +9,22 @@ import numpy as np
 from sledenv.compiler.jit import by_type, kernel
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
-from sledenv.kernel.params import Body, CompliantLaw, Incline, Limits, RigidLaw, reader
+from sledenv.kernel.params import CompliantLaw, Incline, Limits, RigidLaw, reader
 from sledenv.kernel.progress import begin_with_approaching
-from sledenv.kernel.records import BOTH_CORNERS, INCONSISTENT, RUNNING
+from sledenv.kernel.records import INCONSISTENT, RUNNING, TWO_POINTS
 from sledenv.kernel.rigid import strike
 
 Law = CompliantLaw | RigidLaw
 
 
 @kernel
-def _meet(body: Body, law: CompliantLaw, slope: Incline, left: int, space: np.void) -> int:
+def _meet(body: np.void, law: CompliantLaw, slope: Incline, left: int, space: np.void) -> int:
     """Let compliant surfaces touch: arguments and result are those of :func:`sledenv.kernel.rigid.strike`."""
     contact = space["contact"]
     normal.write_law(law, contact)
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
-    contact["most_normal"] = math.inf
-    begin_with_approaching(body, contact)
+    begin_with_approaching(body, contact, space["points"][0], space["touchdown"])
     return RUNNING
 
 
@@ -35,17 +33,17 @@ _meet_by: Callable[..., int] = by_type(1, {RigidLaw: strike}, _meet)
 
 @kernel
 def touch(
-    body: Body, law: Law, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray
+    body: np.void, law: Law, slope: Incline, limits: Limits, flight: np.void, space: np.void, trajectory: np.ndarray
 ) -> int:
     """Follow a touch until the body leaves, or its descent ends.
 
-    Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space["contact"]`` holds the state at
-    touchdown, and the body is written in ``space["hop"]``.
+    Arguments and result are those of :func:`sledenv.kernel.contact.follow`; ``space`` holds the state at touchdown
+    in its contact and first point, and the body is written in ``space["hop"]``.
     """
     status = _meet_by(body, law, slope, RUNNING, space)
     while status == RUNNING:
         status = follow(body, slope, limits, flight, space, trajectory)
-        if status in (INCONSISTENT, BOTH_CORNERS):  # rigid surfaces then need an impact
+        if status in (INCONSISTENT, TWO_POINTS):  # rigid surfaces then need an impact
             status = _meet_by(body, law, slope, status, space)
     return status
 

@@ -75,27 +75,34 @@ def pick(at_first: Any, at_second: Any, first: Any, second: Any) -> Any:
     return where(at_first, first, where(at_second, second, 0.0))
 
 
-def branch_of(contact: Any) -> Branch:
+def branch_of(contact: Any, point: Any) -> Branch:
     """Branch that a point is in."""
-    return Branch(contact.gap_rate, contact.slip, contact.spin)
+    return Branch(point.gap_rate, point.slip, contact.spin)
 
 
-def points(space: Any) -> tuple[Point, Point]:
-    """Both points at the start of a step. If all normal forces are nearly zero, they are made larger by one factor."""
-    shallow = normal.NO_DEPTH * space.contact.size
-    within = [normal.bounds_of(point, 0.0) for point in (space.contact, space.second)]
-    least, largest = shallow * space.contact.k_closing, larger(within[0][0], within[1][0])
+def both_points(space: Any, count: int = 2) -> tuple[Point, Point]:
+    """Both points at the start of a step. If all normal forces are nearly zero, they are made larger by one factor.
+
+    If there is only one, the other has no forces.
+    """
+    contact = space.contact
+    shallow = normal.NO_DEPTH * contact.size
+    given = list(zip(space.points, space.steps, strict=True))[:count]
+    within = [normal.bounds_of(contact, point, 0.0) for point, _ in given]
+    least, largest = shallow * contact.k_closing, within[0][0]
+    if count > 1:
+        largest = larger(largest, within[1][0])
     tiny = not_more(largest, normal.ROUNDING / normal.NO_DEPTH * least)
     scale = where(less(largest, least), least / largest, 1.0)
     found = []
-    for contact, step, forces in ((space.contact, space.step, within[0]), (space.second, space.second_step, within[1])):
-        limit = normal.bounds_of(contact, shallow)
+    for (point, step), forces in zip(given, within, strict=True):
+        limit = normal.bounds_of(contact, point, shallow)
         closing, opening = (where(tiny, p, scale * q) for p, q in zip(limit, forces, strict=True))
-        a, b = contact.h * step.sine, contact.r - contact.h * step.cosine
+        a, b = point.h * step.sine, point.r - point.h * step.cosine
         square = contact.omega * contact.omega
-        lift, sweep = contact.h * step.cosine * square, -a * square
-        found.append(Point(a, b, lift, sweep, contact.friction, contact.arm, closing, opening))
-    return found[0], found[1]
+        lift, sweep = point.h * step.cosine * square, -a * square
+        found.append(Point(a, b, lift, sweep, contact.friction, point.arm, closing, opening))
+    return found[0], found[1] if count > 1 else found[0]._replace(arm=0.0, closing=0.0, opening=0.0)
 
 
 def hold(contact: Any, one: Point, two: Point, branch: Branch, other: Branch) -> Held:
@@ -156,8 +163,8 @@ def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any
     return turning - two.b * force, load + couple * n_1, turning - one.b * force, load + couple * n_2
 
 
-def unturned(contact: Any, one: Point, two: Point, branch: Branch) -> Forces:
-    """Forces on a body that does not turn: both points move alike.
+def unturned(contact: Any, one: Point, two: Point, branch: Branch, count: int = 2) -> Forces:
+    """Forces on a body that does not turn: both points move alike. If there is only one, the other has no forces.
 
     Locked normal forces are shared so that no rolling moment is needed, as far as their bounds allow. A locked
     tangential force is shared in proportion to them, but for ``excess`` it is shared, within the bounds of friction, so
@@ -170,7 +177,9 @@ def unturned(contact: Any, one: Point, two: Point, branch: Branch) -> Forces:
     force = where(sticks, -mass * contact.downhill, -branch.slip * one.friction * total)
     share = where(less(0.0, total), force / total, 0.0)
     lever_1, lever_2 = one.a - share * one.b, two.a - share * two.b
-    balanced = where(less(0.0, two.closing), total * lever_2 / (lever_2 - lever_1), total)
+    balanced = total
+    if count > 1:
+        balanced = where(less(0.0, two.closing), total * lever_2 / (lever_2 - lever_1), total)
     least, most = larger(total - two.closing, one.opening), smaller(total - two.opening, one.closing)
     balanced = where(not_more(least, most), smaller(larger(balanced, least), most), balanced)
     n_1, n_2 = where(locked, balanced, n_1), where(locked, total - balanced, n_2)
@@ -201,7 +210,7 @@ def _judge(still: bool) -> Callable[..., tuple[Any]]:
 
     def program(space: Any, signs: Branch, signs_2: Branch, branch: Branch, other: Branch) -> tuple[Any]:
         contact = space.contact
-        one, two = points(space)
+        one, two = both_points(space)
         found = unturned(contact, one, two, branch) if still else _turned(contact, one, two, branch, other)
         per_mass = contact.per_mass
         missed = _missed(one, signs, branch, found.normal_1, found.tangential_1, found, per_mass)
@@ -229,10 +238,10 @@ def _compatible(space: Any, signs: Branch, signs_2: Branch, branch: Branch, othe
     A spin that starts makes the gap rates of the points differ, by the spin times the difference of the arms a. It
     makes the slips differ, by the spin times the difference of the gaps. Equal gaps differ once the body has turned.
     """
-    contact, second = space.contact, space.second
-    along = contact.h * space.step.sine - second.h * space.second_step.sine
-    across = contact.gap - second.gap
-    equal_gaps = not_more(absolute(across), normal.NO_DEPTH * contact.size)
+    one, two = space.points
+    along = one.h * space.steps[0].sine - two.h * space.steps[1].sine
+    across = one.gap - two.gap
+    equal_gaps = not_more(absolute(across), normal.NO_DEPTH * space.contact.size)
     spinning = equal(absolute(signs.spin), 1.0)  # the velocities themselves say it
     opens = where(spinning, 0.0, branch.spin * sign(along))
     slips = where(equal_gaps, -sign(along), where(spinning, 0.0, branch.spin * sign(across)))
@@ -276,7 +285,7 @@ def resolve_pair(space: np.void, signs: Branch, signs_2: Branch, side: int, tria
     if abs(signs.spin * signs.slip * signs_2.slip * signs.gap_rate * signs_2.gap_rate) == 1:
         return branch, other, 0.0  # no velocity is zero
     best, best_2 = Branch(0, 0, 0), Branch(0, 0, 0)
-    rigid, least = space["contact"]["k_closing"] == math.inf, 1e300
+    rigid, least = space["contact"]["rigid"] != 0.0, 1e300
     for turn in range(27):
         spin = side * in_turn(turn // 9)
         sense = spin if spin != 0 else side

@@ -1,4 +1,4 @@
-"""What kernels are given: body, contact law, slope, launch state and limits, as tuples of floats.
+"""What kernels are given beside a body (outline.py): contact law, slope, launch state and limits, as tuples of floats.
 
 Python makes them with the classes of the same names in :mod:`sledenv.simulation`, which check every field.
 """
@@ -14,23 +14,13 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar
 
 
-class Body(NamedTuple):
-    """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1."""
-
-    mass: float  # [kg]
-    radius: float  # [m] r of the arc; 0 is a point
-    eccentricity: float  # [m] h, distance from arc centre to mass centre
-    inertia: float  # [kg m^2] about the mass centre
-    half_angle: float  # [rad] alpha; the arc spans +-alpha about the direction of the mass centre
-
-
 class ContactLaw(NamedTuple):
     """How the body touches the slope: docs/physics.md, section 5."""
 
     stiffness: float  # [N/m] c; c(1 + asymmetry) loading, c(1 - asymmetry) unloading
     asymmetry: float  # [-] Delta in [0, 1)
     friction: float  # [-] f, Coulomb
-    rolling_arm: float  # [m] delta of the arc; rolling resistance is delta * N
+    rolling_arm: float  # [m] delta of an arc; rolling resistance is delta * N
     corner_rolling_arm: float  # [m] delta of a corner
 
 
@@ -42,7 +32,7 @@ class RigidLaw(NamedTuple):
 
     restitution: float  # [-] energetic
     friction: float  # [-] f, Coulomb
-    rolling_arm: float  # [m] delta of the arc
+    rolling_arm: float  # [m] delta of an arc
     corner_rolling_arm: float  # [m] delta of a corner
     settle_speed: float  # [m/s] of approach, below which an impact is plastic
 
@@ -56,7 +46,7 @@ class Slope(NamedTuple):
 
 
 class Incline(NamedTuple):
-    """What a kernel needs of a slope: see :func:`sledenv.kernel.geometry.incline_of`."""
+    """What a kernel needs of a slope: see :func:`sledenv.kernel.outline.incline_of`."""
 
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
@@ -91,9 +81,9 @@ class Limits(NamedTuple):
 
 
 @kernel
-def row_of(table: np.ndarray, lane: int) -> np.ndarray:
+def row_of(table: np.ndarray, lane: int) -> Any:
     """Row of a lane in a table that has one row for each lane, or one row for all lanes."""
-    return table[lane if table.shape[0] > 1 else 0]  # type: ignore[no-any-return]
+    return table[lane if table.shape[0] > 1 else 0]
 
 
 def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
@@ -105,6 +95,3 @@ def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
         return kind(*numbers(row_of(table, lane)))
 
     return read
-
-
-body_of: Callable[[np.ndarray, int], Body] = reader(Body)

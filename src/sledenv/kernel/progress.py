@@ -1,4 +1,4 @@
-"""How a contact goes on from step to step: what every point that touches has in common."""
+"""How a contact goes on from step to step, point by point."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, less, root, where
 from sledenv.kernel import events, normal, records
 from sledenv.kernel.friction import Branch, sign_of
-from sledenv.kernel.geometry import arms, feature_geometry, other_corner, whole_turns
-from sledenv.kernel.params import Body, Incline, Limits
+from sledenv.kernel.outline import apart, arms, beside, partner, same_arc, whole_turns, within
+from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.series import longest_step
-from sledenv.kernel.step import advance
+from sledenv.kernel.step import advance, go_on
 
 MOST_UNITS = 2.0  # [units] longest step
 UNIT_ANGLE = 1.5  # [rad] of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # last of these, in which branches are tried in turn
+DEEP = 1e-9  # of the size: an arc that touches beside another one is deeper only if its start has been missed
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
 
 
@@ -42,23 +43,27 @@ def speed_scale(slope: Incline, size: float, v_n: float, v_t: float, omega: floa
 
 
 @kernel
-def forget_zeros(contact: np.void) -> None:
+def forget_zeros(contact: np.void, points: np.ndarray) -> None:
     """Let no velocity be zero by construction, nor just released."""
-    contact["gap_zeros"] = contact["slip_zeros"] = contact["spin_zeros"] = 0.0
-    contact["gap_left"] = contact["slip_left"] = contact["spin_left"] = 0.0
+    contact["spin_zeros"] = contact["spin_left"] = 0.0
+    for i in range(int(contact["count"])):
+        point = points[i]
+        point["gap_zeros"] = point["slip_zeros"] = point["gap_left"] = point["slip_left"] = 0.0
 
 
 @kernel
-def forget_branch(contact: np.void) -> None:
+def forget_branch(contact: np.void, points: np.ndarray) -> None:
     """Put the branch of a contact at its beginning, before any has been chosen."""
-    contact["gap_rate"] = contact["slip"] = contact["spin"] = contact["stalled"] = 0.0
-    forget_zeros(contact)
+    contact["spin"] = contact["stalled"] = 0.0
+    for i in range(int(contact["count"])):
+        points[i]["gap_rate"] = points[i]["slip"] = 0.0
+    forget_zeros(contact, points)
 
 
 @kernel
 def trial(contact: np.void) -> int:
     """Number of the trial, 1 to TRIALS, of a contact in which no time passes; 0 if it is in none."""
-    if contact["k_closing"] == math.inf:
+    if contact["rigid"] != 0.0:
         return 0
     return max(int(contact["stalled"]) - (MOST_STALLED - TRIALS), 0)
 
@@ -76,61 +81,58 @@ def _sign_of(velocity: float, left: float) -> int:
 
 
 @kernel
-def signs(contact: np.void) -> Branch:
-    """Signs of the velocities of a contact, for the box rule."""
+def signs(contact: np.void, point: np.void) -> Branch:
+    """Signs of the velocities of a point, for the box rule."""
     return Branch(
-        _sign_of(contact["v_n"], contact["gap_left"]),
-        _sign_of(contact["v_t"], contact["slip_left"]),
+        _sign_of(point["v_n"], point["gap_left"]),
+        _sign_of(point["v_t"], point["slip_left"]),
         _sign_of(contact["omega"], contact["spin_left"]),
     )
 
 
-_VELOCITIES = (("v_n", "gap_rate", "gap"), ("v_t", "slip", "slip"), ("omega", "spin", "spin"))
-
-
-def _taking(contact: Any, branch: Branch) -> None:
+def _taking(contact: Any, point: Any, branch: Branch) -> None:
     """Program of :func:`take_branch`."""
+    velocities = ((point, "v_n", "gap_rate", "gap"), (point, "v_t", "slip", "slip"), (contact, "omega", "spin", "spin"))
     jumps = sum(
-        where(equal(getattr(contact, sign), to), 0.0, 1.0) for (_, sign, _), to in zip(_VELOCITIES, branch, strict=True)
+        where(equal(getattr(of, sign), to), 0.0, 1.0) for (of, _, sign, _), to in zip(velocities, branch, strict=True)
     )
     # A released velocity starts without acceleration, so with two zeros, unless another force jumps too. Of two points
     # there may be two in any case; bound_step looks.
-    both = less(0.0, contact.paired)
+    both = less(1.0, contact.count)
     leaving, starting = where(equal(jumps, 1.0) | both, 2.0, 1.0), where(both, 2.0, 1.0)
-    for (velocity, sign, name), to in zip(_VELOCITIES, branch, strict=True):
-        zeros = where(equal(getattr(contact, f"{name}_left"), 0.0), starting, leaving)
-        setattr(contact, f"{name}_zeros", where(equal(getattr(contact, velocity), 0.0), zeros, 0.0))
-        setattr(contact, sign, to)
-    contact.mu, contact.rho = -branch.slip * contact.friction, -branch.spin * contact.arm
-    closing = less(branch.gap_rate, 0.0)
-    contact.stiffness = normal.stiffness(contact, closing)
-    pace = where(closing, contact.pace_closing, contact.pace_opening)
-    contact.pace = where(less(0.0, contact.stiffness), pace, contact.pace)
+    for (of, velocity, sign, name), to in zip(velocities, branch, strict=True):
+        zeros = where(equal(getattr(of, f"{name}_left"), 0.0), starting, leaving)
+        setattr(of, f"{name}_zeros", where(equal(getattr(of, velocity), 0.0), zeros, 0.0))
+        setattr(of, sign, to)
+    point.mu, point.rho = -branch.slip * contact.friction, -branch.spin * point.arm
+    point.stiffness = normal.stiffness(contact, less(branch.gap_rate, 0.0))
+    pace = UNIT_ANGLE / root(point.stiffness * point.yielding)
+    point.pace = where(less(0.0, point.stiffness), pace, point.pace)
 
 
 _take = straight(_taking)
 
 
 @kernel
-def take_branch(branch: Branch, contact: np.void) -> None:
+def take_branch(branch: Branch, contact: np.void, point: np.void) -> None:
     """Write a branch: signs of the velocities and their leading zeros, friction, stiffness and unit of time."""
-    _take(contact, branch)
+    _take(contact, point, branch)
 
 
 @kernel
-def bound_step(limits: Limits, most: float, contact: np.void, step: np.void) -> int:
+def bound_step(limits: Limits, most: float, contact: np.void, point: np.void, step: np.void) -> int:
     """Find how long the series of a step hold, up to ``most``, once the leading zeros of the velocities are settled.
 
     Returns RUNNING, TIMEOUT if the time ends with the step, or NON_FINITE.
     """
-    if contact["gap_zeros"] == 2.0:
-        contact["gap_zeros"] = _leading_zeros(step["v_n"], contact["gap_rate"])
-    if contact["slip_zeros"] == 2.0:
-        contact["slip_zeros"] = _leading_zeros(step["v_t"], contact["slip"])
+    if point["gap_zeros"] == 2.0:
+        point["gap_zeros"] = _leading_zeros(step["v_n"], point["gap_rate"])
+    if point["slip_zeros"] == 2.0:
+        point["slip_zeros"] = _leading_zeros(step["v_t"], point["slip"])
     if contact["spin_zeros"] == 2.0:
         contact["spin_zeros"] = _leading_zeros(step["omega"], contact["spin"])
     v_n, v_t, omega = step["v_n"], step["v_t"], step["omega"]
-    length = longest_step(contact["size"], contact["scale"], contact["tolerance"], most, v_n, v_t, omega)
+    length = longest_step(contact["size"], contact["scale"], limits.tolerance, most, v_n, v_t, omega)
     left = max(limits.max_time - contact["time"], 0.0) / step["unit"]
     if not math.isfinite(min(length, left)):
         return records.NON_FINITE
@@ -140,51 +142,68 @@ def bound_step(limits: Limits, most: float, contact: np.void, step: np.void) -> 
 
 
 @kernel
-def _time_passes(before: float, contact: np.void, step: np.void) -> bool:
-    """Count the steps without any progress since the time ``before``; say whether this one had a length.
-
-    If it had, no velocity is any longer one that has just been released.
-    """
-    contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
-    if not step["length"] * step["unit"] > 0.0:
-        return False
-    forget_zeros(contact)
-    return True
-
-
-@kernel
-def _stop_or_release(contact: np.void, step: np.void) -> None:
+def _stop_or_release(contact: np.void, point: np.void, step: np.void) -> None:
     """Let slip or spin be zero at the end of a step, if that is what happens there, and free if it is released."""
     event = int(step["event"])
     if event in (events.SLIP_ZERO, events.SLIP_RELEASED):
-        contact["v_t"], contact["slip_left"] = 0.0, step["released"]
+        point["v_t"], point["slip_left"] = 0.0, step["released"]
     elif event in (events.SPIN_ZERO, events.SPIN_RELEASED):
         contact["omega"], contact["spin_left"] = 0.0, step["released"]
 
 
-def _pacing(contact: Any, moved: Any) -> None:
-    """Program of the units of time while the gap closes and opens; ``moved`` is the mobility of the point [1/kg]."""
-    for name, closing in (("pace_closing", 1.0), ("pace_opening", 0.0)):
-        stiff = normal.stiffness(contact, less(0.0, closing))
-        setattr(contact, name, where(less(0.0, stiff), UNIT_ANGLE / root(stiff * moved), math.inf))
-
-
-_write_paces = straight(_pacing)
+@kernel
+def rises(body: np.void, arc: int, phi: float) -> bool:
+    """Whether of the arcs that may touch beside one, the one on the rising side is to be watched."""
+    middle = body["middle"][arc]
+    return bool(phi > middle or (phi == middle and math.copysign(1.0, phi) > 0.0))
 
 
 @kernel
-def write_feature(body: Body, contact: np.void) -> None:
-    """Write what does not change until another feature touches."""
-    feature = int(contact["feature"])
-    h, r, shift = feature_geometry(body, feature)
-    contact["h"], contact["r"], contact["shift"] = h, r, shift
-    contact["arm"] = contact["arc_arm"] if feature == records.ARC else contact["corner_arm"]
-    contact["other"], contact["other_sine"], contact["other_cosine"] = other_corner(body, feature, shift)
-    if contact["paired"] != 0.0:  # the other corner is down
-        contact["other"], contact["other_sine"], contact["other_cosine"] = math.inf, 0.0, 0.0
-    # The largest mobility of the point: a spring that turns the body moves less than its mass.
-    moved = contact["per_mass"] * (1.0 + contact["ratio"] * h * h)
-    _write_paces(contact, moved)
+def _watch(body: np.void, contact: np.void, point: np.void) -> None:
+    """Write the gap of the arc that may touch beside the one that touches: of two points, on the far side of each."""
+    arc, alone, rising = int(point["arc"]), contact["count"] == 1.0, point["rising"] != 0.0
+    other = partner(body, arc, rising == alone)
+    point["other"], point["other_sine"], point["other_cosine"] = math.inf, 0.0, 0.0
+    third = not alone and point["direct"] != 0.0 and not same_arc(body, other, partner(body, arc, rising))
+    if other >= 0 and (alone or third):
+        point["other"], point["other_sine"], point["other_cosine"] = beside(body, arc, other)
+
+
+@kernel
+def watch_third(body: np.void, rising: float, contact: np.void, point: np.void) -> None:
+    """Let one of two points, the other of which lies on its rising side or not, watch its far side."""
+    point["rising"] = rising
+    _watch(body, contact, point)
+
+
+@kernel
+def watch_nearer(body: np.void, contact: np.void, point: np.void) -> None:
+    """Let a contact that has passed the middle of its arc watch the other side, or the further one: see ``direct``."""
+    beyond = contact["phi"] - point["middle"]
+    if (beyond < 0.0) if point["rising"] != 0.0 else (beyond > 0.0):
+        point["rising"] = 1.0 - point["rising"]
+        _watch(body, contact, point)
+
+
+@kernel
+def write_arc(body: np.void, turn: float, contact: np.void, point: np.void) -> None:
+    """Write what does not change until another arc touches.
+
+    ``turn`` [rad] is what the orientation of the contact exceeds the interval of the arc by: 0, or a whole turn.
+    """
+    arc = int(point["arc"])
+    point["turn"] = turn
+    point["h"], point["r"], point["shift"] = body["h"][arc], body["r"][arc], body["shift"][arc]
+    point["arm"] = contact["corner_arm"] if body["corner"][arc] != 0.0 else contact["arc_arm"]
+    ends, begins = body["side"][arc] > 0.0, body["side"][int(body["previous"][arc])] > 0.0
+    point["low"] = -math.inf if begins else body["low"][arc] + turn
+    point["high"] = math.inf if ends else body["high"][arc] + turn
+    point["middle"], point["direct"] = body["middle"][arc] + turn, body["direct"][arc]
+    point["rising"] = 1.0 if rises(body, arc, contact["phi"] - turn) else 0.0
+    _watch(body, contact, point)
+    # A spring that turns the body moves less than its mass.
+    reach = body["reach"][arc]
+    point["yielding"] = contact["per_mass"] * (1.0 + contact["ratio"] * reach * reach)
 
 
 @kernel
@@ -195,87 +214,119 @@ def settled_unit(size: float, gravity: float, omega: float) -> float:
 
 
 @kernel
-def move_on(contact: np.void, step: np.void) -> bool:
-    """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now."""
-    before = contact["time"]
-    advance(contact, step)
-    contact["at_edge"] = contact["other_left"] = 0.0
-    passed = False
-    if _time_passes(before, contact, step):
-        # Two events at the same time: the later one by rounding must not leave its velocity with the wrong sign.
-        if contact["gap_rate"] * contact["v_n"] < 0.0:
-            contact["v_n"], passed = 0.0, True
-        if contact["slip"] * contact["v_t"] < 0.0:
-            contact["v_t"], passed = 0.0, True
-        if contact["spin"] * contact["omega"] < 0.0:
-            contact["omega"], passed = 0.0, True
+def move_on(contact: np.void, points: np.ndarray, steps: np.ndarray) -> bool:
+    """Go to the end of a step; return whether a velocity has passed zero there by rounding, and is zero now.
+
+    Of two events at the same time the later one must not leave its velocity with the wrong sign.
+    """
+    before, count, passed = contact["time"], int(contact["count"]), False
+    for i in range(count):
+        advance(contact, points[i], steps[i])
+        points[i]["at_edge"] = points[i]["other_left"] = 0.0
+    go_on(contact, steps[0])
+    contact["stalled"] = 0.0 if contact["time"] > before else contact["stalled"] + 1.0
+    if not steps[0]["length"] * steps[0]["unit"] > 0.0:
+        return False
+    forget_zeros(contact, points)
+    for i in range(count):
+        point = points[i]
+        if point["gap_rate"] * point["v_n"] < 0.0:
+            point["v_n"], passed = 0.0, True
+        if point["slip"] * point["v_t"] < 0.0:
+            point["v_t"], passed = 0.0, True
+    if contact["spin"] * contact["omega"] < 0.0:
+        contact["omega"], passed = 0.0, True
     return passed
 
 
 @kernel
-def _change_feature(body: Body, contact: np.void) -> None:
-    """Pass from the arc to a corner or back."""
-    if contact["feature"] == records.ARC:
-        contact["feature"] = records.TAIL if contact["phi"] > 0.0 else records.NOSE
-    else:
-        contact["feature"] = records.ARC
-    contact["phi"] = math.copysign(body.half_angle, contact["phi"])
-    contact["at_edge"] = 1.0
-    write_feature(body, contact)
+def _pass_on(body: np.void, contact: np.void, point: np.void) -> int:
+    """Pass on to the arc at the end of the interval; RUNNING, or BURIED if another one that may touch is deep there."""
+    arc, low, high = int(point["arc"]), point["low"], point["high"]
+    upwards = not contact["phi"] - low < high - contact["phi"]
+    after = int(body["next"][arc] if upwards else body["previous"][arc])
+    edge, start = (high, body["low"][after]) if upwards else (low, body["high"][after])
+    contact["phi"] = edge
+    point["arc"], point["at_edge"] = after, 1.0
+    rising = point["rising"]
+    write_arc(body, edge - start, contact, point)
+    if contact["count"] > 1.0:
+        watch_third(body, rising, contact, point)
+        return records.RUNNING
+    other = partner(body, after, point["rising"] != 0.0)
+    deep = point["other"] < math.inf and point["gap"] + apart(body, after, other, start) < -DEEP * contact["size"]
+    return records.BURIED if deep else records.RUNNING
 
 
 @kernel
-def follow_event(body: Body, contact: np.void, step: np.void) -> int:
-    """Apply what happens at the end of a step to the contact; return its status, RUNNING if it goes on."""
+def follow_event(body: np.void, length: float, contact: np.void, point: np.void, step: np.void) -> int:
+    """Apply what happens to a point at the end of a step; return the status of the contact, RUNNING if it goes on.
+
+    ``length`` [m] is that of the slope.
+    """
     event = int(step["event"])
     if event == events.NOTHING:
-        moved = contact["x"] + contact["phi"] + contact["gap"] + contact["v_n"] + contact["v_t"] + contact["omega"]
+        moved = contact["x"] + contact["phi"] + point["gap"] + point["v_n"] + point["v_t"] + contact["omega"]
         return records.RUNNING if math.isfinite(moved) else records.NON_FINITE
-    if event == events.SEPARATION:
-        return records.SEPARATED
     if event == events.SLOPE_ENDS:
-        contact["x"] = contact["length"]
+        contact["x"] = length
         return records.FINISH
-    if event == events.CHORD_DOWN:
-        return records.BOTH_CORNERS
+    if event == events.SEPARATION or (event == events.RATE_RELEASED and contact["rigid"] != 0.0):
+        return records.SEPARATED
+    if event == events.OTHER_DOWN:
+        return records.TWO_POINTS if contact["count"] == 1.0 else records.BURIED
+    if event == events.ARC_ENDS:
+        return _pass_on(body, contact, point)
     if event == events.RATE_ZERO:
-        contact["v_n"], contact["gap_left"] = 0.0, 0.0
+        point["v_n"], point["gap_left"] = 0.0, 0.0
     elif event == events.RATE_RELEASED:
-        if contact["k_closing"] == math.inf:
-            return records.SEPARATED
-        contact["gap_left"] = step["released"]
+        point["gap_left"] = step["released"]
     elif event == events.MIDDLE_PASSED:
-        if contact["paired"] != 0.0:
+        if contact["count"] > 1.0:
             return records.BURIED
-        contact["phi"] = math.copysign(0.0, -contact["other_sine"])
-    elif event == events.FEATURE_ENDS:
-        _change_feature(body, contact)
+        point["rising"] = 1.0 - point["rising"]
+        contact["phi"] = point["middle"]
+        _watch(body, contact, point)
     else:
-        _stop_or_release(contact, step)
+        _stop_or_release(contact, point, step)
     return records.RUNNING
 
 
 @kernel
-def arms_now(body: Body, feature: int, contact: np.void) -> tuple[float, float]:
-    """Arms [m] of a feature at the orientation of a contact."""
-    return arms(body, feature, contact["phi"] - whole_turns(contact["phi"]))
+def arms_now(body: np.void, arc: int, contact: np.void) -> tuple[float, float]:
+    """Arms [m] of an arc at the orientation of a contact."""
+    return arms(body, arc, contact["phi"] - whole_turns(contact["phi"]))
 
 
 @kernel
-def change_corner(body: Body, corner: int, contact: np.void) -> None:
-    """Turn the contact of one corner into that of the other, whose code is given."""
-    a, b = arms_now(body, int(contact["feature"]), contact)
-    u, v = contact["v_t"] - b * contact["omega"], contact["v_n"] + a * contact["omega"]
-    a, b = arms_now(body, corner, contact)
-    contact["v_t"], contact["v_n"] = u + b * contact["omega"], v - a * contact["omega"]
-    contact["feature"] = corner
+def change_point(body: np.void, arc: int, contact: np.void, point: np.void) -> None:
+    """Turn a point into the lowest one of another arc, which is given."""
+    omega = contact["omega"]
+    a, b = arms_now(body, int(point["arc"]), contact)
+    u, v = point["v_t"] - b * omega, point["v_n"] + a * omega
+    a, b = arms_now(body, arc, contact)
+    point["v_t"], point["v_n"], point["arc"] = u + b * omega, v - a * omega, arc
 
 
 @kernel
-def begin_with_approaching(body: Body, contact: np.void) -> None:
-    """Let a chord that lands flat begin with the other corner, if the one chosen moves away."""
-    feature = int(contact["feature"])
-    if contact["v_n"] > 0.0 and feature != records.ARC:
-        change_corner(body, records.NOSE if feature == records.TAIL else records.TAIL, contact)
-        contact["feature_before"], contact["v_t_before"] = contact["feature"], contact["v_t"]
-        contact["a_before"], contact["b_before"] = arms_now(body, int(contact["feature"]), contact)
+def beside_now(body: np.void, arc: int, phi: float) -> tuple[int, float, bool]:
+    """Arc that may touch beside another one, its gap [m] less that of the other, and its side; -1: none may.
+
+    The side is True where the arc comes down as the orientation rises.
+    """
+    phi -= whole_turns(phi)
+    phi -= within(body, arc, phi)
+    rising = rises(body, arc, phi)
+    other = partner(body, arc, rising)
+    return other, apart(body, arc, other, phi) if other >= 0 else math.inf, rising
+
+
+@kernel
+def begin_with_approaching(body: np.void, contact: np.void, point: np.void, touchdown: np.void) -> None:
+    """Let a straight side that lands flat begin with its other end, if the one chosen moves away."""
+    if point["v_n"] > 0.0:
+        other, _, _ = beside_now(body, int(point["arc"]), contact["phi"])
+        if other >= 0:
+            change_point(body, other, contact, point)
+            touchdown["arc"], touchdown["v_t"] = point["arc"], point["v_t"]
+            touchdown["a"], touchdown["b"] = arms_now(body, other, contact)

@@ -13,7 +13,7 @@ from sledenv.kernel.params import State
 RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BURIED = range(9)
 # How a contact may end without ending the descent.
 SEPARATED: Final = -1  # the body leaves the slope
-BOTH_CORNERS: Final = -2  # the corner on the other side of a rigid body has come down
+TWO_POINTS: Final = -2  # another arc of a rigid body has come down
 INCONSISTENT: Final = -3  # no finite normal force keeps rigid surfaces apart: an impact follows
 
 ARC, NOSE, TAIL, CHORD = range(1, 5)
@@ -38,7 +38,7 @@ STATUS_OF_CODE: Final = tuple(Status)
 
 
 class Feature(IntEnum):
-    """Which part of the body touches."""
+    """Codes of the parts of a segment; those of any other body are the places in its ``parts``, counted from 1."""
 
     NONE = 0
     ARC = ARC
@@ -117,7 +117,7 @@ REBOUND = np.dtype(
         ("t_touchdown", "f8"),  # [s] when the contact began
         ("x_contact", "f8"),  # [m] where it began: the point that touched
         ("duration", "f8"),  # [s] of the contact
-        ("feature", "i4"),  # Feature that touched first
+        ("feature", "i4"),  # code of the part of the body that touched first, or of the side that lay on the slope
         ("mode", "i4"),  # Mode
         ("normal_impulse", "f8"),  # [N s]
         ("tangential_impulse", "f8"),  # [N s]
@@ -164,11 +164,13 @@ TRAJECTORY = np.dtype(
         # Of what is in contact, 0 in flight: the slip velocity, and the tangential force over its largest value f N.
         ("slip_velocity", "f8"),  # [m/s]
         ("friction_ratio", "f8"),  # [-]
-        ("normal_tail", "f8"),  # [N] normal and tangential force of each corner that touches
+        # Of each end of a straight side, where it touches: of the one that lies downhill while the body lies on it (of a
+        # segment its tail), and of the other one (its nose).
+        ("normal_tail", "f8"),  # [N] normal and tangential force
         ("tangential_tail", "f8"),
         ("normal_nose", "f8"),
         ("tangential_nose", "f8"),
-        ("feature", "i4"),  # Feature in contact, 0 in flight
+        ("feature", "i4"),  # code of the part of the body in contact, 0 in flight
         ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
         ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
         *((name, "f8") for name in FLIGHT_LOSSES),  # [J] since the launch

@@ -3,136 +3,174 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import normal
-from sledenv.kernel.geometry import corner_lengths, whole_turns
-from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, lies_flat, softened
-from sledenv.kernel.params import Body, Incline, RigidLaw
-from sledenv.kernel.progress import arms_now, change_corner
-from sledenv.kernel.records import ARC, INCONSISTENT, NOSE, RUNNING, SEPARATED, STEP_BUDGET, TAIL
+from sledenv.kernel.flat import ENDS, Side, hit_flat
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
+from sledenv.kernel.outline import whole_turns, within
+from sledenv.kernel.params import Incline, RigidLaw
+from sledenv.kernel.progress import arms_now, beside_now, change_point
+from sledenv.kernel.records import INCONSISTENT, RUNNING, SEPARATED, STEP_BUDGET
 from sledenv.kernel.state import SUMS, add, copy, followed_by
 
 MOST_STRIKES = 10000  # impacts without a flight between them
-MOST_CHORD_IMPACTS = 64
 LEVEL = 1e-12  # of the size: a corner this close to the slope touches
 NEARLY = 1e-6  # of the size: with one this close, springs however stiff would touch with both
 JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
-_bring = straight(lambda source, target: copy(source, target, ("v_t", "v_n", "omega", "sequence")))
-_book = straight(lambda hop, contact: add(hop, contact, SUMS))
-_with_corner = scalar(lambda sequence, corner: (followed_by(sequence, 20.0 + corner),))  # no code of a phase
+# No code of a phase.
+_with_side = scalar(lambda sequence, arc, other: (followed_by(sequence, 20.0 + arc + 16.0 * other),))
+
+
+def _bringing(contact: Any, point: Any, hop: Any) -> None:
+    """Program that hands over to an impact what a point does."""
+    copy(point, hop, ("v_t", "v_n"))
+    copy(contact, hop, ("omega", "sequence"))
+
+
+def _bringing_back(contact: Any, point: Any, hop: Any) -> None:
+    """Program that takes over from an impact what a point does after it, and books the impact."""
+    copy(hop, point, ("v_t", "v_n"))
+    copy(hop, contact, ("omega", "sequence"))
+    add(hop, contact, SUMS)
+
+
+_hand_over, _take_over = straight(_bringing), straight(_bringing_back)
 
 
 @kernel
-def write_rigid(body: Body, law: RigidLaw, slope: Incline, contact: np.void) -> None:
+def write_rigid(body: np.void, law: RigidLaw, slope: Incline, contact: np.void, point: np.void) -> None:
     """Write how rigid surfaces meet."""
-    size = body.radius + body.eccentricity
-    spin, slip = contact["omega"], contact["v_t"]
-    normal.write_rigid(contact)
+    size, spin, slip = body["size"], contact["omega"], point["v_t"]
+    most = MOST_NORMAL * body["mass"] * (slope.inward + size * spin * spin + slip * slip / size)
+    normal.write_rigid(most, contact)
     contact["friction"] = law.friction
     contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
-    contact["most_normal"] = MOST_NORMAL * body.mass * (slope.inward + size * spin * spin + slip * slip / size)
 
 
 @kernel
-def _hit(law: RigidLaw, a: float, b: float, restitution: float, contact: np.void, hop: np.void) -> int:
-    """Follow one impact of the feature that touches, whose arms are given. Return the number of phases."""
+def _arm_of(body: np.void, law: RigidLaw, arc: int) -> float:
+    """Rolling arm [m] of an arc."""
+    return law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
+
+
+@kernel
+def _hit(body: np.void, law: RigidLaw, a: float, b: float, restitution: float, space: np.void) -> int:
+    """Follow one impact of the arc that touches, whose arms are given. Return the number of phases."""
+    contact, point, hop = space["contact"], space["points"][0], space["hop"]
     hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = law.rolling_arm if contact["feature"] == ARC else law.corner_rolling_arm
-    _bring(contact, hop)
+    hop["arm"] = _arm_of(body, law, int(point["arc"]))
+    _hand_over(contact, point, hop)
     count = impact(ENERGETIC, hop, None)
-    _bring(hop, contact)
-    _book(hop, contact)
+    _take_over(contact, point, hop)
     return count
 
 
 @kernel
-def _lie_down(body: Body, contact: np.void) -> None:
-    """Bring a body to lie on its chord: what both corners have left is lost, and the slope gives the impulse."""
-    a, b = arms_now(body, int(contact["feature"]), contact)
-    omega = contact["omega"]
-    v = contact["v_n"] + a * omega
-    contact["hysteresis"] += 0.5 * (body.inertia * omega**2 + body.mass * v * v)
-    contact["normal_impulse"] -= body.mass * v
-    contact["v_t"] -= b * omega
-    contact["omega"], contact["v_n"], contact["paired"] = 0.0, 0.0, 1.0
+def _account(body: np.void, side: Side, u: float, v: float, omega: float, space: np.void) -> None:
+    """Add up impulses and losses of a side that has hit flat, from the motion of the body before."""
+    contact, ends, lost = space["contact"], space["ends"], space["lost_flat"]
+    now, gap_rate = ends[5], ends[2]
+    change_u, change_v = ends[4] - side.b * now - u, gap_rate + side.a_1 * now - v
+    before = side.mass * (u * u + v * v) + body["inertia"] * omega * omega
+    then_u, then_v = u + change_u, v + change_v
+    after = side.mass * (then_u * then_u + then_v * then_v) + body["inertia"] * now * now
+    contact["normal_impulse"] += side.mass * change_v
+    contact["tangential_impulse"] += side.mass * change_u
+    contact["hysteresis"] += lost[0]
+    contact["rolling"] += lost[1]
+    contact["rolling_impulse"] += lost[2]
+    contact["sliding"] += max(0.5 * (before - after) - lost[0] - lost[1], 0.0)
 
 
 @kernel
-def strike_chord(body: Body, law: RigidLaw, pressed: bool, contact: np.void, hop: np.void) -> int:
-    """Follow the impacts of a chord that lies on the slope, one corner at a time: docs/physics.md, section 8.
+def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat: bool, space: np.void) -> int:
+    """Follow the impact of a side that has come down with both its ends, of which ``other`` is not the contact's.
 
-    The corners are hit in turn, the faster first, with the restitution of the law. A body that still approaches after
-    MOST_CHORD_IMPACTS of them, or with both corners slower than ``law.settle_speed``, lies on its chord; so does
-    one that is pressed onto the slope with both corners at rest.
+    If the side is not quite ``flat``, the other end hits too, but it cannot stay. An impact slower than
+    ``law.settle_speed`` is plastic if the body is pressed onto the slope. The result is that of :func:`_strike_once`.
+    """
+    contact, point, ends = space["contact"], space["points"][0], space["ends"]
+    arc, omega = int(point["arc"]), contact["omega"]
+    a_1, b = arms_now(body, arc, contact)
+    a_2, _ = arms_now(body, other, contact)
+    u, v = point["v_t"] - b * omega, point["v_n"] + a_1 * omega
+    there = v - a_2 * omega
+    ends[0], ends[1], ends[2], ends[3], ends[4], ends[5] = 0.0, 0.0, point["v_n"], there, point["v_t"], omega
+    slowly = max(abs(point["v_n"]), abs(there)) < law.settle_speed
+    restitution = 0.0 if pressing > 0.0 and slowly else law.restitution
+    if min(point["v_n"], there) < 0.0:
+        arms_of_both = _arm_of(body, law, arc), _arm_of(body, law, other)
+        side = Side(
+            body["mass"], 1.0 / body["inertia"], a_1, a_2, b, law.friction, *arms_of_both, body["size"], restitution**2
+        )
+        first = -1 if contact["phi"] < 0.0 else 1
+        if hit_flat(side, first, ends, space["lost_flat"], space["flat"]) != ENDS:
+            return STEP_BUDGET
+        _account(body, side, u, v, omega, space)
+        contact["sequence"] = _with_side(contact["sequence"], arc, other)[0]
+        point["v_n"], point["v_t"], contact["omega"] = ends[2], ends[4], ends[5]
+    if flat and ends[3] == 0.0:
+        if ends[2] == 0.0:
+            contact["count"] = 2.0
+        else:
+            change_point(body, other, contact, point)
+            point["v_n"] = 0.0
+    return RUNNING if point["v_n"] == 0.0 else SEPARATED
+
+
+@kernel
+def _local(body: np.void, contact: np.void, arc: int) -> float:
+    """Orientation [rad] of a contact within the interval of an arc."""
+    phi = contact["phi"] - whole_turns(contact["phi"])
+    return float(phi - within(body, arc, phi))
+
+
+@kernel
+def _strike_once(body: np.void, law: RigidLaw, slope: Incline, a: float, b: float, alone: bool, space: np.void) -> int:
+    """Follow the impact of one point whose arms are given, or of two if both are down and not left ``alone``.
+
+    An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
+    sequence of ever smaller bounces (docs/physics.md, section 6).
 
     Returns
     -------
     int
-        SEPARATED (both corners leave), RUNNING (one of them stays, or both: ``contact["paired"]``) or STEP_BUDGET.
+        SEPARATED, RUNNING (one point stays, or both: ``contact["count"]``) or STEP_BUDGET.
     """
-    for i in range(2 * MOST_CHORD_IMPACTS):
-        corner = int(contact["feature"])
-        here = contact["v_n"]
-        change_corner(body, NOSE if corner == TAIL else TAIL, contact)
-        there = contact["v_n"]
-        slow = i >= MOST_CHORD_IMPACTS or (pressed and max(abs(here), abs(there)) < law.settle_speed)
-        if (slow and min(here, there) < 0.0) or (pressed and here == 0.0 and there == 0.0):
-            _lie_down(body, contact)
-            return RUNNING
-        if here <= there:
-            change_corner(body, corner, contact)
-            contact["v_n"] = here
-        if contact["v_n"] >= 0.0:
-            break
-        a, b = arms_now(body, int(contact["feature"]), contact)
-        plastic = pressed and -contact["v_n"] < law.settle_speed
-        contact["sequence"] = _with_corner(contact["sequence"], contact["feature"])[0]
-        if _hit(law, a, b, 0.0 if plastic else law.restitution, contact, hop) > MOST_PHASES:
-            return STEP_BUDGET
-    return SEPARATED if contact["v_n"] > 0.0 else RUNNING
-
-
-@kernel
-def _strike_once(
-    body: Body, law: RigidLaw, slope: Incline, a: float, b: float, alone: bool, contact: np.void, hop: np.void
-) -> int:
-    """Follow the impact of one point whose arms are given, or of the chord if that is down and not left ``alone``.
-
-    An impact slower than ``law.settle_speed`` is plastic if the body is pressed onto the slope; that ends the infinite
-    sequence of ever smaller bounces (docs/physics.md, section 6). The result is that of :func:`strike_chord`.
-    """
-    feature, omega = int(contact["feature"]), contact["omega"]
+    contact, point = space["contact"], space["points"][0]
+    arc, omega = int(point["arc"]), contact["omega"]
+    pressing = slope.inward + (body["r"][arc] - b) * omega * omega
     if alone:  # without an approach, forces that only grow very large would not act at all
-        contact["v_n"] = min(contact["v_n"], -JOLT * contact["scale"])
-    if not alone and feature != ARC:
-        local, across = contact["phi"] - whole_turns(contact["phi"]), corner_lengths(body)[1]
-        if lies_flat(local, across, NEARLY * hop["size"]):
-            contact["on_chord"] = 1.0
-        if lies_flat(local, across, LEVEL * hop["size"]):
-            contact["phi"] += math.copysign(math.pi, local) - local  # flat, so that neither corner lies below the slope
-            return strike_chord(body, law, slope.inward - b * omega * omega > 0.0, contact, hop)
-    radius = body.radius if feature == ARC else 0.0
-    pressing = slope.inward + (radius - b) * omega * omega
-    restitution = softened(law.restitution, law.settle_speed, contact["v_n"], pressing)
-    if _hit(law, a, b, restitution, contact, hop) > MOST_PHASES:
+        point["v_n"] = min(point["v_n"], -JOLT * contact["scale"])
+    other, apart, rises = beside_now(body, arc, contact["phi"])
+    if not alone and abs(apart) <= NEARLY * body["size"] and body["sinks"][arc] == 0.0:
+        contact["side_touched"] = (body["rising_side"] if rises else body["falling_side"])[arc]
+        flat = abs(apart) <= LEVEL * body["size"]
+        if flat:  # neither end lies below the slope
+            contact["phi"] += (body["high"][arc] if rises else body["low"][arc]) - _local(body, contact, arc)
+        return _strike_flat(body, law, pressing, other, flat, space)
+    restitution = softened(law.restitution, law.settle_speed, point["v_n"], pressing)
+    if _hit(body, law, a, b, restitution, space) > MOST_PHASES:
         return STEP_BUDGET
-    return SEPARATED if contact["v_n"] > 0.0 else RUNNING
+    return SEPARATED if point["v_n"] > 0.0 else RUNNING
 
 
 @kernel
-def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void) -> int:
+def strike(body: np.void, law: RigidLaw, slope: Incline, left: int, space: np.void) -> int:
     """Let rigid surfaces hit each other.
 
     Parameters
     ----------
-    body, law, slope
+    body : record of BODY
+    law, slope
         See :mod:`sledenv.kernel.params`.
     left : int
         RUNNING at a touchdown; or the status with which :func:`sledenv.kernel.contact.follow` has left the contact.
@@ -142,18 +180,18 @@ def strike(body: Body, law: RigidLaw, slope: Incline, left: int, space: np.void)
     Returns
     -------
     int
-        RUNNING if the surfaces stay in contact, with two points if ``contact["paired"]``; SEPARATED or STEP_BUDGET.
+        RUNNING if the surfaces stay in contact, ``contact["count"]`` points of them; SEPARATED or STEP_BUDGET.
     """
-    contact, hop = space["contact"], space["hop"]
-    a, b = contact["a_before"], contact["b_before"]
+    contact, point = space["contact"], space["points"][0]
+    a, b = space["touchdown"]["a"], space["touchdown"]["b"]
     if left == RUNNING:
-        write_rigid(body, law, slope, contact)
+        write_rigid(body, law, slope, contact, point)
         contact["peak_force"] = math.inf
         space["strikes"] = 0.0
     else:
-        a, b = arms_now(body, int(contact["feature"]), contact)
+        a, b = arms_now(body, int(point["arc"]), contact)
     space["strikes"] += 1.0
     if space["strikes"] > MOST_STRIKES:
         return STEP_BUDGET
-    contact["paired"] = contact["held"] = 0.0
-    return _strike_once(body, law, slope, a, b, left == INCONSISTENT, contact, hop)
+    contact["count"], contact["held"] = 1.0, 0.0
+    return _strike_once(body, law, slope, a, b, left == INCONSISTENT, space)

@@ -58,26 +58,26 @@ class _Spinning(NamedTuple):
     forces: list[Any]  # where the slip is locked
 
 
-def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) -> _Spinning:
+def _recurrence(contact: Any, point: Any, step: Any, gap_locked: bool, slip_locked: bool) -> _Spinning:
     """Coefficients of a motion with spin, one order after the other: docs/physics.md (5.5)-(5.9).
 
     All products are summed at once, side by side: those of sine and cosine with the spin, and those of levers with
     forces.
     """
-    unit, ratio, h, r = step.unit, contact.ratio, contact.h, contact.r
+    unit, ratio, h, r = step.unit, contact.ratio, point.h, point.r
     square = unit * unit
     inward, downhill = square * contact.inward, square * contact.downhill
-    stiffness = -(contact.stiffness * contact.per_mass * square)  # normal force over load
+    stiffness = -(point.stiffness * contact.per_mass * square)  # normal force over load
     # Spin rate that a force at the lever gives; the load is the normal force itself where the gap is locked.
     per_lever = ratio if gap_locked else ratio * stiffness
-    lever_sine, lever_cosine = -(h * per_lever), -(contact.mu * h * per_lever)
-    lever_rest = fma(contact.mu, r, contact.rho) * per_lever
+    lever_sine, lever_cosine = -(h * per_lever), -(point.mu * h * per_lever)
+    lever_rest = fma(point.mu, r, point.rho) * per_lever
     a_0, b_0 = h * step.sine, fma(-h, step.cosine, r)
     if slip_locked:
-        lever_cosine, lever_rest = 0.0, contact.rho * per_lever
+        lever_cosine, lever_rest = 0.0, point.rho * per_lever
     sine, cosine, spin = [step.sine], [step.cosine], [unit * contact.omega]
     turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
-    gap: list[Any] = [contact.gap, unit * contact.v_n]
+    gap: list[Any] = [point.gap, unit * point.v_n]
     load: list[Any] = []
     force: list[Any] = []
     per_unit = 1.0 / unit
@@ -144,8 +144,8 @@ def _recurrence(contact: Any, step: Any, gap_locked: bool, slip_locked: bool) ->
 def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
     """Return the program that fills the series in a branch with spin."""
 
-    def program(contact: Any, step: Any) -> None:
-        found = _recurrence(contact, step, gap_locked, slip_locked)
+    def program(contact: Any, point: Any, step: Any) -> None:
+        found = _recurrence(contact, point, step, gap_locked, slip_locked)
         unit = step.unit
         per_unit = 1.0 / unit
         in_seconds = repeated(per_unit, EIGHT)
@@ -153,17 +153,17 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
         nothing = [np.zeros(EIGHT)] * 3
         spins, (sines, cosines) = rows.of(found.spins), rows.apart(found.turns)
         if gap_locked:
-            gaps, rates, loads = rows.of([contact.gap]), nothing, rows.of(found.loads[:ORDER])
+            gaps, rates, loads = rows.of([point.gap]), nothing, rows.of(found.loads[:ORDER])
             normals = [p * masses for p in loads]
         else:
             gaps = rows.of(found.gaps[:TERMS])
             rates = [p * (in_seconds * n) for p, n in zip(rows.moved_back(gaps, found.gaps[1:]), _NEXT, strict=True)]
-            rates = rows.with_first(rates, contact.v_n)
+            rates = rows.with_first(rates, point.v_n)
             loads = [normal.load(contact, p, q) for p, q in zip(gaps, rates, strict=True)]
-            stiff = repeated(-contact.stiffness, EIGHT)
+            stiff = repeated(-point.stiffness, EIGHT)
             normals = [p * (stiff * kept) for p, kept in zip(loads, _FORCES, strict=True)]
         # How fast the contact point turns away from under the mass centre: slip velocity = speed + sweep.
-        reach, height = repeated(contact.r, EIGHT), repeated(contact.h, EIGHT)
+        reach, height = repeated(point.r, EIGHT), repeated(point.h, EIGHT)
         nexts = rows.times(rows.moved_back(sines, found.sines[1:]), _NEXT)
         sweeps = [fma(reach, p, -(height * q)) for p, q in zip(spins, nexts, strict=True)]
         if slip_locked:
@@ -171,13 +171,13 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
             step.force = [p * masses for p in rows.of(found.forces[:ORDER])]
         else:
             square = unit * unit
-            stiffness = -(contact.stiffness * contact.per_mass * square)
-            driven = repeated(contact.mu if gap_locked else contact.mu * stiffness, EIGHT)
+            stiffness = -(point.stiffness * contact.per_mass * square)
+            driven = repeated(point.mu if gap_locked else point.mu * stiffness, EIGHT)
             speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0), _SHARES, strict=True)]
-            start = fma(unit, contact.v_t, -element(sweeps[0], 0))
+            start = fma(unit, point.v_t, -element(sweeps[0], 0))
             speeds[0] = speeds[0] + side_by_side(start, square * contact.downhill, *([0.0] * 6))
             slips = [(p + q) * (in_seconds * kept) for p, q, kept in zip(speeds, sweeps, _KEPT, strict=True)]
-            slips = rows.with_first(slips, contact.v_t)
+            slips = rows.with_first(slips, point.v_t)
         step.x = rows.times(rows.moved_on(speeds, contact.x), _SHARES * _KEPT)
         step.phi = rows.times(rows.moved_on(spins, contact.phi), _SHARES * _KEPT)
         step.omega = [p * in_seconds for p in spins]

@@ -36,17 +36,6 @@ def new(record: np.dtype, count: int = 1) -> np.ndarray:
     return np.ndarray(count, record, room, first)  # a view would examine every field of the type
 
 
-BODY: Final = (
-    "radius",  # [m]
-    "eccentricity",  # [m]
-    "half_angle",  # [rad]
-    "along",  # [m] where its corners are, see geometry.corner_lengths
-    "across",  # [m]
-    "size",  # [m] nothing of it reaches further from the mass centre
-    "furthest",  # [m] largest h of its features
-    "per_mass",  # [1/kg]
-    "per_inertia",  # [1/(kg m^2)]
-)
 MOTION: Final = ("t", *State._fields)  # where a body is, and how it moves
 IMPULSES: Final = (
     "normal_impulse",  # [N s]
@@ -66,6 +55,7 @@ SEARCH: Final = (  # for the touchdown; times are counted from the start of the 
     "touchdown",  # [s] reached so far; in the end that of the touchdown, inf if there is none
     "bound",  # [m/s^2] the gap never accelerates more than this towards the slope
     "noise",  # [m] rounding error of the gap
+    "kink",  # [rad] angle from the start to the first straight side that the body may land on; inf if there is none
     "margin",  # of the speeds: smaller gap rates do not show whether the body lifts off
     "in_reach",  # [s] from when on the body is in reach of the slope
     "clear",  # [s] up to which the gap is known to be open
@@ -77,80 +67,88 @@ SEARCH: Final = (  # for the touchdown; times are counted from the start of the 
 # What comes next in a descent: the start of a flight, or the rest of the search for its touchdown.
 TAKING_OFF, SEEKING = range(2)
 
-# A contact of one feature with the slope, in its own coordinates: a locked velocity is exactly zero, and the gap does
-# not suffer from cancellation.
+# A contact: what the body has in common for all its points. The coordinates are its own: a locked velocity is exactly
+# zero, and gaps do not suffer from cancellation.
 CONTACT: Final = record(
     ("time", "f8"),  # [s] since the launch
     ("x", "f8"),  # [m] of the mass centre
-    ("phi", "f8"),  # [rad] orientation
-    ("gap", "f8"),  # [m] between feature and slope
-    ("v_n", "f8"),  # [m/s] gap rate
-    ("v_t", "f8"),  # [m/s] slip velocity
+    ("phi", "f8"),  # [rad] orientation, less
+    ("turns", "f8"),  # [rad] these
     ("omega", "f8"),  # [rad/s] spin
+    ("count", "f8"),  # of points, 1 or 2
     *((name, "f8") for name in SUMS),  # what the contact adds up
-    ("stored", "f8"),  # [J] elastic energy at the end
     *((name, "f8") for name in PEAKS),
     ("held", "f8"),  # 1 once the contact has ended: the forces of its last step are then those at its end
-    ("on_chord", "f8"),  # 1 if two points have touched at once
-    ("paired", "f8"),  # 1 while they do: the other one is then a contact too
+    ("side_touched", "f8"),  # code of the first straight side that touched with both its ends, 0 if none has
     ("undecided", "f8"),  # 1 if the branch is to be chosen
     ("sequence", "f8"),  # code of the branches so far, see :func:`followed_by`,
     ("branch", "f8"),  # and of the last one
-    # The touchdown.
-    ("time_before", "f8"),  # [s]
-    ("x_before", "f8"),  # [m]
-    ("phi_before", "f8"),  # [rad]
-    ("u_before", "f8"),  # [m/s] of the mass centre
-    ("v_before", "f8"),
-    ("v_t_before", "f8"),  # [m/s]
-    ("omega_before", "f8"),  # [rad/s]
-    ("feature_before", "f8"),  # Feature
-    ("a_before", "f8"),  # [m] its arms
-    ("b_before", "f8"),
-    # The feature that touches: its lowest point lies at (-a, -b) from the mass centre, see geometry.py.
-    ("feature", "f8"),  # Feature
-    ("h", "f8"),  # [m] a = h sin(phi + shift),
-    ("r", "f8"),  # [m] b = r - h cos(phi + shift)
-    ("shift", "f8"),  # [rad]
-    ("arm", "f8"),  # [m] of its rolling resistance
-    # The gap of the corner on the other side is that of the feature, this,
-    ("other", "f8"),  # [m]
-    ("other_sine", "f8"),  # [m] and these times sine and cosine of phi + shift.
-    ("other_cosine", "f8"),
-    ("pace_closing", "f8"),  # [s] unit of time of a step, as long as the spin is slow
-    ("pace_opening", "f8"),
+    ("spin", "f8"),  # sign of omega from here on, 0 where it is locked
+    ("spin_zeros", "f8"),  # leading coefficients of omega that are zero by construction
+    ("spin_left", "f8"),  # sign with which it has just been released, or 0
+    ("stalled", "f8"),  # events in a row without any progress in time
     # Body, slope and law.
     ("per_mass", "f8"),  # [1/kg]
     ("ratio", "f8"),  # [1/m^2] mass over inertia
     ("size", "f8"),  # [m] of the body
     ("inward", "f8"),  # [m/s^2] gravity along the inward normal
     ("downhill", "f8"),  # [m/s^2] and along the slope
-    ("length", "f8"),  # [m] of the slope
     *normal.FIELDS,
     ("friction", "f8"),  # [-]
-    ("arc_arm", "f8"),  # [m] rolling arm of the arc
-    ("corner_arm", "f8"),  # [m] and of a corner
-    ("most_normal", "f8"),  # [N] above which a rigid contact counts as having no finite normal force
+    ("arc_arm", "f8"),  # [m] rolling arm of arcs
+    ("corner_arm", "f8"),  # [m] and of corners
     ("scale", "f8"),  # [m/s] of the velocities
-    ("tolerance", "f8"),  # [-] of the last terms of a step's series, relative to the scale
-    ("turns", "f8"),  # [rad] that phi leaves out
+)
+
+# A point of a contact: an arc that touches.
+POINT: Final = record(
+    ("arc", "f8"),  # its place in the outline. Its lowest point lies at (-a, -b) from the mass centre:
+    ("h", "f8"),  # [m] a = h sin(phi + shift),
+    ("r", "f8"),  # [m] b = r - h cos(phi + shift)
+    ("shift", "f8"),  # [rad]
+    ("turn", "f8"),  # [rad] what the orientation of the contact exceeds the interval of the arc by: 0, or a whole turn
+    ("arm", "f8"),  # [m] of its rolling resistance
+    ("yielding", "f8"),  # [1/kg] largest mobility
+    ("gap", "f8"),  # [m] between arc and slope
+    ("v_n", "f8"),  # [m/s] gap rate
+    ("v_t", "f8"),  # [m/s] slip velocity
+    ("low", "f8"),  # [rad] orientations at which the contact passes on to another arc, infinite where it does not
+    ("high", "f8"),
+    # Another arc may touch beside it: its gap is that of this one, and
+    ("other", "f8"),  # [m] this,
+    ("other_sine", "f8"),  # [m] and these times sine and cosine of phi + shift.
+    ("other_cosine", "f8"),
+    ("rising", "f8"),  # 1 if it comes down as the orientation rises, 0 if as it falls
+    ("middle", "f8"),  # [rad] above this the rising one is watched, below the falling one
+    ("direct", "f8"),  # 1 if that is the nearer one
+    ("other_left", "f8"),  # 1 if the other arc has just left
+    ("at_edge", "f8"),  # 1 if the contact has just passed on from another arc
     # The branch: what each velocity does from here on.
-    ("gap_rate", "f8"),  # signs of v_n, v_t and omega, 0 where locked
+    ("gap_rate", "f8"),  # signs of v_n and v_t, 0 where locked
     ("slip", "f8"),
-    ("spin", "f8"),
     ("mu", "f8"),  # [-] tangential force over normal force, where it slips
-    ("rho", "f8"),  # [m] rolling moment over normal force, where it spins
+    ("rho", "f8"),  # [m] rolling moment over normal force, where the body spins
     ("stiffness", "f8"),  # [N/m]
-    ("pace", "f8"),  # [s] unit of time
-    ("gap_zeros", "f8"),  # leading coefficients of v_n, v_t and omega that are zero by construction
+    ("pace", "f8"),  # [s] unit of time of a step, as long as the spin is slow
+    ("gap_zeros", "f8"),  # leading coefficients of v_n and v_t that are zero by construction
     ("slip_zeros", "f8"),
-    ("spin_zeros", "f8"),
     ("gap_left", "f8"),  # signs with which velocities have just been released, or 0
     ("slip_left", "f8"),
-    ("spin_left", "f8"),
-    ("other_left", "f8"),  # 1 if the other corner has just left
-    ("at_edge", "f8"),  # 1 if the contact has just passed from one feature to another
-    ("stalled", "f8"),  # events in a row without any progress in time
+)
+
+# How a body touches down.
+TOUCHDOWN: Final = record(
+    ("time", "f8"),  # [s]
+    ("x", "f8"),  # [m]
+    ("phi", "f8"),  # [rad]
+    ("u", "f8"),  # [m/s] of the mass centre
+    ("v", "f8"),
+    ("v_t", "f8"),  # [m/s]
+    ("v_n", "f8"),
+    ("omega", "f8"),  # [rad/s]
+    ("arc", "f8"),  # which arc
+    ("a", "f8"),  # [m] its arms
+    ("b", "f8"),
 )
 
 # One step of a contact: power series in time, counted in a unit of the step's own, so that a coefficient is what its
@@ -217,7 +215,10 @@ STEP: Final = record(
 
 # One hop: a flight, its touchdown, and the impact of a rigid body there.
 HOP: Final = record(
-    *((name, "f8") for name in BODY),
+    ("size", "f8"),  # [m] nothing of the body reaches further from the mass centre
+    ("furthest", "f8"),  # [m] largest h of its arcs
+    ("per_mass", "f8"),  # [1/kg]
+    ("per_inertia", "f8"),  # [1/(kg m^2)]
     *((name, "f8") for name in Incline._fields),  # what it is subject to
     *((name, "f8") for name in MOTION),  # at the start of the flight; the impact changes omega
     *((name, "f8") for name in SEARCH),
@@ -226,7 +227,7 @@ HOP: Final = record(
     *((f"{name}_landing", "f8") for name in MOTION),
     ("v_t_landing", "f8"),  # [m/s] slip velocity of what is lowest,
     ("v_n_landing", "f8"),  # [m/s] gap rate,
-    ("feature", "f8"),  # Feature,
+    ("arc", "f8"),  # its place in the outline,
     ("a", "f8"),  # [m] and arms
     ("b", "f8"),  # [m]
     # The impact, while it goes on and after it.

@@ -15,10 +15,9 @@ import numpy as np
 from sledenv.compiler import rows, values
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
-from sledenv.compiler.trace import of_step, straight
+from sledenv.compiler.trace import of_point, straight
 from sledenv.compiler.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 from sledenv.kernel import events, normal
-from sledenv.kernel.records import ARC
 
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)
@@ -30,55 +29,52 @@ def _nonzero(a: Any) -> Any:
     return less(a, 0.0) | less(0.0, a)
 
 
-def _orientation(contact: Any, step: Any) -> None:
-    """Program of how the feature lies."""
-    step.theta = contact.phi + contact.shift
+def _orientation(contact: Any, point: Any, step: Any) -> None:
+    """Program of how the arc lies."""
+    step.theta = contact.phi + point.shift
     step.sine, step.cosine = values.sine_cosine(step.theta)
 
 
-def _beginning(contact: Any, step: Any) -> None:
+def _beginning(contact: Any, point: Any, step: Any) -> None:
     """Program of the unit of time of a step, and of where it starts in the contact oscillation.
 
     The contact is taken for a harmonic oscillator with frozen arms.
     """
     omega = contact.omega
     # Sine and cosine must converge fast as well.
-    fast = not_more(1.0, absolute(omega) * contact.pace)
-    step.unit = where(fast, 1.0 / absolute(omega), contact.pace)
-    a, b = contact.h * step.sine, contact.r - contact.h * step.cosine
-    slipping, spinning = _nonzero(contact.slip), _nonzero(contact.spin)
-    lever = contact.rho - a + where(slipping, contact.mu * b, 0.0)
+    fast = not_more(1.0, absolute(omega) * point.pace)
+    step.unit = where(fast, 1.0 / absolute(omega), point.pace)
+    a, b = point.h * step.sine, point.r - point.h * step.cosine
+    slipping, spinning = _nonzero(point.slip), _nonzero(contact.spin)
+    lever = point.rho - a + where(slipping, point.mu * b, 0.0)
     share = contact.ratio / where(slipping, 1.0, 1.0 + contact.ratio * b * b)
     yielding = where(spinning, larger(1.0 - a * lever * share, 0.05), 1.0)
-    per_pulsation = 1.0 / root(contact.stiffness * contact.per_mass * yielding)
-    turning = contact.h * step.cosine * omega * omega
-    gap, speed = contact.gap, contact.v_n * per_pulsation
+    per_pulsation = 1.0 / root(point.stiffness * contact.per_mass * yielding)
+    turning = point.h * step.cosine * omega * omega
+    gap, speed = point.gap, point.v_n * per_pulsation
     rest = -(contact.inward + turning) * per_pulsation * per_pulsation  # the gap in balance
     # The gap over that in balance, apart cos + speed sin, closes where it is -rest,
     beyond = speed * speed + gap * (gap - 2.0 * rest)
-    separating = less(0.0, contact.gap_rate) & less(0.0, beyond)
+    separating = less(0.0, point.gap_rate) & less(0.0, beyond)
     step.expected = where(separating, events.SEPARATION, events.RATE_ZERO)
     # and turns back where the tangent is speed / apart.
     step.abeam = where(separating, -gap, speed)
     step.ahead = where(separating, speed + root(beyond), gap - rest)
     step.per_pulsation = per_pulsation
-    # Of the two ends of the arc the one that is further away.
-    reach = contact.other_sine
-    contact.other_sine = where(not_more(contact.feature, ARC), values.with_sign(reach, contact.phi), reach)
 
 
-def _expectation(contact: Any, step: Any) -> None:
+def _expectation(contact: Any, point: Any, step: Any) -> None:
     """Program of the event that ends this phase of the contact oscillation, and of when to expect it.
 
     Angles are right to a thousandth: the event is found exactly, only faster if the guess is good. Nothing is expected
     of a body that turns as fast.
     """
-    separating, closing = not_more(step.expected, events.SEPARATION), less(contact.gap_rate, 0.0)
+    separating, closing = not_more(step.expected, events.SEPARATION), less(point.gap_rate, 0.0)
     angle = values.rough_angle(step.abeam, step.ahead)
     later = where(closing & less(angle, 0.0), angle + math.pi, angle)
     angle = where(separating, 2.0 * angle, later)
     step.guess = angle * step.per_pulsation / step.unit
-    kept = less(absolute(angle), math.inf) & not_more(contact.pace, step.unit)
+    kept = less(absolute(angle), math.inf) & not_more(point.pace, step.unit)
     step.expected = where(kept, step.expected, events.NOTHING)
 
 
@@ -94,7 +90,7 @@ def _sagging(terms: Sequence[Any], leaving: Any = None) -> Any:
     return rows.added(rows.times([larger(part, np.zeros(EIGHT)) for part in terms], sags))
 
 
-def _completion(contact: Any, step: Any) -> None:
+def _completion(contact: Any, point: Any, step: Any) -> None:
     """Program of the state and the work at the end of a step, and of whether anything changes its sign on the way.
 
     Integrals are taken by Gauss's rule, whose error is below that of the series.
@@ -109,14 +105,14 @@ def _completion(contact: Any, step: Any) -> None:
     terms = [rows.times(rows.read(series), powers) for series in moving]
     along, gaps, *velocities = terms
     starts = [series[0] for series in moving]
-    signs = (contact.gap_rate, contact.slip, contact.spin)
-    zeros = (contact.gap_zeros, contact.slip_zeros, contact.spin_zeros)
+    signs = (point.gap_rate, point.slip, contact.spin)
+    zeros = (point.gap_zeros, point.slip_zeros, contact.spin_zeros)
     sagging = [_sagging([-normal.load(contact, *of) for of in zip(gaps, velocities[0], strict=True)])]
     for row, sign, vanishing in zip(velocities, signs, zeros, strict=True):
         signed = repeated(sign, EIGHT)
         sagging.append(_sagging([signed * part for part in row], smaller(vanishing, 1.0)))
-    # The gap of the corner on the other side.
-    sines, cosines = repeated(contact.other_sine, EIGHT), repeated(contact.other_cosine, EIGHT)
+    # The gap of the arc beside it.
+    sines, cosines = repeated(point.other_sine, EIGHT), repeated(point.other_cosine, EIGHT)
     around = zip(*(rows.times(rows.read(series), powers) for series in (step.sines, step.cosines)), gaps, strict=True)
     other = [fma(sines, p, fma(cosines, q, r)) for p, q, r in around]
     ends = [rows.added(row) for row in terms]
@@ -143,13 +139,13 @@ def _completion(contact: Any, step: Any) -> None:
         least = where_less(vanishing, 0.5, smaller(sign * series[0], end), where_less(vanishing, 1.5, end, later))
         safe.append(least - sag)
     step.safe_v_n, step.safe_v_t, step.safe_omega = safe
-    start = fma(contact.other_sine, step.sines[0], fma(contact.other_cosine, step.cosines[0], starts[1]))
-    start = start + contact.other
+    start = fma(point.other_sine, step.sines[0], fma(point.other_cosine, step.cosines[0], starts[1]))
+    start = start + point.other
     step.safe_other = smaller(start, start + other_change) - other_sag
     step.turn = time * (larger(absolute(starts[4]), absolute(rates[2])) + turning_sag)
 
 
-def _locked_completion(contact: Any, step: Any) -> None:
+def _locked_completion(contact: Any, point: Any, step: Any) -> None:
     """Program of the impulses of the forces of locked velocities, and of whether they stay within their bounds."""
     s = step.length
     time = s * step.unit
@@ -173,43 +169,48 @@ def _locked_completion(contact: Any, step: Any) -> None:
 
     step.safe_force = slack(1, 1.0, contact.friction, force_sag)
     step.safe_force_back = slack(1, -1.0, contact.friction, force_sag)
-    step.safe_moment = slack(2, 1.0, contact.arm, moment_sag)
-    step.safe_moment_back = slack(2, -1.0, contact.arm, moment_sag)
+    step.safe_moment = slack(2, 1.0, point.arm, moment_sag)
+    step.safe_moment_back = slack(2, -1.0, point.arm, moment_sag)
     step.force_impulse = time * impulse
     step.moment_impulse = time * twist
     step.safe_least = smaller(starts[0], ends[0]) - step.least - sag
     step.safe_largest = step.largest - larger(starts[0], ends[0]) - rise
 
 
-def _progress(contact: Any, step: Any) -> None:
-    """Program that moves the state, the impulses and the losses to the end of a step."""
-    slipping, spinning = _nonzero(contact.slip), _nonzero(contact.spin)
-    contact.time = contact.time + step.length * step.unit
-    contact.x, contact.phi = step.x_end, step.phi_end
-    lost = normal.ease(contact, step, equal(step.event, events.SEPARATION))
+def _progress(contact: Any, point: Any, step: Any) -> None:
+    """Program that moves a point to the end of its step, and adds up impulses and losses."""
+    slipping, spinning = _nonzero(point.slip), _nonzero(contact.spin)
+    lost = normal.ease(contact, point, step, equal(step.event, events.SEPARATION))
     contact.hysteresis = contact.hysteresis + lost
-    contact.v_n, contact.v_t, contact.omega = step.v_n_end, step.v_t_end, step.omega_end
-    normal.keep_peaks(contact)
+    point.v_n, point.v_t = step.v_n_end, step.v_t_end
+    normal.keep_peaks(contact, point)
     impulse = step.normal_impulse
     contact.normal_impulse = contact.normal_impulse + impulse
-    contact.tangential_impulse = contact.tangential_impulse + where(slipping, contact.mu * impulse, step.force_impulse)
-    contact.rolling_impulse = contact.rolling_impulse + where(spinning, contact.rho * impulse, step.moment_impulse)
+    contact.tangential_impulse = contact.tangential_impulse + where(slipping, point.mu * impulse, step.force_impulse)
+    contact.rolling_impulse = contact.rolling_impulse + where(spinning, point.rho * impulse, step.moment_impulse)
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
-    slid, rolled = larger(-contact.mu * step.slip_work, 0.0), larger(-contact.rho * step.spin_work, 0.0)
+    slid, rolled = larger(-point.mu * step.slip_work, 0.0), larger(-point.rho * step.spin_work, 0.0)
     contact.sliding = contact.sliding + where(slipping, slid, 0.0)
     contact.rolling = contact.rolling + where(spinning, rolled, 0.0)
 
 
-# Of a contact and a step: write how the feature lies; the unit of time, and where the step starts in the contact
-# oscillation; the event that ends the phase of that, and when to expect it; move the contact to the end of the step.
-orient, advance = of_step(_orientation), of_step(_progress)
+def _motion(contact: Any, step: Any) -> None:
+    """Program that moves the body to the end of a step."""
+    contact.time = contact.time + step.length * step.unit
+    contact.x, contact.phi, contact.omega = step.x_end, step.phi_end, step.omega_end
+
+
+# Of a contact, a point and a step: write how the arc lies; the unit of time, and where the step starts in the contact
+# oscillation; the event that ends the phase of that, and when to expect it; move the point to the end of the step.
+orient, advance = of_point(_orientation), of_point(_progress)
 begin_step, expect = straight(_beginning), straight(_expectation)
+go_on = straight(_motion)
 _complete, _complete_locked = straight(_completion), straight(_locked_completion)
 
 
 @kernel
-def complete(contact: np.void, step: np.void) -> None:
+def complete(contact: np.void, point: np.void, step: np.void) -> None:
     """Write how a step of ``step["length"]`` ends, and whether anything changes its sign on the way."""
-    _complete(contact, step)
-    if contact["gap_rate"] == 0.0 or contact["slip"] == 0.0 or contact["spin"] == 0.0:
-        _complete_locked(contact, step)
+    _complete(contact, point, step)
+    if point["gap_rate"] == 0.0 or point["slip"] == 0.0 or contact["spin"] == 0.0:
+        _complete_locked(contact, point, step)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
-from sledenv.kernel.records import FLIGHT_LOSSES, NOSE, TAIL
+from sledenv.kernel.records import FLIGHT_LOSSES
 from sledenv.kernel.state import MOTION, copy
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
@@ -66,9 +66,22 @@ def write_slip(row: np.void, slip_velocity: float, friction: float) -> None:
 
 
 @kernel
-def write_corner(row: np.void, feature: int, normal: float, tangential: float) -> None:
-    """Fill the forces [N] of a corner; of the arc, nothing."""
-    if feature == TAIL:
-        row["normal_tail"], row["tangential_tail"] = normal, tangential
-    elif feature == NOSE:
-        row["normal_nose"], row["tangential_nose"] = normal, tangential
+def write_tail(row: np.void, normal: float, tangential: float) -> None:
+    """Fill the forces [N] of the end of a straight side that lies downhill while the body lies on it."""
+    row["normal_tail"], row["tangential_tail"] = normal, tangential
+
+
+@kernel
+def write_nose(row: np.void, normal: float, tangential: float) -> None:
+    """Fill the forces [N] of its other end."""
+    row["normal_nose"], row["tangential_nose"] = normal, tangential
+
+
+@kernel
+def write_end(row: np.void, body: np.void, arc: int, normal: float, tangential: float) -> None:
+    """Fill the forces [N] of a point that touches alone, if it is an end of one straight side, not of none or two."""
+    ends, begins = body["side"][int(body["previous"][arc])] > 0.0, body["side"][arc] > 0.0
+    if begins and not ends:
+        write_tail(row, normal, tangential)
+    elif ends and not begins:
+        write_nose(row, normal, tangential)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sledenv.pages.words import feature_name, mode_name
+from sledenv.pages.words import mode_name, part_name
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.outcomes import Descent
@@ -14,7 +14,15 @@ from sledenv.simulation.scene import AnyLaw, Slope, State
 def plain_setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, Any]:
     """Return the body, the law with its restitution, the slope and the launch, in SI units."""
     contact = {**law._asdict(), "restitution": law.restitution}
-    return {"body": body._asdict(), "law": contact, "slope": slope._asdict(), "launch": launch._asdict()}
+    return {"body": _plain_body(body), "law": contact, "slope": slope._asdict(), "launch": launch._asdict()}
+
+
+def _plain_body(body: Body) -> dict[str, Any]:
+    """Return the fields of a body, arcs as dicts."""
+    plain: dict[str, Any] = {field: getattr(body, field) for field in body.fields}
+    if "arcs" in plain:
+        plain["arcs"] = [arc._asdict() for arc in body.arcs]
+    return plain
 
 
 def plain_descent(descent: Descent) -> dict[str, Any]:
@@ -23,7 +31,7 @@ def plain_descent(descent: Descent) -> dict[str, Any]:
     rebounds = []
     for i, row in enumerate(descent.rebounds.tolist()):
         fields = dict(zip(names, row, strict=True))
-        words = {"feature": feature_name(fields["feature"]), "mode": mode_name(fields["mode"])}
+        words = {"feature": part_name(descent.body, fields["feature"]), "mode": mode_name(fields["mode"])}
         rebounds.append(fields | words | {name: values[i].item() for name, values in jam.items()})
     return {
         **plain_setting(descent.body, descent.law, descent.slope, descent.launch),

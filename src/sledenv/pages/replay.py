@@ -11,17 +11,17 @@ from sledenv.machine.files import replacing
 from sledenv.pages.html import filled
 from sledenv.pages.words import (
     REBOUND_COLUMNS,
-    feature_name,
     metric_name,
     mode_name,
     motion_words,
+    part_name,
     rebound_cells,
     setting,
 )
 from sledenv.plot import energy_layers
 from sledenv.plot.shapes import (
     body_outline,
-    contact_place,
+    contact_arms,
     contact_spans,
     drawable_rows,
     heavy_side,
@@ -97,8 +97,7 @@ def _content(descent: Descent, title: str) -> dict[str, Any]:
     body, rows, jam = descent.body, drawable_rows(descent), descent.jam
     film = pace(descent)
     columns = {name: rows[name] for name in _COLUMNS}
-    touching = zip(rows["x"].tolist(), rows["phi"].tolist(), rows["feature"].tolist(), strict=True)
-    columns["place"] = np.array([contact_place(body, x, phi, feature) for x, phi, feature in touching])
+    columns["place"] = rows["x"] - contact_arms(body, rows["phi"], rows["feature"])[:, 0]
     interval = float(rows["t"][-1]) / _POSES
     poses = strobe_states(body, rows, interval if interval > 0.0 else 1.0)
     return {
@@ -142,7 +141,7 @@ def _contacts(descent: Descent, film: np.ndarray) -> list[dict[str, Any]]:
                 "tangential": row["tangential_impulse"],
                 "normal": row["normal_impulse"],
                 "largest": 0.0 if push is None else push.largest,
-                "feature": feature_name(row["feature"]),
+                "feature": part_name(descent.body, row["feature"]),
                 "mode": mode_name(row["mode"]),
             }
         )

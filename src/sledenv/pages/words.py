@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sledenv.kernel.records import Feature, Mode
+from sledenv.kernel.records import Mode
 from sledenv.pages.tables import aligned
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.support import support_height
 
-# Fields of TRAJECTORY and how a table calls them, with their units; features are written as words.
+# Fields of TRAJECTORY and how a table calls them, with their units; parts of the body are written as words.
 TRAJECTORY_COLUMNS = {
     "t": "t_s",
     "x": "x_m",
@@ -32,9 +32,9 @@ TRAJECTORY_COLUMNS = {
 }
 
 
-def feature_name(feature: int) -> str:
-    """Return what touches, such as "arc"; "none" in flight."""
-    return Feature(feature).name.lower()
+def part_name(body: Body, code: int) -> str:
+    """Return the part of a body that touches, such as "arc", from its code in records; "none" in flight."""
+    return body.parts[code - 1] if code else "none"
 
 
 def mode_name(mode: int) -> str:
@@ -65,15 +65,12 @@ def quantity(value: float, unit: str) -> str:
 def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
     clearance = launch.y - support_height(body, launch.phi)
-    corners = body.half_angle < math.pi
-    shape = f"half-angle {math.degrees(body.half_angle):.4g} deg" if corners else "no corners"
     arm = f"rolling arm {law.rolling_arm:.4g} m"
-    if corners:
+    if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
     length = f"length {slope.length:.4g} m" if math.isfinite(slope.length) else "without end"
     return (
-        f"body: mass {body.mass:.4g} kg, radius {body.radius:.4g} m, eccentricity {body.eccentricity:.4g} m, "
-        f"inertia {body.inertia:.4g} kg m^2, {shape}\n"
+        f"body: {_body_words(body)}\n"
         f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
         f"friction {law.friction:.3f}, {arm}\n"
         f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n"
@@ -82,11 +79,24 @@ def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     )
 
 
+def _has_corners(body: Body) -> bool:
+    return body.half_angle < math.pi if isinstance(body, Segment) else any(arc.corner for arc in body.arcs)
+
+
+def _body_words(body: Body) -> str:
+    mass, inertia = f"mass {body.mass:.4g} kg", f"inertia {body.inertia:.4g} kg m^2"
+    if isinstance(body, Segment):
+        corners = f"half-angle {math.degrees(body.half_angle):.4g} deg" if _has_corners(body) else "no corners"
+        return f"{mass}, radius {body.radius:.4g} m, eccentricity {body.eccentricity:.4g} m, {inertia}, {corners}"
+    arcs = "1 arc" if len(body.arcs) == 1 else f"{len(body.arcs)} arcs"
+    return f"{mass}, {inertia}, size {body.size:.4g} m, {arcs}; parts: {', '.join(body.parts)}"
+
+
 def trajectory_rows(descent: Descent) -> Iterator[tuple[object, ...]]:
     """Return the rows of the table of the trajectory, one cell for each of ``TRAJECTORY_COLUMNS``."""
     columns = [descent.trajectory[field].tolist() for field in TRAJECTORY_COLUMNS]
     feature = list(TRAJECTORY_COLUMNS).index("feature")
-    columns[feature] = [feature_name(code) for code in columns[feature]]
+    columns[feature] = [part_name(descent.body, code) for code in columns[feature]]
     return zip(*columns, strict=True)
 
 
@@ -116,7 +126,7 @@ def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
             for name, width in (("u", 6), ("v", 6), ("omega", 7))
         )
         stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
-        place = f"{row['t']:.4f}", f"{row['x']:.4f}", feature_name(row["feature"]), mode_name(row["mode"])
+        place = f"{row['t']:.4f}", f"{row['x']:.4f}", part_name(descent.body, row["feature"]), mode_name(row["mode"])
         rows.append((f"{i + 1}", *place, *changes, f"{jam.grip[i]:.2f}", f"{jam.tangential_loss[i]:.2f}", stuck))
     return rows
 
@@ -173,7 +183,8 @@ def summary(descent: Descent) -> str:
     lying = []
     if descent.on_chord is not None:
         time, x = descent.on_chord
-        lying.append(f"chord      first lay on it, settled, after {time:.4f} s at x = {x:z.4f} m")
+        where = "chord      first lay on it" if isinstance(descent.body, Segment) else "side       first lay on one"
+        lying.append(f"{where}, settled, after {time:.4f} s at x = {x:z.4f} m")
     lines = [
         f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
         *lying,

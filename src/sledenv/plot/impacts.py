@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.kernel.records import Feature
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, RED, SHADE, WIDTH, contact_key, shade_contacts, styled
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rigid_impact import Hypothesis, rigid_impact
 from sledenv.simulation.scene import ContactLaw, State
-from sledenv.simulation.support import arms, feature_at, within_a_turn
+from sledenv.simulation.support import lowest_arms, within_a_turn
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -51,7 +50,7 @@ def plot_impulse_plane(
     ImportError
         If matplotlib is missing.
     TypeError, ValueError, ArithmeticError
-        As :func:`sledenv.rigid_impact`, and ValueError if the feature does not approach the slope.
+        As :func:`sledenv.rigid_impact`, and ValueError if the body does not approach the slope.
     """
     impact = rigid_impact(body, law, state, restitution=restitution, hypothesis=hypothesis)
     if not impact.phases:
@@ -100,10 +99,8 @@ def _force_ratio(body: Body, law: ContactLaw, phi: float, slip: int, spin: int) 
         return -law.friction * slip
     if spin == 0:
         return 0.0
-    local = float(within_a_turn(np.array(phi)))
-    feature = feature_at(body, local)
-    a, b = arms(body, feature, local)
-    rolling_arm = law.rolling_arm if feature == Feature.ARC else law.corner_rolling_arm
+    (arc,), ((a, b),) = lowest_arms(body.record, within_a_turn(np.array([phi])))
+    rolling_arm = law.corner_rolling_arm if body.record["corner"][0, arc] else law.rolling_arm
     return float(body.mass * b * (a + rolling_arm * spin) / (body.inertia + body.mass * b * b))
 
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import Body
+from sledenv.kernel.outline import arms
+from sledenv.kernel.records import Status
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.scene import State
-from sledenv.simulation.support import arms, feature_at, whole_turns
+from sledenv.simulation.support import lowest_arms, whole_turns
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
+_SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one
 _HOLD = 0.6  # [s] that an impact stays on the screen at least
 _HARD = (
@@ -27,7 +31,7 @@ class Push(NamedTuple):
 
     number: int  # of the contact, from 0: row of the rebounds
     place: float  # [m] along the slope where it touches
-    feature: int  # Feature that touches
+    feature: int  # code of the part that touches: its place in body.parts, from 1
     slip: int  # sign of the slip velocity, 0 for an impact, which may run through several
     spin: int  # sign of the angular velocity, likewise
     tangential: float  # [N] force, or impulse [N s] if instantaneous
@@ -48,51 +52,113 @@ def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -
     phi : float
         Orientation [rad].
     points : int
-        Number of points on the arc, >= 2.
+        Number of points on the arc of a segment, >= 2; any other outline is as fine as a circle of its size with so
+        many.
 
     Returns
     -------
     ndarray, shape (n, 2)
-        Columns x, y [m]; the first point is repeated as the last.
+        Columns x, y [m], counterclockwise; the first point is repeated as the last.
     """
-    centre = np.array([x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)])
-    angle = phi + np.linspace(-body.half_angle, body.half_angle, points)
-    arc = centre + body.radius * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
-    return np.concatenate([arc, arc[:1]])
+    if isinstance(body, Segment):
+        return _segment_outline(body, body.half_angle, x, y, phi, points)
+    return _placed(_own_outline(body, points), x, y, phi)
 
 
 def heavy_side(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
-    """Return the outline of the half of the body that holds the mass centre, which shows how the body is turned.
+    """Return the outline of the part of the body to be filled darker, which shows how the body is turned.
 
+    Of a segment it is the half that holds the mass centre; of any other body what is below the mass centre at phi = 0.
     Parameters and result are those of :func:`body_outline`.
     """
-    return body_outline(body._replace(half_angle=min(body.half_angle, math.pi / 2)), x, y, phi, points)
+    if isinstance(body, Segment):
+        return _segment_outline(body, min(body.half_angle, math.pi / 2), x, y, phi, points)
+    return _placed(_lower_part(_own_outline(body, points)), x, y, phi)
 
 
-def arc_centre(body: Body, x: float, y: float, phi: float) -> tuple[float, float]:
-    """Return the centre O [m] of the arc, slope frame, of a body whose mass centre is at ``x``, ``y`` [m]."""
+def _segment_outline(body: Segment, half_angle: float, x: float, y: float, phi: float, points: int) -> np.ndarray:
+    """Return the closed outline of a segment, whose arc may be cut to another half-angle [rad]."""
+    angle = phi + np.linspace(-half_angle, half_angle, points)
+    arc = arc_centre(body, x, y, phi) + body.radius * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
+    return np.concatenate([arc, arc[:1]])
+
+
+def _own_outline(body: Body, points: int) -> np.ndarray:
+    """Return the closed outline [m] from the mass centre in the frame of the body, counterclockwise."""
+    arcs = body.arcs
+    ends = [*(arc.begin for arc in arcs[1:]), arcs[0].begin + 2.0 * math.pi]
+    drawn = []
+    for arc, end in zip(arcs, ends, strict=True):
+        pieces = 0
+        if arc.radius > 0.0:
+            # All pieces bulge out by as much, so that flat arcs have few and so have corners that are hardly rounded.
+            share = (end - arc.begin) / (2.0 * math.pi) * math.sqrt(arc.radius / body.size)
+            pieces = max(math.ceil((points - 1) * share), 1)
+        phi = np.linspace(arc.begin, end, pieces + 1)
+        drawn.append(np.stack([arc.x - arc.radius * np.sin(phi), arc.y - arc.radius * np.cos(phi)], axis=-1))
+    every = np.concatenate(drawn)[::-1]
+    steps = np.hypot(*(every - np.roll(every, 1, axis=0)).T)
+    outline = every[steps > _SAME * body.size]  # an arc ends where the next one begins, up to rounding
+    if len(outline) == 0:
+        outline = every[:1]  # a point
+    return np.concatenate([outline, outline[:1]])
+
+
+def _lower_part(outline: np.ndarray) -> np.ndarray:
+    """Return the part of a closed convex outline that is below y = 0; its lowest points if there is none."""
+    level = max(float(outline[:, 1].min()), 0.0)
+    kept = []
+    for one, other in pairwise(outline):
+        if one[1] <= level:
+            kept.append(one)
+        if min(one[1], other[1]) < level < max(one[1], other[1]):
+            kept.append(one + (level - one[1]) / (other[1] - one[1]) * (other - one))
+    return np.array([*kept, kept[0]])
+
+
+def _placed(points: np.ndarray, x: float, y: float, phi: float) -> np.ndarray:
+    """Return points of the frame of a body in the slope frame."""
+    cosine, sine = math.cos(phi), math.sin(phi)
+    placed: np.ndarray = points @ np.array([(cosine, sine), (-sine, cosine)]) + np.array([x, y])
+    return placed
+
+
+def arc_centre(body: Segment, x: float, y: float, phi: float) -> tuple[float, float]:
+    """Return the centre O [m] of the arc, slope frame, of a segment whose mass centre is at ``x``, ``y`` [m]."""
     return x - body.eccentricity * math.sin(phi), y + body.eccentricity * math.cos(phi)
 
 
 def spoke(body: Body, x: float, y: float, phi: float) -> np.ndarray:
     """Return the line that shows how far the mass centre lies out of the middle of the body, slope frame.
 
-    It ends at the mass centre, ``x``, ``y`` [m], and begins at the centre of the arc; at the middle of the chord where
-    the segment is shallower than a half disc, because the centre of its arc lies outside of it.
+    It ends at the mass centre, ``x``, ``y`` [m]. Of a segment it begins at the centre of the arc, or at the middle of
+    the chord where the segment is shallower than a half disc, because the centre of its arc lies outside of it; of any
+    other body at the centroid of its area.
 
     Returns
     -------
     ndarray, shape (2, 2)
         Columns x, y [m].
     """
+    if not isinstance(body, Segment):
+        return _placed(np.array([_middle(body), (0.0, 0.0)]), x, y, phi)
     below = max(body.radius * math.cos(body.half_angle), 0.0)
     x0, y0 = arc_centre(body, x, y, phi)
     return np.array([(x0 + below * math.sin(phi), y0 - below * math.cos(phi)), (x, y)])
 
 
+def _middle(body: Body) -> tuple[float, float]:
+    """Return the centroid [m] of the area of a body in its own frame; the middle of one that is but a line."""
+    try:
+        return mass_properties(body.arcs)[1]
+    except ValueError:
+        x, y = np.mean([arc[:2] for arc in body.arcs], axis=0).tolist()
+        return x, y
+
+
 def reach(body: Body) -> float:
     """Return the largest distance [m] of a point of the body from its mass centre."""
-    return float(np.hypot(*body_outline(body, 0.0, 0.0, 0.0, 65).T).max())
+    return body.size
 
 
 def to_world(points: ArrayLike, angle: float) -> np.ndarray:
@@ -230,8 +296,8 @@ def contact_spans(descent: Descent, until: float = math.inf) -> np.ndarray:
     begun = descent.rebounds[descent.rebounds["t"] - descent.rebounds["duration"] <= until]
     ends = np.stack([begun["t"] - begun["duration"], np.minimum(begun["t"], until)], axis=-1)
     states = states_at(rows, ends.ravel())
-    places = [contact_place(descent.body, x, phi) for x, phi in states[:, [0, 2]].tolist()]
-    return np.array(places, dtype=float).reshape(-1, 2)
+    places: np.ndarray = states[:, 0] - contact_arms(descent.body, states[:, 2])[:, 0]
+    return places.reshape(-1, 2)
 
 
 def push_at(descent: Descent, time: float) -> Push | None:
@@ -322,8 +388,40 @@ def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: floa
     return found
 
 
-def contact_place(body: Body, x: float, phi: float, feature: int = Feature.NONE) -> float:
-    """Return where along the slope [m] a feature lies; the lowest point of the body in flight and for both corners.
+def contact_arms(body: Body, phi: np.ndarray, features: ArrayLike = 0) -> np.ndarray:
+    """Return the arms a, b [m] of what touches: it lies at (-a, -b) from the mass centre.
+
+    In flight it is the lowest point of the body, and so it is where two points touch, which the code of a straight side
+    tells. Otherwise it is the lowest point of the part.
+
+    Parameters
+    ----------
+    body : Body
+        Its shape.
+    phi : ndarray, shape (n,)
+        Orientations [rad].
+    features : array_like of int, shape (n,) or ()
+        Codes of the parts that touch, 0 in flight.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+    """
+    record = body.record[0]
+    arcs, found = lowest_arms(body.record, phi)
+    parts, sides = record["part"][: int(record["count"])], record["side"]
+    features = np.broadcast_to(features, len(phi))
+    alone = np.isin(features, parts) & ~np.isin(features, sides)
+    other = alone & (features != parts[arcs])  # at an end of an arc, where rounding chose the next one
+    for i in np.flatnonzero(other).tolist():
+        local = float(phi[i]) - whole_turns(float(phi[i]))
+        same = np.flatnonzero(parts == features[i]).tolist()
+        found[i] = max((arms(record, k, local) for k in same), key=lambda one: one[1])
+    return found
+
+
+def contact_place(body: Body, x: float, phi: float, feature: int = 0) -> float:
+    """Return where along the slope [m] a part touches; the lowest point of the body in flight and for two points.
 
     Parameters
     ----------
@@ -333,10 +431,7 @@ def contact_place(body: Body, x: float, phi: float, feature: int = Feature.NONE)
         Mass centre [m].
     phi : float
         Orientation [rad].
-    feature : Feature
-        What touches.
+    feature : int
+        Code of the part, 0 in flight.
     """
-    local = phi - whole_turns(phi)
-    if feature in (Feature.NONE, Feature.CHORD):
-        feature = feature_at(body, local)
-    return x - float(arms(body, feature, local)[0])
+    return x - float(contact_arms(body, np.array([phi]), feature)[0, 0])

@@ -38,7 +38,7 @@ def plot_strobe(
     """Draw descents as strobe pictures, one panel each, all to one scale.
 
     The sled is drawn at equal intervals of time, the same in all panels, coloured by its speed; its darker half holds
-    the mass centre.
+    the mass centre of a segment, and of any other body is the one that is down at phi = 0.
 
     Parameters
     ----------

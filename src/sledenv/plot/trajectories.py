@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from sledenv.plot.shapes import drawable_rows
+from sledenv.plot.shapes import contact_arms, drawable_rows
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.support import arms
 
 _LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
 
 
 def touching_arms(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the arms [m] of the touching feature in each row, zero in flight."""
-    a, b = np.zeros(len(rows)), np.zeros(len(rows))
-    for i in np.flatnonzero(rows["feature"]):
-        a[i], b[i] = arms(descent.body, rows["feature"][i], rows["phi"][i])
-    return a, b
+    """Return the arms [m] of what touches in each row, zero in flight; of the lower one of two points."""
+    found = contact_arms(descent.body, rows["phi"], rows["feature"])
+    found[rows["feature"] == 0] = 0.0
+    return found[:, 0], found[:, 1]
 
 
 def kinetic(descent: Descent, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -33,7 +31,7 @@ def slip_velocity(descent: Descent, rows: np.ndarray) -> np.ndarray:
 
 
 def penetration(descent: Descent, rows: np.ndarray) -> np.ndarray:
-    """Return how deep the touching feature is in the slope [m] in each row, zero in flight."""
+    """Return how deep what touches is in the slope [m] in each row, zero in flight."""
     _, b = touching_arms(descent, rows)
     return np.where(rows["feature"] > 0, np.maximum(b - rows["y"], 0.0), 0.0)
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.bodies import Body, circular_segment
+from sledenv.simulation.bodies import Body, Segment, circular_segment, segment
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import FrictionSign, Settings, Solver
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 # The worked example, with the speed that its printed T(0) = 50 J needs; the paper prints V_y(0) = -1 m/s.
-EXAMPLE_BODY: Final = Body(mass=1.0, radius=0.1, eccentricity=0.05, inertia=7.5e-3)
+EXAMPLE_BODY: Final = segment(mass=1.0, radius=0.1, eccentricity=0.05, inertia=7.5e-3)
 EXAMPLE_LAW: Final = ContactLaw(stiffness=9.81e3, asymmetry=0.5, friction=0.1, rolling_arm=0.001)
 EXAMPLE_LAUNCH: Final = State(x=0.0, y=0.07, phi=math.pi / 4, u=0.0, v=-10.0, omega=0.0)
 EXAMPLE_END: Final = 0.04  # [s]
@@ -45,7 +45,7 @@ SEED: Final = 0
 
 # The wheel of equation (1) and of Fig. 2 and 4, for which the paper gives no numbers: data of the worked example, but a
 # uniform disc with its mass centre on the axis, at the speed that the paper prints.
-DISC: Final = EXAMPLE_BODY._replace(eccentricity=0.0, inertia=0.5 * EXAMPLE_BODY.mass * EXAMPLE_BODY.radius**2)
+DISC: Final = EXAMPLE_BODY.replace(eccentricity=0.0, inertia=0.5 * EXAMPLE_BODY.mass * EXAMPLE_BODY.radius**2)
 DISC_SPEEDS: Final = {"first": 0.15, "second": 0.35}  # [m/s] u0 at which sliding stops in this phase
 
 # The map of jamming: the launch of the sled but for its orientation and spin, on the paper's ice and on a rough slope.
@@ -92,7 +92,7 @@ def jam_map(friction: float) -> DescentBatch:
     spin, phi = np.meshgrid(middles(*JAM_SPINS), np.radians(middles(*JAM_ORIENTATIONS)), indexing="ij")
     launches = np.zeros((phi.size, len(State._fields)))
     launches[:, 2], launches[:, 3], launches[:, 5] = phi.ravel(), SLED_SPEED, spin.ravel()
-    launches[:, 1] = SLED_DROP + support_heights(SLED, launches[:, 2])
+    launches[:, 1] = SLED_DROP + support_heights(SLED.record, launches[:, 2])
     return simulate_batch(SLED, SLED_LAW._replace(friction=friction), SLED_SLOPE, launches)
 
 
@@ -136,7 +136,8 @@ def force_series(descent: Descent, sign: FrictionSign = "dissipative") -> np.nda
 
 
 def arc_arms(body: Body, phi: Floats) -> tuple[Floats, Floats]:
-    """Arms [m] of the arc of a body at orientations [rad]: docs/physics.md (1.2)."""
+    """Arms [m] of the arc of a segment, as all bodies here, at orientations [rad]: docs/physics.md (1.2)."""
+    assert isinstance(body, Segment)
     return body.eccentricity * np.sin(phi), body.radius - body.eccentricity * np.cos(phi)
 
 

@@ -124,7 +124,7 @@ def write_convergence(folder: Path) -> None:
     stiffness = 10.0 ** np.arange(8, 13)
     errors = {}
     for name, (asymmetry, friction, inertia, phi, u, v, omega) in cases.CONVERGING.items():
-        body = cases.EXAMPLE_BODY._replace(inertia=inertia)
+        body = cases.EXAMPLE_BODY.replace(inertia=inertia)
         law = cases.EXAMPLE_LAW._replace(asymmetry=asymmetry, friction=friction)
         launch = State(0.0, support_height(body, phi), phi, u, v, omega)
         exact = rigid_impact(body, law, launch).state

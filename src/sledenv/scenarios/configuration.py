@@ -126,6 +126,31 @@ class Range(Bounds):
             raise ValueError(f"low must not exceed high; must be {self.allowed}")
 
 
+class Points(Quantity):
+    """Points of a plane: pairs of numbers of an interval.
+
+    Parameters
+    ----------
+    interval : str
+        As for ``Quantity``.
+    fewest, most : int
+        How many there may be.
+    """
+
+    def __init__(self, interval: str, fewest: int, most: int) -> None:
+        super().__init__(interval)
+        self.allowed = f"a list of {fewest} to {most} pairs [x, y] of numbers in {interval}"
+        self._counts = range(fewest, most + 1)
+
+    def read(self, value: Any) -> tuple[Pair, ...]:
+        """Return the points, or raise ValueError."""
+        if not isinstance(value, list | tuple) or len(value) not in self._counts:
+            raise ValueError(f"must be {self.allowed}")
+        if not all(isinstance(point, list | tuple) and len(point) == 2 for point in value):
+            raise ValueError(f"must be {self.allowed}")
+        return tuple((self.number(x), self.number(y)) for x, y in value)
+
+
 class Section(BaseModel):
     """A mapping of a file of configuration: immutable, and without unknown keys."""
 

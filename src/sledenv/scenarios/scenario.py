@@ -26,7 +26,7 @@ from sledenv.scenarios.sections import (
     RiderSection,
     SlopeSection,
 )
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
 from sledenv.simulation.settings import Settings, Solver
@@ -243,15 +243,14 @@ class Scenario(Document):
         y = context.drop + support_height(self.body(), float(within_a_turn(np.array(phi))))
         return State(0.0, y, phi, u, 0.0 - context.fall, omega)
 
-    def launches(
-        self, contexts: NDArray[np.float64], bodies: Body | NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def launches(self, contexts: NDArray[np.float64], bodies: Body | np.ndarray | None = None) -> NDArray[np.float64]:
         """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6).
 
-        ``bodies`` takes the place of the scenario's body: one, or the fields of one a context, shape (N, 5).
+        ``bodies`` takes the place of the scenario's body: one, or records of kernel.outline.BODY, one a context.
         """
         *_, speed, drop, fall, orientation, spin = contexts.T
-        y = drop + support_heights(self.body() if bodies is None else bodies, within_a_turn(orientation))
+        records = records_of(self.body() if bodies is None else bodies, len(contexts))
+        y = drop + support_heights(records, within_a_turn(orientation))
         return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
 

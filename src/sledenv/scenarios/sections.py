@@ -9,8 +9,18 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import StrictBool, ValidationInfo, field_validator, model_validator
 
-from sledenv.scenarios.configuration import Bounds, Pair, Quantity, Range, Section, Whole
-from sledenv.simulation.bodies import Body, circular_segment, holds_its_mass_centre, least_eccentricity, sled, sled_rise
+from sledenv.kernel.outline import MOST_ARCS
+from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.simulation.bodies import (
+    Body,
+    circular_segment,
+    holds_its_mass_centre,
+    least_eccentricity,
+    polygon,
+    segment,
+    sled,
+    sled_rise,
+)
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 
@@ -74,7 +84,7 @@ class DiscBody(Section):
 
     def build(self) -> Body:
         """Return the body of the simulator."""
-        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2)
+        return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2)
 
 
 class SegmentBody(Section):
@@ -125,8 +135,30 @@ class SledBody(Section):
         return sled(self.mass_kg, *given)
 
 
+class PolygonBody(Section):
+    """A uniform lamina in the shape of a convex polygon, with corners that may be rounded."""
+
+    kind: Literal["polygon"]
+    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
+    points_m: Annotated[tuple[Pair, ...], Points("(-inf, inf) m", 3, MOST_ARCS)]  # corners in either direction of turn
+    rounding_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # radius of the corners
+
+    @model_validator(mode="after")
+    def _is_convex(self) -> Self:
+        try:
+            self.build()
+        except ValueError as error:
+            text = str(error).replace("polygon.points", "points_m").replace("polygon.rounding", "rounding_m")
+            raise ValueError(text) from None
+        return self
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return polygon(self.mass_kg, self.points_m, self.rounding_m)
+
+
 class CustomBody(Section):
-    """Any body of the simulator."""
+    """Any segment of the simulator."""
 
     kind: Literal["custom"]
     mass_kg: Annotated[float, Quantity("(0, inf) kg")]
@@ -147,10 +179,10 @@ class CustomBody(Section):
     def build(self) -> Body:
         """Return the body of the simulator."""
         half_angle = math.radians(self.half_angle_deg)
-        return Body(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
+        return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | CustomBody
+AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody
 
 
 class SlopeSection(Section):

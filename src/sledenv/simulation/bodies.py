@@ -1,18 +1,327 @@
-"""The body: an arc closed by its chord, and the ones that are built from fewer numbers."""
+"""The body: its mass, its inertia and its outline; and bodies that are built from fewer numbers."""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Self
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar, Final, NoReturn, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from sledenv.kernel import params
-from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Checked, Rule, checked, checked_fields, checked_rows
+from sledenv.kernel.entries import run_complete, run_directions
+from sledenv.kernel.outline import BODY, GIVEN, listed_twice
+from sledenv.simulation.outlines import (
+    Arc,
+    Floats,
+    checked_arcs,
+    directions,
+    hull_of_circles,
+    mass_properties,
+    outline_of,
+    polygon_of,
+    segment_moments,
+    shifted,
+)
+from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows
+
+__all__ = [
+    "Arc",
+    "Body",
+    "Segment",
+    "check_bodies",
+    "circular_segment",
+    "disc",
+    "holds_its_mass_centre",
+    "hull",
+    "lamina",
+    "least_eccentricity",
+    "made_body",
+    "polygon",
+    "records_of",
+    "rod",
+    "segment",
+    "segment_records",
+    "sled",
+    "sled_rise",
+]
 
 _HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
+_SAMPLES, _DEEPER = 33, 1e-9  # orientations that are looked at; of the size: a circle may reach so far by rounding
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
+_SEGMENT_PARTS: Final = ("arc", "nose", "tail", "chord")
+_ARC, _NOSE, _TAIL, _CHORD = range(1, 5)  # their codes
+
+
+class Body:
+    """A rigid body with a convex outline of arcs and straight sides: docs/physics.md, section 8.
+
+    It never changes, is compared by its values and may be a key of a dictionary.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    inertia : float
+        Moment of inertia about the mass centre [kg m^2], > 0.
+    arcs : sequence of Arc
+        1 to 12 arcs of the outline in the order in which they touch as the orientation rises, so that ``begin`` rises
+        from one to the next. Each is the lowest up to ``begin`` of the next one, the last one up to that of the first.
+        There both are at the same place, or apart by the length of a straight side. A single arc goes all around.
+
+    Attributes
+    ----------
+    mass, inertia : float
+    arcs : tuple of Arc
+    parts : tuple of str
+        Names of the arcs and then of the straight sides; those with the same name share a code. The code of a part in
+        logs and trajectories is its place here, counted from 1; 0 is none.
+    size : float
+        Largest distance of the outline from the mass centre [m].
+    lowest_support : float
+        Smallest support height over all orientations [m], from which the supplied energy is counted.
+    record : ndarray of kernel.outline.BODY, shape (1,)
+        What the kernel reads; it cannot be written to.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the field, its value and the allowed range. An outline must be closed and convex, and must have the mass
+        centre within it or on it. Sides must be at least 1e-9 of the size long, and the outline must turn by at least
+        1e-9 rad from one side to the next. A radius may be 1e6 of the size.
+    """
+
+    fields: ClassVar[tuple[str, ...]] = ("mass", "inertia", "arcs")
+
+    mass: float
+    inertia: float
+    _arcs: tuple[Arc, ...]
+
+    def __init__(self, mass: float, inertia: float, arcs: Sequence[Arc]) -> None:
+        self._keep(
+            mass=checked("Body", "mass", mass, POSITIVE),
+            inertia=checked("Body", "inertia", inertia, POSITIVE),
+            _arcs=checked_arcs("Body", arcs),
+        )
+
+    def _keep(self, **values: Any) -> None:
+        self.__dict__.update(values)
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError(f"{type(self).__name__}.{name} cannot be set: use replace")
+
+    def __delattr__(self, name: str) -> NoReturn:
+        raise AttributeError(f"{type(self).__name__}.{name} cannot be deleted")
+
+    @property
+    def arcs(self) -> tuple[Arc, ...]:
+        """Arcs of the outline, sorted by ``begin`` [rad] in [-pi, pi)."""
+        return self._arcs
+
+    @cached_property
+    def _sides(self) -> list[float]:
+        """Length [m] of the straight side after each arc."""
+        return outline_of(self.arcs).sides.tolist()  # type: ignore[no-any-return]
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the arcs and then of the straight sides; the code of a part is its place here, counted from 1."""
+        sides = (arc.side for arc, length in zip(self.arcs, self._sides, strict=True) if length > 0.0)
+        return tuple(dict.fromkeys([*(arc.part for arc in self.arcs), *sides]))
+
+    @cached_property
+    def record(self) -> np.ndarray:
+        """What the kernel reads of the body, shape (1,) of kernel.outline.BODY; it cannot be written to."""
+        records = self._made()
+        records.setflags(write=False)
+        return records
+
+    @property
+    def size(self) -> float:
+        """Largest distance of the outline from the mass centre [m]."""
+        return float(self.record["size"][0])
+
+    @property
+    def lowest_support(self) -> float:
+        """Smallest support height over all orientations [m], from which the supplied energy is counted."""
+        return float(self.record["lowest"][0])
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a body of the same kind with other values of some ``fields``, all of them checked."""
+        return type(self)(**dict(zip(self.fields, self._values(), strict=True)) | changes)
+
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, field) for field in self.fields)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Body) and type(other) is type(self) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash((type(self), self._values()))
+
+    def __repr__(self) -> str:
+        values = (f"{field}={value!r}" for field, value in zip(self.fields, self._values(), strict=True))
+        return f"{type(self).__name__}({', '.join(values)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._values()
+
+    def _made(self) -> np.ndarray:
+        return _with_ends(self._listed())
+
+    def _listed(self) -> np.ndarray:
+        """Record of the arcs as they are given."""
+        records = np.zeros(1, BODY)
+        arcs, sides = list(self.arcs), self._sides
+        codes = {name: float(code) for code, name in enumerate(self.parts, 1)}
+        if arcs[0].begin > -math.pi:  # the last one is the lowest at +-pi, and listed twice
+            arcs, sides = [arcs[-1]._replace(begin=-math.pi), *arcs], [sides[-1], *sides]
+        record = records[0]
+        record["mass"], record["inertia"], record["count"] = self.mass, self.inertia, len(arcs)
+        for k, arc in enumerate(arcs):
+            record["begin"][k], record["along"][k], record["across"][k] = arc.begin, arc.y, 0.0 - arc.x
+            record["r"][k], record["part"][k] = arc.radius, codes[arc.part]
+            record["side"][k] = codes[arc.side] if sides[k] > 0.0 else 0.0
+            record["corner"][k] = 1.0 if arc.corner else 0.0
+        return completed(records)
+
+
+def _with_ends(given: np.ndarray) -> np.ndarray:
+    """Let the end of a straight side stand for an arc whose circle would reach beyond the outline on its other side.
+
+    Where one end of a side touches, the lowest point of the other one is the end of the side, until the body lies flat.
+    The lowest point of the whole circle differs from that, and may be far lower if the circle is large: docs/physics.md,
+    section 8. ``given`` and the result are complete, shape (1,).
+    """
+    record = given[0]
+    for arc in range(int(record["count"])):
+        low, high, middle = (float(record[name][arc]) for name in ("low", "high", "middle"))
+        for name, start, end in (("falling", low, min(middle, high)), ("rising", high, max(middle, low))):
+            other = int(record[name][arc])
+            if other < 0 or record["r"][other] == 0.0 or not math.isfinite(start + end):
+                continue  # nobody is there, or always further away than the arc on the other side
+            sine, cosine = directions(np.linspace(start, end, _SAMPLES))
+            across, along = (record[each][arc] - record[each][other] for each in ("across", "along"))
+            lowest = float((record["r"][arc] - record["r"][other] + across * sine - along * cosine).min())
+            if lowest < -_DEEPER * record["size"]:
+                return _with_ends(_with_end(given, other, rising=name == "rising"))
+    return given
+
+
+def _with_end(given: np.ndarray, arc: int, *, rising: bool) -> np.ndarray:
+    """List the end of the side before an arc, or behind it, as a corner."""
+    records = given.copy()
+    record, count = records[0], int(given["count"][0])
+    place = arc if rising else arc + 1
+    edge = float(record["begin"][arc] if rising else record["high"][arc])
+    sine, cosine = (float(each[0]) for each in directions(np.array([edge])))
+    for name in GIVEN:
+        record[name][place + 1 : count + 1] = record[name][place:count].copy()
+        record[name][place] = given[name][0, arc]
+    record["count"], record["begin"][place], record["r"][place] = count + 1.0, edge, 0.0
+    r = given["r"][0, arc]
+    record["across"][place] += r * sine
+    record["along"][place] -= r * cosine
+    record["side"][place if rising else arc] = 0.0
+    if listed_twice(given[0]) and not rising and arc == 0:
+        record["side"][count] = 0.0
+    return completed(records)
+
+
+def completed(records: np.ndarray) -> np.ndarray:
+    """Let the kernel write all that follows from what is given of bodies, shape (N,); return them."""
+    run_complete(records)
+    return records
+
+
+def made_body(value: Any) -> Body:
+    """Return an argument that must be a body, or raise TypeError."""
+    if not isinstance(value, Body):
+        raise TypeError(f"body = {value!r}: must be a Body, such as segment(...) or polygon(...) returns")
+    return value
+
+
+def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str = "body") -> np.ndarray:
+    """Return what the kernel reads of one body for all lanes, or of one a lane.
+
+    Parameters
+    ----------
+    bodies : Body, sequence of Body, or ndarray
+        One, or as many as lanes: bodies, the fields of segments, shape (N, 5), or records of kernel.outline.BODY, shape
+        (1,) or (N,), that are complete.
+    lanes : int
+        How many descents there are.
+    name : str
+        What messages call the argument.
+
+    Returns
+    -------
+    ndarray of kernel.outline.BODY, shape (1,) or (N,)
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, the lane, the value and what is allowed.
+    """
+    if isinstance(bodies, Body):
+        return bodies.record
+    if isinstance(bodies, np.ndarray):
+        return _records_of_table(bodies, lanes, name)
+    given: Any = bodies
+    if isinstance(given, str | bytes) or not isinstance(given, Sequence):
+        raise TypeError(f"{name} = {given!r}: must be a Body or a sequence of them")
+    _check_count(given, lanes, name)
+    return _records_of_each(given, name)
+
+
+def _check_count(bodies: Any, lanes: int, name: str) -> None:
+    if len(bodies) != lanes:
+        raise ValueError(f"{name}: {len(bodies)} given for {lanes} launches; give one or one a launch")
+    if not lanes:
+        raise ValueError(f"{name} has no row: give one Body for all where there are no launches")
+
+
+def _records_of_table(table: np.ndarray, lanes: int, name: str) -> np.ndarray:
+    """Records that are complete, or of the segments that rows of numbers are."""
+    if table.dtype == BODY and table.ndim == 1:
+        if len(table) != 1:
+            _check_count(table, lanes, name)
+        return np.ascontiguousarray(table)
+    columns = f"columns {', '.join(Segment.fields)}"
+    if table.dtype.kind not in "biuf":
+        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, {columns}")
+    if table.ndim != 2 or table.shape[1] != len(Segment.fields):
+        raise ValueError(f"{name} has shape {table.shape}: must be (N, {len(Segment.fields)}), {columns}")
+    _check_count(table, lanes, name)
+    rows = table.astype(float)
+    check_bodies(f"{name}[{{lane}}]", rows)
+    return segment_records(rows)
+
+
+def _records_of_each(bodies: Sequence[Body], name: str) -> np.ndarray:
+    """Records of bodies, of which equal ones are completed once."""
+    bodies = list(bodies)
+    places: dict[int, int] = {}  # of an object among the bodies that differ
+    different: dict[Body, int] = {}
+    for lane, body in enumerate(bodies):
+        if id(body) not in places:
+            if not isinstance(body, Body):
+                raise TypeError(f"{name}[{lane}] = {body!r}: must be a Body")
+            places[id(body)] = different.setdefault(body, len(different))
+    records = np.empty(len(different), BODY)
+    segments = [body for body in different if isinstance(body, Segment)]
+    if segments:
+        rows = np.array([body._values() for body in segments])
+        records[[different[body] for body in segments]] = segment_records(rows)
+    for body, place in different.items():
+        if not isinstance(body, Segment):
+            records[place] = body.record[0]
+    return records[[places[id(body)] for body in bodies]]
+
+
+# Segments.
 
 
 def least_eccentricity(radius: float, half_angle: float) -> float:
@@ -25,8 +334,52 @@ def holds_its_mass_centre(radius: float, eccentricity: float, half_angle: float)
     return least_eccentricity(radius, half_angle) - _ON_CHORD * radius <= eccentricity <= radius
 
 
-class Body(Checked, params.Body):
-    """A circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, section 1.
+class Segment(Body):
+    """A circular arc with an eccentric mass centre, closed by its chord: see :func:`segment`, which makes it.
+
+    Its parts are "arc", "nose", "tail" and "chord". At phi = 0 the nose is the downhill end of the arc.
+    """
+
+    fields: ClassVar[tuple[str, ...]] = ("mass", "radius", "eccentricity", "inertia", "half_angle")
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, _HALF_ANGLE)
+    _fields: ClassVar[tuple[str, ...]] = fields  # where rules.checked_rows looks for them
+
+    radius: float
+    eccentricity: float
+    half_angle: float
+
+    def __init__(
+        self, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
+    ) -> None:
+        given = zip(self.fields, (mass, radius, eccentricity, inertia, half_angle), self.rules, strict=True)
+        values = {field: checked("segment", field, value, rule) for field, value, rule in given}
+        r, h, alpha = values["radius"], values["eccentricity"], values["half_angle"]
+        if not holds_its_mass_centre(r, h, alpha):
+            raise _outside("segment", r, h, alpha)
+        self._keep(**values)
+
+    @cached_property
+    def arcs(self) -> tuple[Arc, ...]:
+        """Arcs of the outline, sorted by ``begin`` [rad] in [-pi, pi)."""
+        record, arcs = self.record[0], []
+        for k in range(int(record["count"])):
+            across, along, r, begin = (float(record[of][k]) for of in ("across", "along", "r", "begin"))
+            part = int(record["part"][k])
+            name, side = _SEGMENT_PARTS[part - 1], "chord" if part == _TAIL else "side"
+            arcs.append(Arc(0.0 - across, along, r, begin, name, side, part != _ARC))
+        return tuple(arcs)
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Names of all that a segment can touch with, whether or not this one has a chord."""
+        return _SEGMENT_PARTS
+
+    def _made(self) -> np.ndarray:
+        return segment_records(np.array([self._values()]))
+
+
+def segment(mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi) -> Segment:
+    """Return a circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, sections 1 and 8.
 
     Parameters
     ----------
@@ -44,23 +397,17 @@ class Body(Checked, params.Body):
     half_angle : float
         Half-angle of the arc [rad] in (0, pi]; pi is a full disc without corners.
 
+    Returns
+    -------
+    Segment
+        A body that keeps these five numbers as attributes.
+
     Raises
     ------
     TypeError, ValueError
-        Naming the field, its value and the allowed range.
+        Naming the argument, its value and the allowed range.
     """
-
-    __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, _HALF_ANGLE)
-
-    def __new__(
-        cls, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
-    ) -> Self:
-        values = checked_fields(cls, mass, radius, eccentricity, inertia, half_angle)
-        _, r, h, _, alpha = values
-        if not holds_its_mass_centre(r, h, alpha):
-            raise _outside("Body", r, h, alpha)
-        return super().__new__(cls, *values)
+    return Segment(mass, radius, eccentricity, inertia, half_angle)
 
 
 def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) -> ValueError:
@@ -71,15 +418,53 @@ def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) 
     )
 
 
-def check_bodies(owner: str, rows: np.ndarray) -> None:
-    """Check many bodies at once as :func:`checked_rows` does, and where their mass centres are."""
-    checked_rows(owner, Body, rows)
-    for lane, (_, r, h, _, alpha) in enumerate(rows.tolist()):
+def check_bodies(owner: str, rows: Floats) -> None:
+    """Check the fields of many segments at once, shape (N, 5): as ``checked_rows`` does, and where mass centres are.
+
+    Raises
+    ------
+    ValueError
+        Naming row, field, value and allowed range; ``{lane}`` in ``owner`` becomes the number of the row.
+    """
+    checked_rows(owner, Segment, rows)
+    _, radius, eccentricity, _, half_angle = rows.T
+    doubtful = ~((radius * np.maximum(np.cos(half_angle), 0.0) <= eccentricity) & (eccentricity <= radius))
+    for lane in np.flatnonzero(doubtful).tolist():
+        _, r, h, _, alpha = rows[lane].tolist()
         if not holds_its_mass_centre(r, h, alpha):
             raise _outside(owner.format(lane=lane), r, h, alpha)
 
 
-def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
+def segment_records(rows: Floats) -> np.ndarray:
+    """Return what the kernel reads of segments whose fields, shape (N, 5), have been checked; shape (N,)."""
+    mass, radius, eccentricity, inertia, half_angle = rows.T
+    records = np.zeros(len(rows), BODY)
+    records["mass"], records["inertia"], records["count"] = mass, inertia, 1.0
+    records["begin"][:, 0], records["part"][:, 0] = -math.pi, _ARC
+    records["along"][:, 0], records["r"][:, 0] = eccentricity, radius
+
+    ended = np.flatnonzero((half_angle < math.pi) & (radius > 0.0))
+    radius, eccentricity, half_angle = radius[ended], eccentricity[ended], half_angle[ended]
+    sine, cosine = np.empty(len(ended)), np.empty(len(ended))
+    run_directions(half_angle, cosine, sine)
+    across, along = radius * sine, eccentricity - radius * cosine
+    records["count"][ended] = 3.0
+    columns = {
+        "begin": (-math.pi, -half_angle, half_angle),
+        "along": (along, eccentricity, along),
+        "across": (-across, 0.0, across),
+        "r": (0.0, radius, 0.0),
+        "part": (_NOSE, _ARC, _TAIL),
+        "side": (0.0, 0.0, _CHORD),
+        "corner": (1.0, 0.0, 1.0),
+    }
+    for name, values in columns.items():
+        for k, value in enumerate(values):
+            records[name][ended, k] = value
+    return completed(records)
+
+
+def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
     """Return the uniform lamina bounded by an arc and its chord: docs/physics.md, section 8.
 
     Parameters
@@ -93,23 +478,60 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Body:
 
     Returns
     -------
-    Body
+    Segment
         With the eccentricity and the inertia of the lamina.
     """
     mass = checked("circular_segment", "mass", mass, POSITIVE)
     radius = checked("circular_segment", "radius", radius, POSITIVE)
     alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
     if alpha < _THIN:
-        h, inertia = _thin_segment(alpha)
-        return Body(mass, radius, radius * h, mass * radius**2 * inertia, alpha)
+        _, height, inertia = (float(moment[0]) for moment in segment_moments(np.array([alpha])))
+        return Segment(mass, radius, radius * min(math.cos(alpha) + height, 1.0), mass * radius**2 * inertia, alpha)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     area = alpha - sine * cosine  # of the segment, over r^2
     eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
     about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
-    return Body(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
+    return Segment(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
 
 
-def sled(mass: float, length: float, rocker_radius: float, mass_centre_height: float, gyration_radius: float) -> Body:
+def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float | None = None) -> Segment:
+    """Return a disc, uniform by default: docs/physics.md, section 1.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    radius : float
+        Radius [m], > 0.
+    eccentricity : float
+        Distance [m] of the mass centre from the centre, in [0, radius].
+    inertia : float, optional
+        Moment of inertia about the mass centre [kg m^2], > 0; ``mass * radius**2 / 2`` by default. It must be given
+        where the eccentricity is not 0, for the disc is not uniform then.
+
+    Returns
+    -------
+    Segment
+        With half_angle pi.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    mass, radius = checked("disc", "mass", mass, POSITIVE), checked("disc", "radius", radius, POSITIVE)
+    within: Rule = (lambda h: (h >= 0.0) & (h <= radius), f"in [0, radius] = [0, {radius!r}] m")
+    eccentricity = checked("disc", "eccentricity", eccentricity, within)
+    if inertia is None:
+        if eccentricity > 0.0:
+            raise ValueError("disc.inertia = None: must be given where the eccentricity is not 0")
+        inertia = 0.5 * mass * radius**2
+    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, POSITIVE))
+
+
+def sled(
+    mass: float, length: float, rocker_radius: float, mass_centre_height: float, gyration_radius: float
+) -> Segment:
     """Return a sled with its rider: runners bent to an arc, closed by the chord between their ends.
 
     Parameters
@@ -128,7 +550,7 @@ def sled(mass: float, length: float, rocker_radius: float, mass_centre_height: f
 
     Returns
     -------
-    Body
+    Segment
 
     Raises
     ------
@@ -147,7 +569,7 @@ def sled(mass: float, length: float, rocker_radius: float, mass_centre_height: f
     if height > rise:
         raise ValueError(f"sled.mass_centre_height = {height!r}: must be a number in [0, {rise:g}] m, below the chord")
     gyration = checked("sled", "gyration_radius", gyration_radius, POSITIVE)
-    return Body(mass, radius, radius - height, mass * gyration**2, math.asin(0.5 * length / radius))
+    return Segment(mass, radius, radius - height, mass * gyration**2, math.asin(0.5 * length / radius))
 
 
 def sled_rise(length: float, rocker_radius: float) -> float:
@@ -156,17 +578,183 @@ def sled_rise(length: float, rocker_radius: float) -> float:
     return half * half / (rocker_radius + math.sqrt(rocker_radius * rocker_radius - half * half))
 
 
-def _thin_segment(alpha: float) -> tuple[float, float]:
-    """Eccentricity over r and inertia over m r^2 of a thin segment, summed over strips along the chord.
+# Other outlines.
 
-    No term is negative, so that no digits are lost; the sum is that of the integral but for rounding.
+
+def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
+    """Return a uniform body whose arcs are given in any frame: docs/physics.md, section 8.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    arcs : sequence of Arc
+        As those of :class:`Body`, but from another point than the mass centre, which is that of the area.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :class:`Body` does, or if the outline has no area.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    t = 0.5 * alpha * (1.0 + nodes)  # the strip at r cos(t) from the centre of the arc, half as wide as r sin(t)
-    above = 2.0 * np.sin(0.5 * (alpha + t)) * np.sin(0.25 * alpha * (1.0 - nodes))  # the chord, over r
-    half = np.sin(t)
-    share = weights * (half / math.sin(alpha)) ** 2
-    share /= share.sum()
-    height = float(share @ above)
-    inertia = float(share @ ((above - height) ** 2 + half**2 / 3.0))
-    return min(math.cos(alpha) + height, 1.0), inertia
+    mass = checked("lamina", "mass", mass, POSITIVE)
+    _, (x, y), inertia = mass_properties(arcs)
+    return Body(mass, mass * inertia, shifted(arcs, -x, -y))
+
+
+def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | None = None) -> Body:
+    """Return a rod that lies along x at phi = 0, with its mass centre in the middle: docs/physics.md, section 8.
+
+    Its ends are the parts "nose", downhill at phi = 0, and "tail"; its sides are "bottom" and "top".
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    length : float
+        Whole length [m], > thickness.
+    thickness : float
+        [m], >= 0; the ends are half circles. 0, the default, is a line between two corners.
+    inertia : float, optional
+        Moment of inertia about the mass centre [kg m^2], > 0; that of a uniform rod by default.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range.
+    """
+    mass, length = checked("rod", "mass", mass, POSITIVE), checked("rod", "length", length, POSITIVE)
+    thickness = checked("rod", "thickness", thickness, NOT_NEGATIVE)
+    if not length > thickness:
+        raise ValueError(f"rod.length = {length!r}: must be in (thickness, inf) = ({thickness!r}, inf) m")
+    half, r = 0.5 * (length - thickness), 0.5 * thickness
+    arcs = Arc(half, 0.0, r, -math.pi, "nose", "bottom"), Arc(-half, 0.0, r, 0.0, "tail", "top")
+    if inertia is None:
+        inertia = mass * (mass_properties(arcs)[2] if thickness > 0.0 else length**2 / 12.0)
+    return Body(mass, checked("rod", "inertia", inertia, POSITIVE), arcs)
+
+
+def polygon(
+    mass: float,
+    points: ArrayLike,
+    rounding: float = 0.0,
+    parts: Sequence[str] | None = None,
+    sides: Sequence[str] | None = None,
+    inertia: float | None = None,
+    centre: ArrayLike | None = None,
+) -> Body:
+    """Return a convex polygon, with corners that may be rounded: docs/physics.md, section 8.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    points : array_like of float, shape (N, 2)
+        Corners x, y [m] in any frame whose axes are those of the body at phi = 0, 3 to 12 in either direction of turn.
+    rounding : float
+        Radius [m] of circles that touch both sides of a corner from within and round it off, >= 0; 0 by default. A
+        length of every side must be left.
+    parts, sides : sequence of str, optional
+        Names of the corners, and of the sides from each corner to the one after it. "corner 1", "side 1" and so on by
+        default.
+    inertia : float, optional
+        Moment of inertia about the mass centre [kg m^2], > 0; that of the uniform lamina by default. It must be given
+        where ``centre`` is.
+    centre : array_like of float, shape (2,), optional
+        The mass centre [m] in the frame of the corners; that of the uniform lamina by default.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range; also if a corner is no corner, or if the polygon is not
+        convex.
+    """
+    mass = checked("polygon", "mass", mass, POSITIVE)
+    corners = _table("polygon", "points", points, 2)
+    rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
+    parts = _names("polygon", "parts", parts, "corner", corners)
+    sides = _names("polygon", "sides", sides, "side", corners)
+    if centre is not None and inertia is None:
+        raise ValueError("polygon.inertia = None: must be given where centre is")
+    arcs = polygon_of(corners, rounding, parts, sides)
+    _, middle, uniform = mass_properties(arcs)
+    if centre is not None:
+        ((x, y),) = _table("polygon", "centre", np.asarray(centre)[np.newaxis], 2).tolist()
+        middle = x, y
+    if inertia is None:
+        inertia = mass * uniform
+    return Body(mass, checked("polygon", "inertia", inertia, POSITIVE), shifted(arcs, -middle[0], -middle[1]))
+
+
+def hull(
+    mass: float, inertia: float, circles: ArrayLike, parts: Sequence[str], sides: Sequence[str] | None = None
+) -> Body:
+    """Return a body whose outline is the convex hull of circles: docs/physics.md, section 8.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg], > 0.
+    inertia : float
+        Moment of inertia about the mass centre [kg m^2], > 0.
+    circles : array_like of float, shape (N, 3)
+        Centres x, y [m] from the mass centre in the frame of the body, and radii [m], >= 0. Those that lie within the
+        hull are left out.
+    parts : sequence of str
+        A name for each circle.
+    sides : sequence of str, optional
+        A name for each circle: of the straight side that follows it clockwise. "side" by default.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, its value and the allowed range: as for :class:`Body`.
+    """
+    table = _table("hull", "circles", circles, 3)
+    for k, radius in enumerate(table[:, 2].tolist()):
+        checked(f"hull.circles[{k}]", "radius", radius, NOT_NEGATIVE)
+    parts = _names("hull", "parts", parts, "circle", table)
+    sides = ["side"] * len(table) if sides is None else _names("hull", "sides", sides, "side", table)
+    return Body(mass, inertia, hull_of_circles(table, parts, sides))
+
+
+def _table(owner: str, name: str, given: ArrayLike, columns: int) -> Floats:
+    """Return a table of finite numbers, shape (N, columns), N > 0."""
+    try:
+        table = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        table = np.asarray(given, dtype=object)
+    if table.dtype.kind not in "biuf":
+        raise TypeError(f"{owner}.{name} = {given!r}: must hold numbers")
+    if table.ndim != 2 or table.shape[1] != columns or not len(table):
+        raise ValueError(f"{owner}.{name} has shape {table.shape}: must be (N, {columns})")
+    for k, row in enumerate(table.tolist()):
+        for value in row:
+            checked(owner, f"{name}[{k}]", value, FINITE)
+    return table.astype(float)
+
+
+def _names(owner: str, name: str, given: Sequence[str] | None, default: str, table: NDArray[Any]) -> list[str]:
+    """Return a name for each row of a table."""
+    if given is None:
+        return [f"{default} {k}" for k in range(1, len(table) + 1)]
+    if isinstance(given, str) or not isinstance(given, Sequence) or not all(isinstance(word, str) for word in given):
+        raise TypeError(f"{owner}.{name} = {given!r}: must be a sequence of names")
+    if len(given) != len(table):
+        raise ValueError(f"{owner}.{name} has {len(given)} names: must have {len(table)}")
+    return list(given)

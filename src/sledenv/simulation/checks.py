@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sledenv.kernel import params
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import RigidLaw
-from sledenv.simulation.bodies import Body, check_bodies
+from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.rules import checked_rows, made
 from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, kind_of, restitution_of
 from sledenv.simulation.settings import Settings
@@ -44,12 +44,12 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     TypeError, ValueError
         Naming the argument or its field, the value and the allowed range.
     """
-    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     launch = _admitted(body, slope, made("launch", State, launch))
     _check_solver(type(law), settings.solver)
     touching: Law = law
     if settings.solver == "rigid":
-        touching = RigidLaw._make(map(float, _stiff_limit(body, law, slope, settings.settle_speed)))
+        touching = RigidLaw._make(map(float, _stiff_limit(body.size, law, slope, settings.settle_speed)))
     return CheckedDescent(body, law, slope, launch, touching)
 
 
@@ -62,7 +62,7 @@ class CheckedLanes(NamedTuple):
     """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
 
     kind: type[Law]  # of the rows of laws
-    bodies: np.ndarray
+    bodies: np.ndarray  # of kernel.outline.BODY
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
@@ -89,13 +89,13 @@ def checked_lanes(
     launches = checked_table("launches", given, State._fields)
     kind = _kind_of_all(law)
     _check_solver(kind, settings.solver)
-    bodies = _rows("body", Body, body, len(launches))
+    bodies = records_of(body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes = _rows("slope", Slope, slope, len(launches))
     rigid = settings.solver == "rigid"
     if rigid:
-        columns = params.Body._make(bodies.T), params.ContactLaw._make(laws.T), params.Slope._make(slopes.T)
-        laws = np.stack(np.broadcast_arrays(*_stiff_limit(*columns, settings.settle_speed)), axis=-1)
+        columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T)
+        laws = np.stack(np.broadcast_arrays(*_stiff_limit(bodies["size"], *columns, settings.settle_speed)), axis=-1)
     checked_rows("launches[{lane}]", State, launches)
     _admit("launches[{lane}]", bodies, slopes, launches)
     return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches)
@@ -130,8 +130,8 @@ def _check_solver(kind: type[AnyLaw], solver: str) -> None:
         raise TypeError(f"law is of the kind {kind.__name__}: solver = {solver!r} needs a ContactLaw")
 
 
-def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
-    """Fields of one or of N bodies, laws or slopes, shape (1 or N, fields)."""
+def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
+    """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])
     if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
@@ -141,19 +141,15 @@ def _rows(name: str, kind: type[Body] | type[AnyLaw] | type[Slope], given: objec
     if not lanes:
         raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
     rows = checked_table(name, given, kind._fields)
-    owner = f"{name}[{{lane}}]"
-    if kind is Body:
-        check_bodies(owner, rows)
-    else:
-        checked_rows(owner, kind, rows)
+    checked_rows(f"{name}[{{lane}}]", kind, rows)
     return rows
 
 
-def _stiff_limit(body: Any, law: Any, slope: Any, settle_speed: float | None) -> RigidLaw:
-    """Stiff limit of a contact law, or of the columns of a table of them."""
+def _stiff_limit(size: Any, law: Any, slope: Any, settle_speed: float | None) -> RigidLaw:
+    """Stiff limit of a contact law, or of the columns of a table of them; ``size`` [m] is that of the body."""
     settle: Any = settle_speed
     if settle is None:
-        settle = _SETTLE * np.sqrt(slope.gravity * _size(body))
+        settle = _SETTLE * np.sqrt(slope.gravity * size)
     return RigidLaw(
         restitution=restitution_of(law.asymmetry),
         friction=law.friction,
@@ -161,11 +157,6 @@ def _stiff_limit(body: Any, law: Any, slope: Any, settle_speed: float | None) ->
         corner_rolling_arm=law.corner_rolling_arm,
         settle_speed=settle,
     )
-
-
-def _size(body: Any) -> Any:
-    """Greatest distance [m] from the mass centre of a body, or of the columns of a table of them."""
-    return body.radius + body.eccentricity
 
 
 def _admitted(body: Body, slope: Slope, launch: State) -> State:
@@ -176,7 +167,7 @@ def _admitted(body: Body, slope: Slope, launch: State) -> State:
     if abs(phi) > math.pi:
         phi = float(within_a_turn(np.array(phi)))
     lowest = support_height(body, phi)
-    if y - lowest < -_SURFACE * _size(body):
+    if y - lowest < -_SURFACE * body.size:
         raise _below("State", y, phi, lowest)
     if x >= slope.length:
         raise _beyond("State", x, slope.length)
@@ -199,7 +190,7 @@ def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndar
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
     lowest = support_heights(bodies, phi)
-    below = y - lowest < -_SURFACE * _size(params.Body._make(bodies.T))
+    below = y - lowest < -_SURFACE * bodies["size"]
     if below.any():
         i = int(np.argmax(below))
         raise _below(owner.format(lane=i), float(y[i]), float(phi[i]), float(lowest[i]))

@@ -144,6 +144,6 @@ class Sensitivity:
 
 def natural_units(body: Body, slope: Slope, launch: State) -> Floats:
     """Units of x, y, phi, u, v and omega that suit a body."""
-    size = body.radius + body.eccentricity or 1.0
+    size = body.size or 1.0
     speed = math.sqrt(slope.gravity * size) or math.hypot(launch.u, launch.v, size * launch.omega) or 1.0
     return np.array([size, size, 1.0, speed, speed, speed / size])

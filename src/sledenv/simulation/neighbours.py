@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
-from sledenv.simulation.bodies import Body, holds_its_mass_centre
+from sledenv.simulation.bodies import Segment, holds_its_mass_centre, segment_records
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -61,11 +61,26 @@ class Neighbours:
         self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *descent.body])
+        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *self._of_body()])
         self.values = self.centre[self.columns]
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
         self.steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
+
+    def _of_body(self) -> tuple[float, ...]:
+        """Fields of a segment; of any other body NaN where it has none."""
+        body = self.descent.body
+        if isinstance(body, Segment):
+            return body.mass, body.radius, body.eccentricity, body.inertia, body.half_angle
+        return body.mass, np.nan, np.nan, body.inertia, np.nan
+
+    def records(self, bodies: Floats) -> np.ndarray:
+        """What the kernel reads of bodies, given the rows of :meth:`tables`."""
+        if isinstance(self.descent.body, Segment):
+            return segment_records(bodies)
+        records = np.tile(self.descent.body.record, len(bodies))
+        records["mass"], records["inertia"] = bodies[:, 0], bodies[:, 3]
+        return records
 
     def _scales(self) -> dict[str, float]:
         """How much of each parameter is a great change: what is always positive need not vanish."""
@@ -103,11 +118,16 @@ class Neighbours:
         bodies, laws, slopes, launches = self.tables(which, changes)
         restitution = self.centre[_RESTITUTION] + np.where(self.columns[which] == _RESTITUTION, changes, 0.0)
         fine: NDArray[np.bool_] = RESTITUTION[0](restitution) & (launches[:, 0] < slopes[:, 1])
-        for kind, rows in ((Body, bodies), (ContactLaw, laws), (Slope, slopes)):
+        segments = isinstance(self.descent.body, Segment)
+        for kind, rows in ((Segment, bodies), (ContactLaw, laws), (Slope, slopes)):
             for (accepts, _), column in zip(kind.rules, rows.T, strict=True):
-                fine &= accepts(column)
-        fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
-        return fine & (launches[:, 1] >= support_heights(bodies, within_a_turn(launches[:, 2])))
+                fine &= accepts(column) | (np.isnan(column) & (kind is Segment and not segments))
+        if segments:
+            fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
+        found = np.flatnonzero(fine)
+        heights = support_heights(self.records(bodies[found]), within_a_turn(launches[found, 2]))
+        fine[found] = launches[found, 1] >= heights
+        return fine
 
     def room(self) -> Floats:
         """How far each parameter may be changed to either side, shape (P, 2); inf if by its scale."""
@@ -123,12 +143,12 @@ class Neighbours:
 
     def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> Runs:
         """Simulate descents that differ by a change of one parameter each."""
-        tables = self.tables(which, changes)
+        bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        blocks = simulate_blocks(*tables, self.settings, block=block)
+        blocks = simulate_blocks(self.records(bodies), laws, slopes, launches, self.settings, block=block)
         parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        turned = tables[3][:, 2] - within_a_turn(tables[3][:, 2])  # whole turns that simulations take off
+        turned = launches[:, 2] - within_a_turn(launches[:, 2])  # whole turns that simulations take off
         runs.rebounds[:, :, list(REBOUND_QUANTITIES).index("phi")] += turned[:, np.newaxis]
         runs.end[:, list(END_QUANTITIES).index("phi")] += turned
         return runs

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
-from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, made
+from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
@@ -65,7 +65,7 @@ class Ride:
         self._rebounds = new_log(self.settings.max_rebounds)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         self._flight = np.zeros(1, OUTCOME)
-        run_embark(self.body, self.slope, self.launch, self._flight)
+        run_embark(self.body.record, self.slope, self.launch, self._flight)
 
     @property
     def status(self) -> Status:
@@ -101,7 +101,7 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        run_trim(self.body, self.slope, self.launch, self.rotor_inertia, lent, self._flight)
+        run_trim(self.body.record, self.slope, self.launch, self.rotor_inertia, lent, self._flight)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -147,7 +147,7 @@ class Ride:
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
         law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self.settings.limits, self.body, law, self.slope, self.launch)
+        tables = Tables(law, self.settings.limits, self.body.record, law, self.slope, self.launch)
         trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
         follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
@@ -191,7 +191,7 @@ class RideBatch:
         rotor_inertia: float | None = None,
     ) -> None:
         self.settings = checked_settings(settings)
-        self.body = made("body", Body, body)
+        self.body = made_body(body)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)

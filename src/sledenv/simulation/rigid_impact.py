@@ -12,7 +12,7 @@ from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.kernel.state import HOP, new
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
 from sledenv.simulation.scene import ContactLaw, State
 from sledenv.simulation.support import within_a_turn
@@ -137,12 +137,12 @@ def rigid_impact(
     if hypothesis not in get_args(Hypothesis):
         allowed = ", ".join(map(repr, get_args(Hypothesis)))
         raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
-    body, law, state = made("body", Body, body), made("law", ContactLaw, law), State(*made("state", State, state))
+    body, law, state = made_body(body), made("law", ContactLaw, law), State(*made("state", State, state))
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
     phases_found = np.empty(1, np.int64)
-    run_collision(body, law, touching, e, _CODES[hypothesis], hops, rows, phases_found)
+    run_collision(body.record, law, touching, e, _CODES[hypothesis], hops, rows, phases_found)
     count = int(phases_found[0])
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")

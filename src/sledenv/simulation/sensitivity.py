@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, Segment, made_body
 from sledenv.simulation.checks import checked_law
 from sledenv.simulation.derivatives import PARAMETERS, REBOUND_QUANTITIES, Floats, Sensitivity
 from sledenv.simulation.neighbours import SIGNS, Neighbours, end_values, places, rebound_values
@@ -19,9 +19,9 @@ from sledenv.simulation.rules import checked_choice, checked_count, made
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import has_corners
 
 _BISECTIONS = 24
+_OF_SEGMENTS = ("radius", "eccentricity", "half_angle")
 
 
 def sensitivity(
@@ -64,7 +64,7 @@ def sensitivity(
     """
     rebounds = checked_count("rebounds", rebounds)
     settings = checked_settings(settings)
-    body, law, slope = made("body", Body, body), checked_law(law), made("slope", Slope, slope)
+    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     names = _checked_parameters(parameters, body, slope, settings.solver)
     descent = simulate(body, law, slope, launch, settings)
     # A neighbour with more rebounds has another sequence; how it goes on does not matter.
@@ -104,8 +104,10 @@ def _differentiated(neighbours: Neighbours, kept: int) -> Sensitivity:
 def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, solver: str) -> tuple[str, ...]:
     """Names of parameters, those that play a part by default."""
     idle = {"stiffness"} if solver == "rigid" else set()
-    if not has_corners(body):
+    if len(body.arcs) == 1:
         idle |= {"corner_rolling_arm", "half_angle"}
+    foreign = () if isinstance(body, Segment) else _OF_SEGMENTS
+    idle |= set(foreign)
     if math.isinf(slope.length):
         idle.add("length")
     if given is None:
@@ -114,6 +116,8 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         raise ValueError(f"parameters = {given!r}: must be a sequence of names, at least one")
     for name in given:
         checked_choice("parameters", name, tuple(PARAMETERS))
+        if name in foreign:
+            raise ValueError(f"parameters: {name!r} is that of a segment, and the body is a {type(body).__name__}")
     if len(set(given)) < len(given):
         raise ValueError(f"parameters = {given!r}: must name each parameter once")
     if "length" in given and "length" in idle:

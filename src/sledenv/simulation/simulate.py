@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sledenv.kernel.descend import SPACE
 from sledenv.kernel.entries import run_euler
 from sledenv.kernel.records import OUTCOME, RUNNING, TRAJECTORY
-from sledenv.kernel.state import CONTACT, new
+from sledenv.kernel.state import new
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes
 from sledenv.simulation.jam import DescentJam, descent_jam
@@ -99,13 +100,13 @@ def simulate(
         outcomes = np.zeros(1, OUTCOME)
         outcome: np.void = outcomes[0]
         if settings.solver == "euler":
-            given = body, touching, slope, launch, limits, rebounds, new(CONTACT), trajectory, outcomes
+            given = body.record, touching, slope, launch, limits, rebounds, new(SPACE), trajectory, outcomes
             go_on = run_euler.prepared(*given)
             while outcome["status"] == RUNNING:  # an interrupt takes effect between two calls
                 go_on()
         else:
             put_at_launch(outcomes, launch)
-            tables = Tables(touching, limits, body, touching, slope, launch)
+            tables = Tables(touching, limits, body.record, touching, slope, launch)
             follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         return outcome
 
@@ -143,7 +144,7 @@ class _Lanes(NamedTuple):
         tables = Tables(like, limits, *(table[part] if len(table) > 1 else table for table in rows))
         put_at_launch(outcomes, tables.launches)
         follow_all(tables, ALL_HOPS, outcomes, rebounds)
-        return descent_jam(outcomes, tables.bodies[:, 0], tables.slopes[:, 1])
+        return descent_jam(outcomes, tables.bodies["mass"], tables.slopes[:, 1])
 
 
 def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings | None) -> _Lanes:
@@ -169,8 +170,9 @@ def simulate_batch(
 
     Parameters
     ----------
-    body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them, shapes (N, 5), (N, 5) and (N, 3)
-        One for all lanes or one a lane.
+    body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them
+        One for all lanes or one a lane. An array has the fields of a segment, of a law or of a slope in its columns:
+        shapes (N, 5), (N, 5) and (N, 3).
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
     settings : Settings, optional

@@ -74,5 +74,5 @@ def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64]
     return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], settings).outcomes
 
 
-def _of_bodies(bodies: Body | NDArray[np.float64], field: str) -> Any:
-    return getattr(bodies, field) if isinstance(bodies, Body) else bodies[:, Body._fields.index(field)]
+def _of_bodies(bodies: Body | np.ndarray, field: str) -> Any:
+    return getattr(bodies, field) if isinstance(bodies, Body) else bodies[field]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
@@ -17,7 +18,7 @@ from sledenv.kernel.entries import LIBRARY
 from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import ContactSection, LaunchSection, SlopeSection
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
@@ -52,7 +53,7 @@ class StudyError(ScenarioError):
 class Lanes(NamedTuple):
     """What N descents are given, as :func:`sledenv.simulate_batch` takes it."""
 
-    bodies: Body | NDArray[np.float64]  # one, or fields of one a lane, shape (N, 5)
+    bodies: Body | np.ndarray  # one, or records of kernel.outline.BODY, one a lane
     laws: NDArray[np.float64]
     slopes: NDArray[np.float64]
     launches: NDArray[np.float64]
@@ -179,29 +180,41 @@ class Study(Document):
         _put(given, _SLOPE, Slope, slopes)
         return Lanes(bodies, laws, slopes, base.launches(contexts, bodies))
 
-    def bodies(self, values: NDArray[np.float64]) -> Body | NDArray[np.float64]:
-        """Return the bodies of values of the parameters: one, if it is certain, else fields of one a row.
+    def bodies(self, values: NDArray[np.float64]) -> Body | np.ndarray:
+        """Return the bodies of values of the parameters: one, if it is certain, else a record for each row.
 
         Raises
         ------
         StudyError
             If some are no body, saying how many.
         """
-        section = self.base.body_section
-        at = {i: name.partition(".")[2] for i, name in enumerate(self.parameters) if name.startswith("body.")}
-        if not at:
+        if not self._of_bodies:
             return self.base.body()
+        return records_of(list(self._bodies(values)), len(values))
+
+    def check_bodies(self, values: NDArray[np.float64]) -> None:
+        """Raise the error of :meth:`bodies` if there is one; none of them is kept."""
+        for _ in self._bodies(values if self._of_bodies else values[:0]):
+            pass
+
+    @property
+    def _of_bodies(self) -> dict[int, str]:
+        """Keys of the body that are uncertain, by the number of the parameter."""
+        return {i: name.partition(".")[2] for i, name in enumerate(self.parameters) if name.startswith("body.")}
+
+    def _bodies(self, values: NDArray[np.float64]) -> Iterator[Body]:
+        """Body of each row of values that makes one; afterwards an error if some do not."""
+        section, at = self.base.body_section, self._of_bodies
         kind, certain = type(section), section.model_dump()
-        bodies, wrong = [], []
+        wrong = []
         for row in values[:, list(at)].tolist():
             try:
-                bodies.append(kind.model_validate(certain | dict(zip(at.values(), row, strict=True))).build())
+                yield kind.model_validate(certain | dict(zip(at.values(), row, strict=True))).build()
             except ValidationError as error:
                 wrong.append(kind.explain(error.errors()[0]))
         if wrong:
             share = len(wrong) / len(values)
             raise StudyError(f"study {self.id}: a share of {share:.2g} of all draws is no body, such as {wrong[0]}")
-        return np.array(bodies)
 
     def _misfit(self, name: str, distribution: Distribution) -> str:
         """Return what is wrong where a distribution leaves what its key allows, else nothing."""

@@ -78,7 +78,7 @@ def study(
     folder = Path(out).resolve()  # a worker of a cluster may work elsewhere
     check_free(folder, os.fspath(out), {*FILES, *(entry.name for entry in folder.glob(".*"))})
     drawn = draws(one)
-    one.bodies(one.values(drawn))
+    one.check_bodies(one.values(drawn))
     files = _simulate(one, drawn, folder, out, run, progress)
     tables = _tables(one, files, run)
     result = StudyResult(one, folder, len(drawn), files, **tables)

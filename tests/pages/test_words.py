@@ -1,0 +1,86 @@
+"""What is said and written about a body and its parts: words, tables, JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from sledenv.pages.as_json import plain_descent, plain_setting
+from sledenv.pages.words import part_name, rebound_cells, setting, story, trajectory_rows
+from sledenv.simulation.bodies import Arc, Body, circular_segment, segment
+from sledenv.simulation.outcomes import Descent
+from tests.bodies import DISC, HILL, ICE, SLED, run
+from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
+
+
+def first_line(body: Body) -> str:
+    """What is said of a body."""
+    descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
+    return setting(body, descent.law, descent.slope, descent.launch).splitlines()[0]
+
+
+def test_a_body_is_described_by_its_numbers_and_its_parts() -> None:
+    assert first_line(DISC) == (
+        "body: mass 100 kg, radius 0.5 m, eccentricity 0.25 m, inertia 18.75 kg m^2, no corners"
+    )
+    assert first_line(circular_segment(100.0, 0.5, 1.2)).endswith("kg m^2, half-angle 68.75 deg")
+    assert first_line(LINE) == (
+        "body: mass 5 kg, inertia 0.6 kg m^2, size 0.6 m, 2 arcs; parts: nose, tail, bottom, top"
+    )
+    assert first_line(RIDER) == (
+        "body: mass 110 kg, inertia 18 kg m^2, size 0.7579 m, 4 arcs; parts: nose, runner, tail, head, back, front"
+    )
+    wheel = Body(2.0, 0.1, [Arc(0.0, 0.1, 0.3, 0.0, "tyre")])
+    assert first_line(wheel) == "body: mass 2 kg, inertia 0.1 kg m^2, size 0.4 m, 1 arc; parts: tyre"
+
+
+@pytest.mark.parametrize(
+    ("body", "corners"), [(DISC, False), (SLED, True), (BOULDER, False), (CRATE, True), (LINE, True), (RIDER, False)]
+)
+def test_the_rolling_arm_of_corners_is_told_where_there_are_some(body: Body, corners: bool) -> None:
+    descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
+    words = setting(body, descent.law, descent.slope, descent.launch)
+    assert ("(0 m at a corner)" in words) == corners
+
+
+def test_codes_of_parts_have_names() -> None:
+    assert [part_name(SLED, code) for code in range(5)] == ["none", "arc", "nose", "tail", "chord"]
+    assert [part_name(RIDER, code) for code in range(7)] == ["none", *RIDER.parts]
+
+
+@pytest.mark.parametrize(("name", "solver"), [("boulder", "rigid"), ("rider", "compliant"), ("line", "compliant")])
+def test_tables_name_the_part_that_touched(name: str, solver: str) -> None:
+    """Oracle: the codes of the log, which count the parts of the body from 1."""
+    descent = descent_of(name, solver)
+    expected = [descent.body.parts[code - 1] for code in descent.rebounds["feature"].tolist()]
+    assert [cells[3] for cells in rebound_cells(descent)] == expected
+    assert [rebound["feature"] for rebound in plain_descent(descent)["rebounds"]] == expected
+    codes = descent.trajectory["feature"].tolist()
+    told = [row[10] for row in trajectory_rows(descent)]
+    assert told == [("none", *descent.body.parts)[code] for code in codes]
+    assert {"none", *expected} <= set(told) or solver == "rigid"
+    json.dumps(plain_descent(descent), default=float)
+
+
+def test_a_story_tells_on_what_the_body_lay() -> None:
+    """Oracle: a rod slides to the end on its side, the shipped segment on its chord."""
+    flat = descent_of("line", "compliant")
+    assert flat.on_chord is not None
+    assert f"side       first lay on one, settled, after {flat.on_chord[0]:.4f} s" in story(flat)
+    segments = run(SLED, ICE, HILL, (0.0, 0.0, 3.14159, 1.0, 0.0, 0.0))
+    assert segments.on_chord is not None
+    assert f"chord      first lay on it, settled, after {segments.on_chord[0]:.4f} s" in story(segments)
+
+
+@pytest.mark.parametrize("body", [SLED, BOULDER, CRATE, RIDER, LINE])
+def test_a_body_can_be_read_back_from_json(body: Body) -> None:
+    descent: Descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
+    text = json.dumps(plain_setting(body, descent.law, descent.slope, descent.launch)["body"])
+    plain = json.loads(text)
+    if "arcs" in plain:
+        assert list(plain) == ["mass", "inertia", "arcs"]
+        assert Body(plain["mass"], plain["inertia"], [Arc(**arc) for arc in plain["arcs"]]) == body
+    else:
+        assert list(plain) == ["mass", "radius", "eccentricity", "inertia", "half_angle"]
+        assert segment(**plain) == body

@@ -1,0 +1,41 @@
+"""Bodies of other outlines than a segment, and descents of them, for pictures and pages."""
+
+from __future__ import annotations
+
+import functools
+from typing import Final
+
+from sledenv.simulation.bodies import Body, hull, polygon, rod
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import bulged
+from sledenv.simulation.scene import ContactLaw, Slope
+from tests.bodies import run
+
+
+def sled_with_rider() -> Body:
+    """A slightly bent runner between two round ends, with the head of a rider above it."""
+    circles = [(0.62, -0.17, 0.06), (-0.62, -0.17, 0.06), (-0.15, 0.62, 0.12)]
+    body = hull(110.0, 18.0, circles, ["nose", "tail", "head"], ["runner", "back", "front"])
+    nose = [arc.part for arc in body.arcs].index("nose")
+    return Body(110.0, 18.0, bulged(body.arcs, nose, 4.0, "runner"))
+
+
+CRATE: Final = polygon(40.0, [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)])
+BOULDER: Final = polygon(900.0, [(0.0, 0.0), (0.9, -0.1), (1.3, 0.5), (0.8, 1.1), (0.1, 0.9)], 0.08)
+RIDER: Final = sled_with_rider()
+LINE: Final = rod(5.0, 1.2)
+
+_ROCK = ContactLaw.from_restitution(0.4, stiffness=1e7, friction=0.5, rolling_arm=0.005)
+_SNOW = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.08, rolling_arm=0.0)
+_WOOD = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.0)
+SETTINGS: Final = {
+    "boulder": (BOULDER, _ROCK, Slope(0.5, 12.0), (0.0, 0.6, 0.3, 2.0, 0.0, -2.0)),
+    "rider": (RIDER, _SNOW, Slope(0.25, 15.0), (0.0, 0.4, 0.15, 4.0, 0.0, -1.0)),
+    "line": (LINE, _WOOD, Slope(0.3, 8.0), (0.0, 0.4, 0.5, 2.0, 0.0, -3.0)),
+}
+
+
+@functools.cache
+def descent_of(name: str, solver: str) -> Descent:
+    """Return the descent of one of these bodies, with its trajectory."""
+    return run(*SETTINGS[name], solver=solver)  # type: ignore[arg-type]

@@ -1,0 +1,701 @@
+"""Bodies: every field is checked, what is derived agrees with its definition, and records hold what was given."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+import re
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+from sledenv.kernel import outline as kernel
+from sledenv.kernel.outline import BODY
+from sledenv.simulation.bodies import (
+    Arc,
+    Body,
+    Segment,
+    check_bodies,
+    circular_segment,
+    disc,
+    hull,
+    lamina,
+    polygon,
+    records_of,
+    rod,
+    segment,
+    sled,
+    sled_rise,
+)
+from sledenv.simulation.outlines import bulged, outline_of
+from tests.oracles import segment_by_strips, support
+
+SEGMENT = {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9}
+SLED = {"mass": 120.0, "length": 1.2, "rocker_radius": 1.0, "mass_centre_height": 0.14, "gyration_radius": 0.38}
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+GOOD: dict[Any, dict[str, Any]] = {
+    segment: SEGMENT,
+    Body: {"mass": 1.0, "inertia": 0.1, "arcs": rod(1.0, 1.0).arcs},
+    circular_segment: {"mass": 1.0, "radius": 0.1, "half_angle": 1.9},
+    disc: {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 0.1},
+    sled: SLED,
+    rod: {"mass": 1.0, "length": 1.0, "thickness": 0.1, "inertia": 0.2},
+    polygon: {"mass": 1.0, "points": SQUARE, "rounding": 0.1, "inertia": 0.3},
+    lamina: {"mass": 1.0, "arcs": polygon(1.0, SQUARE).arcs},
+}
+BELOW_ZERO, ABOVE_HALF_TURN = -1e-300, math.nextafter(math.pi, 4.0)
+OUT_OF_RANGE = [
+    (segment, "mass", [0.0, -1.0], "(0, inf)"),
+    (segment, "radius", [BELOW_ZERO], "[0, inf)"),
+    (segment, "eccentricity", [BELOW_ZERO], "[0, inf)"),
+    (segment, "inertia", [0.0, -1.0], "(0, inf)"),
+    (segment, "half_angle", [0.0, -1.0, ABOVE_HALF_TURN], "(0, pi] rad"),
+    (Body, "mass", [0.0, -1.0], "(0, inf)"),
+    (Body, "inertia", [0.0, -1.0], "(0, inf)"),
+    (circular_segment, "mass", [0.0], "(0, inf)"),
+    (circular_segment, "radius", [0.0], "(0, inf)"),
+    (circular_segment, "half_angle", [0.0, ABOVE_HALF_TURN], "(0, pi] rad"),
+    (disc, "mass", [0.0], "(0, inf)"),
+    (disc, "radius", [0.0], "(0, inf)"),
+    (disc, "eccentricity", [BELOW_ZERO, 0.11], "in [0, radius] = [0, 0.1] m"),
+    (disc, "inertia", [0.0], "(0, inf)"),
+    (sled, "mass", [0.0], "(0, inf)"),
+    (sled, "length", [0.0, -1.0], "(0, inf)"),
+    (sled, "rocker_radius", [0.0], "(0, inf)"),
+    (sled, "mass_centre_height", [BELOW_ZERO], "[0, inf)"),
+    (sled, "gyration_radius", [0.0], "(0, inf)"),
+    (rod, "mass", [0.0], "(0, inf)"),
+    (rod, "length", [0.0], "(0, inf)"),
+    (rod, "thickness", [BELOW_ZERO], "[0, inf)"),
+    (rod, "inertia", [0.0], "(0, inf)"),
+    (polygon, "mass", [0.0], "(0, inf)"),
+    (polygon, "rounding", [BELOW_ZERO], "[0, inf)"),
+    (polygon, "inertia", [0.0], "(0, inf)"),
+    (lamina, "mass", [0.0], "(0, inf)"),
+]
+ANY_OUTLINE = [
+    segment(1.0, 0.5, 0.2, 0.1, 2.0),
+    disc(1.0, 0.5),
+    rod(1.0, 1.0),
+    rod(1.0, 1.0, 0.2),
+    polygon(1.0, SQUARE, 0.1),
+    hull(1.0, 0.1, [(0.0, 0.0, 0.5), (1.0, 0.2, 0.0), (-0.2, 0.9, 0.1)], ["wheel", "nose", "head"]),
+]
+
+
+def support_height(body: Body, phi: float) -> float:
+    """Height [m] of the mass centre when the lowest point touches, as the kernel has it."""
+    return kernel.support_height(body.record[0], phi)
+
+
+# --- fields ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "field", "values", "allowed"), OUT_OF_RANGE)
+def test_a_number_outside_its_range_is_refused_by_name(
+    kind: Any, field: str, values: list[float], allowed: str
+) -> None:
+    """Oracle: the range written beside the field; NaN and the infinities lie outside all of them; a word."""
+    for value in [*values, math.nan, -math.inf, math.inf]:
+        with pytest.raises(ValueError, match="must be") as caught:
+            kind(**GOOD[kind] | {field: value})
+        assert f"{kind.__name__}.{field} = {value!r}: must be" in str(caught.value)
+        assert allowed in str(caught.value)
+    with pytest.raises(TypeError, match="must be a number") as no_number:
+        kind(**GOOD[kind] | {field: "steep"})
+    assert f"{kind.__name__}.{field} = 'steep': must be a number" in str(no_number.value)
+    assert allowed in str(no_number.value)
+
+
+@pytest.mark.parametrize("value", [None, [1.0], {}, 1j, object, "1", b"1", np.array("1")], ids=repr)
+def test_what_is_not_a_number_is_refused(value: Any) -> None:
+    """Oracle: the documented TypeError for what is not a real number, of all fields by the same rule."""
+    with pytest.raises(TypeError, match=r"segment\.mass = .*: must be a number in \(0, inf\)"):
+        segment(value, 0.1, 0.05, 7.5e-3)
+    with pytest.raises(TypeError, match=r"Body\.arcs\[0\]\.x = .*: must be a number, a finite number"):
+        Body(1.0, 1.0, [Arc(value, 0.0, 1.0, 0.0)])
+
+
+def test_the_ends_of_the_ranges_are_accepted() -> None:
+    """Oracle: the ranges in the docstrings: a point, a full disc, a corner, a rod without a thickness."""
+    assert segment(1.0, 0.0, 0.0, 1.0, math.pi).half_angle == math.pi
+    assert segment(1.0, 0.1, 0.0, 1.0) == Segment(1.0, 0.1, 0.0, 1.0, math.pi)
+    assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]).size == 0.0
+    assert rod(1.0, 1.0, 0.0).size == 0.5
+
+
+@pytest.mark.parametrize("convert", [np.float32, np.float64, lambda value: int(value) if value == 1.0 else value])
+def test_every_field_is_a_float_whatever_it_was_given_as(convert: Callable[[float], Any]) -> None:
+    """Oracle: the kernel reads doubles."""
+    made = segment(**{field: convert(value) for field, value in SEGMENT.items()})
+    assert {type(getattr(made, field)) for field in Segment.fields} == {float}
+    body = Body(convert(1.0), convert(1.0), [Arc(*map(convert, (0.0, 0.0, 1.0, 0.0)))])
+    assert {type(value) for value in (body.mass, body.inertia, *body.arcs[0][:4])} == {float}
+
+
+@pytest.mark.parametrize(("body", "owner"), [(segment(**SEGMENT), "segment"), (rod(1.0, 1.0), "Body")])
+def test_a_changed_field_is_checked_too(body: Body, owner: str) -> None:
+    """Oracle: the message of a new one; all other fields stay as they are."""
+    for field in body.fields:
+        with pytest.raises((ValueError, TypeError), match=rf"{owner}\.{field} = nan: must be"):
+            body.replace(**{field: math.nan})
+    assert body.replace() == body
+    heavier = body.replace(mass=3.0)
+    assert (type(heavier), heavier.mass, heavier.inertia, heavier.arcs) == (type(body), 3.0, body.inertia, body.arcs)
+    assert heavier.record["mass"] == 3.0
+    with pytest.raises(TypeError, match="colour"):
+        body.replace(colour=1.0)
+
+
+@pytest.mark.parametrize("body", ANY_OUTLINE)
+def test_a_body_is_a_value(body: Body) -> None:
+    """Oracle: equal ones are made of equal numbers; it survives pickling, and its repr makes it anew."""
+    for again in (pickle.loads(pickle.dumps(body)), copy.deepcopy(body), eval(repr(body))):
+        assert type(again) is type(body)
+        assert again == body
+        assert hash(again) == hash(body)
+        assert again.record.tobytes() == body.record.tobytes()
+    assert body != body.replace(mass=2.0)
+    assert body not in (None, 1.0, body.arcs)
+    assert len({*ANY_OUTLINE, *ANY_OUTLINE}) == len(ANY_OUTLINE)
+
+
+def test_a_body_cannot_be_changed() -> None:
+    """Oracle: it may be a key, and the kernel reads its record."""
+    body = rod(1.0, 1.0)
+    with pytest.raises(AttributeError, match=r"Body\.mass cannot be set: use replace"):
+        body.mass = 2.0  # type: ignore[misc]
+    with pytest.raises(AttributeError, match=r"Segment\.half_angle cannot be set"):
+        segment(**SEGMENT).half_angle = 1.0  # type: ignore[misc]
+    with pytest.raises(AttributeError, match=r"Body\.mass cannot be deleted"):
+        del body.mass
+    with pytest.raises(ValueError, match="read-only"):
+        body.record["mass"] = 2.0
+
+
+# --- outlines that are none ------------------------------------------------------------------------------------------
+
+
+def corners(*places: tuple[float, float, float]) -> list[Arc]:
+    return [Arc(x, y, 0.0, begin) for x, y, begin in places]
+
+
+QUARTER = 0.5 * math.pi
+SIDES = corners((1.0, 1.0, -math.pi), (1.0, -1.0, -QUARTER), (-1.0, -1.0, 0.0), (-1.0, 1.0, QUARTER))  # of a square
+
+
+@pytest.mark.parametrize(
+    ("arcs", "message"),
+    [
+        pytest.param([], "Body.arcs has 0 arcs: must have 1 to 12", id="no arcs"),
+        pytest.param(SIDES * 4, "Body.arcs has 16 arcs: must have 1 to 12", id="too many"),
+        pytest.param(
+            [SIDES[0], SIDES[1]._replace(radius=BELOW_ZERO)],
+            "Body.arcs[1].radius = -1e-300: must be in [0, inf)",
+            id="radius",
+        ),
+        pytest.param([SIDES[0]._replace(begin=math.pi)], "Body.arcs[0].begin = 3.14", id="a whole turn"),
+        pytest.param([SIDES[0]._replace(y=math.inf)], "Body.arcs[0].y = inf: must be a finite number", id="infinite"),
+        pytest.param([SIDES[0]._replace(part="")], "Body.arcs[0].part = '': must have a letter", id="no name"),
+        pytest.param([*SIDES[1:], SIDES[0]], "Body.arcs[3].begin = -3.14", id="falling"),
+        pytest.param([SIDES[0], *SIDES], "Body.arcs[1].begin = -3.14", id="not distinct"),
+        pytest.param(
+            [SIDES[0], SIDES[1]._replace(begin=-math.pi + 1e-10), *SIDES[2:]], "must rise from arc to arc", id="no turn"
+        ),
+        pytest.param(
+            [*SIDES[:3], SIDES[3]._replace(begin=math.nextafter(math.pi, 0.0))],
+            "must rise from arc to arc",
+            id="around",
+        ),
+        pytest.param([*SIDES[:2], SIDES[2]._replace(y=-1.1), SIDES[3]], "the outline is open or crosses", id="open"),
+        pytest.param(
+            [*SIDES[:2], SIDES[2]._replace(begin=0.1), SIDES[3]], "the outline is open or crosses", id="turned"
+        ),
+        pytest.param(
+            corners((-1.0, 0.0, -math.pi), (1.0, 0.0, 0.0)), "the side of -2.0 m between the arcs 0 and 1", id="concave"
+        ),
+        pytest.param(
+            [Arc(0.0, 0.0, 1.0, -1.0), Arc(0.0, 0.0, 1.0, 1.0, "other")], "0 and 1 are of one circle", id="one circle"
+        ),
+        pytest.param([Arc(0.0, 0.1, 0.09, 0.0)], "the outline passes the mass centre at -0.01", id="outside a disc"),
+        pytest.param([arc._replace(x=arc.x - 1.001) for arc in SIDES], "passes the mass centre at -0.00", id="outside"),
+        pytest.param(
+            [Arc(0.0, 2e6, 2e6, -3e-7), Arc(-0.6, 0.0, 0.0, 3e-7), Arc(0.6, 0.0, 0.0, -math.pi)][::-1],
+            "must rise",
+            id="order",
+        ),
+        pytest.param([Arc(1e308, 1e308, 1e308, 0.0)], "the size inf m must be a finite number", id="endless"),
+        pytest.param([Arc(0.0, 0.0, math.nan, 0.0)], "Body.arcs[0].radius = nan: must be in [0, inf)", id="nan"),
+    ],
+)
+def test_an_outline_that_is_none_is_refused(arcs: list[Arc], message: str) -> None:
+    """Oracle: the rules in the docstring of Body, each broken alone."""
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
+        Body(1.0, 1.0, arcs)
+    assert str(caught.value).startswith("Body.arcs")
+
+
+@pytest.mark.parametrize(
+    ("length", "message"),
+    [
+        (1e-300, r"arcs: 0 and 1 are of one circle"),
+        (1e-11, r"the side of .* m between the arcs 0 and 1 must be 0 or >= 1\.0"),
+        (9e-10, r"the side of .* m between the arcs 0 and 1 must be 0 or >= 1\.0"),
+    ],
+)
+def test_a_side_that_is_hardly_one_is_refused(length: float, message: str) -> None:
+    """Oracle: sides of 1e-9 of the size or more; below that, rounding alone makes one or takes it away."""
+
+    def stadium(side: float) -> Body:
+        return Body(1.0, 1.0, [Arc(0.5 * side, 0.0, 1.0, -math.pi), Arc(-0.5 * side, 0.0, 1.0, 0.0)])
+
+    with pytest.raises(ValueError, match=message):
+        stadium(length)
+    assert stadium(1.1e-9).record["side"][0, :2].tolist() == [2.0, 2.0]
+
+
+def test_the_flattest_arc_is_accepted_and_a_flatter_one_is_not() -> None:
+    """Oracle: a radius of 1e6 of the size: 0.5 m, for a rod of 1 m."""
+    for radius in (1e2, 1e4, 4.9e5):
+        body = Body(1.0, 1.0, bulged(rod(1.0, 1.0).arcs, 0, radius))
+        assert len(body.parts) == 4
+        assert body.size == pytest.approx(0.5, rel=1e-6)
+        assert body.lowest_support == pytest.approx(0.0, abs=1e-15 * radius)
+    with pytest.raises(ValueError, match=r"Body\.arcs\[1\]\.radius = 600000\.0: must be in \[0, 1e\+06 \* size\] = "):
+        Body(1.0, 1.0, bulged(rod(1.0, 1.0).arcs, 0, 6e5))
+
+
+@pytest.mark.parametrize("arcs", [None, 1.0, "arcs", b"arcs", {1.0}, object], ids=repr)
+def test_what_is_no_sequence_of_arcs_is_refused(arcs: Any) -> None:
+    """Oracle: the documented TypeError."""
+    with pytest.raises(TypeError, match=r"^Body\.arcs = .*: must be a sequence of arcs"):
+        Body(1.0, 1.0, arcs)
+
+
+@pytest.mark.parametrize(
+    ("arc", "message"),
+    [
+        ([0.0, 0.0, 1.0, 0.0], "must be an Arc"),
+        ((0.0, 0.0, 1.0), "must be an Arc"),
+        (None, "must be an Arc"),
+        (Arc(0.0, 0.0, 1.0, 0.0, part=1), "Body.arcs[0].part = 1: must be a word"),  # type: ignore[arg-type]
+        (Arc(0.0, 0.0, 1.0, 0.0, side=None), "Body.arcs[0].side = None: must be a word"),  # type: ignore[arg-type]
+        (Arc(0.0, 0.0, 1.0, 0.0, corner=1), "Body.arcs[0].corner = 1: must be True or False"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_no_arc_is_refused(arc: Any, message: str) -> None:
+    """Oracle: the documented TypeError."""
+    with pytest.raises(TypeError, match=re.escape(message)):
+        Body(1.0, 1.0, [arc])
+
+
+# --- parts and records -----------------------------------------------------------------------------------------------
+
+
+def test_parts_are_arcs_and_then_sides_by_name() -> None:
+    """Oracle: equal names share a code; a name of a side that there is not has none."""
+    arcs = [SIDES[0]._replace(part="top", side="right"), SIDES[1]._replace(part="low"), SIDES[2]._replace(part="low")]
+    body = Body(1.0, 1.0, [*arcs, SIDES[3]._replace(part="top", side="top")])
+    assert body.parts == ("top", "low", "right", "side")
+    assert body.record["part"][0, :4].tolist() == [1.0, 2.0, 2.0, 1.0]
+    assert body.record["side"][0, :4].tolist() == [3.0, 4.0, 4.0, 1.0]
+    assert disc(1.0, 0.5).replace().parts == ("arc", "nose", "tail", "chord")
+    assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.5, 0.0, "wheel", "flat")]).parts == ("wheel",)
+
+
+def test_a_corner_is_what_has_no_radius_or_is_said_to_be_one() -> None:
+    """Oracle: the default of ``Arc.corner``."""
+    arcs = [Arc(0.5, 0.0, 0.0, -math.pi, corner=False), Arc(-0.5, 0.0, 0.0, 0.0)]
+    assert Body(1.0, 1.0, arcs).record["corner"][0, :2].tolist() == [0.0, 1.0]
+    assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.5, 0.0)]).record["corner"][0, 0] == 0.0
+    assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.5, 0.0, corner=True)]).record["corner"][0, 0] == 1.0
+
+
+def test_an_arc_that_is_lowest_at_half_a_turn_is_listed_twice() -> None:
+    """Oracle: intervals from -pi to pi; a rod upright at phi = 0 has no boundary there."""
+    upright = Body(
+        1.0, 1.0, [Arc(0.0, -0.5, 0.0, -QUARTER, "low", "right"), Arc(0.0, 0.5, 0.0, QUARTER, "high", "left")]
+    )
+    record = upright.record[0]
+    assert record["count"] == 3.0
+    assert record["begin"][:3].tolist() == [-math.pi, -QUARTER, QUARTER]
+    assert record["along"][:3].tolist() == [0.5, -0.5, 0.5]
+    assert record["part"][:3].tolist() == [2.0, 1.0, 2.0]
+    assert record["side"][:3].tolist() == [4.0, 3.0, 4.0]
+    assert (record["low"][0], record["high"][0]) == (QUARTER - 2.0 * math.pi, -QUARTER)
+    assert rod(1.0, 1.0).record["count"] == 2.0
+
+
+@pytest.mark.parametrize("half_angle", [0.3, QUARTER, 2.0, math.pi])
+def test_a_segment_has_the_record_of_its_arcs(half_angle: float) -> None:
+    """Oracle: ``Body``, which is given the same arcs; codes of parts are those of kernel.records.Feature."""
+    body = segment(2.0, 0.5, 0.48, 0.1, half_angle)
+    same = Body(2.0, 0.1, body.arcs)
+    for name in BODY.names:
+        if name not in ("part", "side", "falling_side", "rising_side"):
+            assert same.record[name].tobytes() == body.record[name].tobytes(), name
+    names = ("nose", "arc", "tail") if half_angle < math.pi else ("arc",)
+    assert tuple(arc.part for arc in body.arcs) == names
+    assert body.parts == ("arc", "nose", "tail", "chord")
+    count = len(names)
+    assert [body.parts[int(code) - 1] for code in body.record["part"][0, :count]] == list(names)
+    assert body.record["side"][0, :count].tolist() == ([0.0, 0.0, 4.0] if count == 3 else [0.0])
+    assert body.record["corner"][0, :count].tolist() == ([1.0, 0.0, 1.0] if count == 3 else [0.0])
+
+
+def test_a_segment_lies_in_its_frame_as_the_physics_say() -> None:
+    """Oracle: physics.md (8.2); the nose is the downhill corner of an upright body."""
+    body = segment(**SEGMENT)
+    nose, arc, tail = body.arcs
+    across, along = 0.1 * math.sin(1.9), 0.05 - 0.1 * math.cos(1.9)
+    assert nose[:4] == pytest.approx((across, along, 0.0, -math.pi), rel=1e-15)
+    assert tail[:4] == pytest.approx((-across, along, 0.0, 1.9), rel=1e-15)
+    assert arc[:4] == (0.0, 0.05, 0.1, -1.9)
+
+
+@given(st.floats(0.1, math.pi), st.floats(0.0, 1.0), st.floats(-3.0, 3.0))
+def test_a_segment_touches_where_arc_and_corners_say(half_angle: float, share: float, phi: float) -> None:
+    """Oracle: the positions of arc and corners, from the rotated body coordinates."""
+    least = max(math.cos(half_angle), 0.0)
+    body = segment(1.0, 1.0, least + share * (1.0 - least), 1.0, half_angle)
+    assert support_height(body, phi) == pytest.approx(float(support(body, np.array(phi))), rel=1e-13, abs=2e-15)
+
+
+def test_records_are_made_of_whatever_bodies_are_given_as() -> None:
+    """Oracle: the records of the bodies one by one."""
+    bodies = [ANY_OUTLINE[k] for k in (0, 3, 0, 1, 5, 1)]
+    table = records_of(bodies, 6)
+    assert (table.dtype, table.shape) == (BODY, (6,))
+    for row, body in zip(table, bodies, strict=True):
+        assert row.tobytes() == body.record[0].tobytes()
+    assert records_of(bodies[0], 6) is bodies[0].record
+    assert records_of(tuple(bodies), 6).tobytes() == table.tobytes()
+    assert records_of(table, 6).tobytes() == table.tobytes()
+    assert records_of(table[:1], 6).tobytes() == table[:1].tobytes()
+    rows = np.array([[1.0, 0.5, 0.2, 0.1, 2.0], [1.0, 0.5, 0.0, 0.125, math.pi]])
+    assert records_of(rows, 2).tobytes() == records_of([ANY_OUTLINE[0], ANY_OUTLINE[1]], 2).tobytes()
+    assert records_of(np.array([[1, 1, 0, 1, 3]]), 1)["r"][0, 1] == 1.0
+
+
+def test_equal_bodies_are_completed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the records that reach the kernel."""
+    completed: list[int] = []
+    monkeypatch.setattr("sledenv.simulation.bodies.run_complete", lambda records: completed.append(len(records)))
+    rounded = [polygon(1.0, SQUARE, 0.1) for _ in range(3)]
+    records_of([segment(**SEGMENT), *rounded, segment(**SEGMENT), segment(**SEGMENT | {"mass": 2.0}), rounded[0]], 7)
+    assert sorted(completed) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "lanes", "error", "message"),
+    [
+        (None, 1, TypeError, "body = None: must be a Body or a sequence of them"),
+        ("body", 4, TypeError, "body = 'body': must be a Body or a sequence of them"),
+        ([ANY_OUTLINE[0]], 2, ValueError, "body: 1 given for 2 launches; give one or one a launch"),
+        ([], 0, ValueError, "body has no row: give one Body for all where there are no launches"),
+        ([ANY_OUTLINE[0], 1.0], 2, TypeError, "body[1] = 1.0: must be a Body"),
+        (np.ones((2, 4)), 2, ValueError, "body has shape (2, 4): must be (N, 5), columns mass, radius, eccentricity"),
+        (np.ones(5), 5, ValueError, "body has shape (5,): must be (N, 5)"),
+        (np.ones((1, 5)), 2, ValueError, "body: 1 given for 2 launches"),
+        (np.array([["a"] * 5]), 1, TypeError, "body holds <U1: must hold numbers, columns mass"),
+        (np.zeros(2, BODY), 3, ValueError, "body: 2 given for 3 launches"),
+        (
+            np.array([[1.0, 1.0, 0.0, 1.0, 3.0], [1.0, 1.0, 0.0, -1.0, 3.0]]),
+            2,
+            ValueError,
+            "body[1].inertia = -1.0: must",
+        ),
+    ],
+)
+def test_what_is_no_body_a_lane_is_refused(bodies: Any, lanes: int, error: type[Exception], message: str) -> None:
+    """Oracle: the documented errors."""
+    with pytest.raises(error, match=re.escape(message)):
+        records_of(bodies, lanes)
+
+
+# --- segments --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("radius", "eccentricity", "half_angle", "allowed"),
+    [
+        pytest.param(0.1, 0.11, math.pi, "[0.0, 0.1] m", id="disc"),
+        pytest.param(0.1, 0.11, 3.0, "[0.0, 0.1] m", id="below the arc"),
+        pytest.param(0.5, 0.2, 1.0, f"[{0.5 * math.cos(1.0)!r}, 0.5] m", id="beyond the chord"),
+        pytest.param(0.0, 0.4, math.pi, "[0.0, 0.0] m", id="one end of a rod"),
+        pytest.param(0.0, 0.4, 0.1, "[0.0, 0.0] m", id="both ends at one place"),
+    ],
+)
+def test_a_mass_centre_outside_a_segment_is_refused(
+    radius: float, eccentricity: float, half_angle: float, allowed: str
+) -> None:
+    """Oracle: the geometry; at some orientation it would lie below the lowest point of the outline."""
+    phi = np.linspace(-math.pi, math.pi, 1001)
+    shape = SimpleNamespace(radius=radius, eccentricity=eccentricity, half_angle=half_angle)
+    assert support(shape, phi).min() < 0.0
+    message = rf"\.eccentricity = {eccentricity}: must be in .* = {re.escape(allowed)}"
+    with pytest.raises(ValueError, match="^segment" + message):
+        segment(1.0, radius, eccentricity, 1e-3, half_angle)
+    with pytest.raises(ValueError, match=r"^lane 1" + message):
+        check_bodies("lane {lane}", np.array([[*SEGMENT.values()], [1.0, radius, eccentricity, 1e-3, half_angle]]))
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, math.pi), st.floats(-0.5, 1.5))
+def test_just_those_segments_are_accepted_whose_mass_centre_never_passes_below_the_slope(
+    radius: float, half_angle: float, share: float
+) -> None:
+    """Oracle: the lowest of the support heights over a fine grid, which holds the upright body and the chord."""
+    least = max(radius * math.cos(half_angle), 0.0)
+    eccentricity = least + share * (radius - least)
+    assume(eccentricity >= 0.0)
+    shape = SimpleNamespace(radius=radius, eccentricity=eccentricity, half_angle=half_angle)
+    lowest = support(shape, np.linspace(-math.pi, math.pi, 401)).min()
+    assume(abs(lowest) > 1e-14 * radius)
+    row = np.array([[1.0, radius, eccentricity, 1.0, half_angle]])
+    if lowest > 0.0:
+        assert segment(*row[0].tolist()).eccentricity == eccentricity
+        check_bodies("row", row)
+    else:
+        with pytest.raises(ValueError, match=r"segment\.eccentricity"):
+            segment(*row[0].tolist())
+        with pytest.raises(ValueError, match=r"row\.eccentricity"):
+            check_bodies("row", row)
+
+
+@given(st.floats(1e-6, math.pi / 2), st.floats(1e-3, 1e3))
+def test_a_mass_centre_on_the_outline_is_accepted(half_angle: float, half_length: float) -> None:
+    """Oracle: the support height of a thin rod is zero where it lies flat, however its place is rounded."""
+    radius = half_length / math.sin(half_angle)
+    for eccentricity in (half_length / math.tan(half_angle), radius * math.cos(half_angle), radius):
+        body = segment(1.0, radius, min(eccentricity, radius), 1.0, half_angle)
+        assert abs(body.lowest_support) <= 1e-15 * radius
+
+
+@given(st.floats(1e-150, math.pi))
+def test_every_segment_holds_its_mass_centre(half_angle: float) -> None:
+    """Oracle: the mass centre of a lamina lies in its convex hull."""
+    assert circular_segment(1.0, 1.0, half_angle).lowest_support >= 0.0
+
+
+@pytest.mark.parametrize("half_angle", [0.299, 0.3, 1.0, math.pi / 2, 1.895, 2.5, 3.1, math.pi])
+def test_segment_has_the_mass_centre_and_the_inertia_of_its_lamina(half_angle: float) -> None:
+    """Oracle: the lamina cut into strips and summed; small half-angles lose digits to cancellation, like alpha^-5."""
+    body = circular_segment(3.0, 0.7, half_angle)
+    eccentricity, about_arc_centre = segment_by_strips(0.7, half_angle)
+    lost = 1e-13 * max(1.0, half_angle**-5)
+    assert body.eccentricity == pytest.approx(eccentricity, rel=lost, abs=1e-16)
+    assert body.inertia == pytest.approx(3.0 * (about_arc_centre - eccentricity**2), rel=lost)
+    assert (body.mass, body.radius, body.half_angle) == (3.0, 0.7, half_angle)
+
+
+@pytest.mark.parametrize("half_angle", [1e-9, 1e-6, 1e-3, 0.03, 0.1, 0.299, math.pi / 2, math.pi])
+def test_no_segment_loses_digits(half_angle: float) -> None:
+    """Oracle: the closed form in 80 digits; of a half disc 4/(3 pi), of a disc 0 and 1/2."""
+    with mp.workdps(80):
+        alpha = mpf(half_angle)
+        area = alpha - mp.sin(alpha) * mp.cos(alpha)
+        eccentricity = 2 * mp.sin(alpha) ** 3 / (3 * area)
+        inertia = (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * area)) / 2 - eccentricity**2
+        body = circular_segment(1.0, 1.0, half_angle)
+        assert body.inertia == pytest.approx(float(inertia), rel=2e-15, abs=0.0)
+        assert body.eccentricity == pytest.approx(float(eccentricity), rel=3e-16, abs=1e-16)
+
+
+@pytest.mark.parametrize("half_angle", [0.01, 0.3, 1.0, 2.0, 3.0, math.pi])
+def test_no_lamina_has_more_inertia_than_masses_on_its_arc(half_angle: float) -> None:
+    """docs/physics.md (8.12)."""
+    body = circular_segment(2.0, 0.5, half_angle)
+    assert body.inertia < 2.0 * (body.radius - body.eccentricity) * (body.radius + body.eccentricity)
+
+
+def test_a_sled_has_the_lengths_it_is_given() -> None:
+    """Oracle: a circle of radius 1 m; its chord of 1.2 m lies .2 m above the arc, a 3-4-5 triangle."""
+    body = sled(**SLED)
+    assert (body.mass, body.radius) == (120.0, 1.0)
+    assert 2.0 * body.radius * math.sin(body.half_angle) == pytest.approx(1.2, rel=1e-15)
+    assert body.radius * (1.0 - math.cos(body.half_angle)) == pytest.approx(0.2, rel=1e-14)
+    assert body.lowest_support == pytest.approx(0.2 - 0.14, rel=1e-12)  # it lies on its chord
+    assert support_height(body, 0.0) == pytest.approx(0.14, rel=1e-15)
+    assert math.sqrt(body.inertia / body.mass) == pytest.approx(0.38, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        pytest.param("mass_centre_height", 0.2000001, "[0, 0.2]", id="above the chord"),
+        pytest.param("rocker_radius", 0.5999999, "[length/2, inf) = [0.6, inf)", id="shorter than half the chord"),
+        pytest.param("rocker_radius", 30.0, "mass_centre_height = 0.14: must be a number in [0, 0.0060", id="flat"),
+    ],
+)
+def test_a_sled_whose_chord_does_not_close_it_is_refused(field: str, value: float, allowed: str) -> None:
+    """Oracle: the sagitta of the arc."""
+    with pytest.raises(ValueError, match=f"sled.{field} = {value}|below the chord") as caught:
+        sled(**SLED | {field: value})
+    assert allowed in str(caught.value)
+
+
+@given(st.floats(0.3, 3.0), st.floats(0.5, 50.0), st.floats(0.0, 1.0))
+def test_every_sled_that_is_accepted_is_a_body(length: float, times: float, share: float) -> None:
+    """Oracle: ``segment`` itself, which refuses a mass centre outside the convex hull of arc and chord."""
+    radius = length * times
+    body = sled(100.0, length, radius, share * sled_rise(length, radius), 0.4)
+    assert body.lowest_support >= -1e-12 * radius
+
+
+# --- other bodies ----------------------------------------------------------------------------------------------------
+
+
+def test_a_disc_is_uniform_unless_it_is_said_to_be_otherwise() -> None:
+    """Oracle: m r^2/2; where the mass centre is elsewhere the inertia cannot be guessed."""
+    assert disc(2.0, 0.5) == segment(2.0, 0.5, 0.0, 0.25)
+    assert disc(2.0, 0.5, 0.1, 0.3) == segment(2.0, 0.5, 0.1, 0.3)
+    assert disc(2.0, 0.5, 0.5, 0.3).lowest_support == 0.0
+    with pytest.raises(ValueError, match=r"disc\.inertia = None: must be given where the eccentricity is not 0"):
+        disc(2.0, 0.5, 0.1)
+
+
+def test_a_rod_lies_along_the_slope() -> None:
+    """Oracle: two corners half its length downhill and uphill; m l^2/12; the nose is down after it has fallen on it."""
+    body = rod(3.0, 2.0)
+    assert (body.size, body.lowest_support, body.inertia) == (1.0, 0.0, pytest.approx(1.0, rel=1e-15))
+    assert body.parts == ("nose", "tail", "bottom", "top")
+    nose, tail = body.arcs
+    assert (nose[:2], tail[:2]) == ((1.0, 0.0), (-1.0, 0.0))
+    for phi in (-2.5, -1.0, -0.1, 0.1, 1.0, 2.5):
+        arc, a, b = kernel.lowest_arms(body.record[0], phi)
+        end = 1.0 if phi < 0.0 else -1.0
+        assert body.arcs[arc].part == ("nose" if phi < 0.0 else "tail")
+        assert (a, b) == pytest.approx((-end * math.cos(phi), -end * math.sin(phi)), rel=1e-15)
+    assert rod(3.0, 2.0, inertia=0.7).inertia == 0.7
+
+
+def test_a_thick_rod_has_half_circles_for_ends() -> None:
+    """Oracle: the support of a line, and half the thickness all around."""
+    line, body = rod(1.0, 2.0), rod(1.0, 2.4, 0.4, 0.3)
+    assert (body.size, body.inertia, body.parts) == (1.2, 0.3, line.parts)
+    for phi in np.linspace(-3.0, 3.0, 25).tolist():
+        assert support_height(body, phi) == pytest.approx(support_height(line, phi) + 0.2, rel=1e-15)
+    with pytest.raises(ValueError, match=r"rod\.length = 0\.3: must be in \(thickness, inf\) = \(0\.4, inf\) m"):
+        rod(1.0, 0.3, 0.4)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 0.2])
+def test_a_polygon_is_the_same_whichever_way_it_is_told(rounding: float) -> None:
+    """Oracle: corners in the other direction, from another one on, from another origin; names go with them."""
+    points = np.array([(0.0, 0.0), (3.0, -0.5), (4.0, 2.0), (1.0, 3.0), (-0.5, 1.5)])
+    parts, sides = list("abcde"), ["ab", "bc", "cd", "de", "ea"]
+    body = polygon(2.0, points, rounding, parts, sides)
+    assert sorted(body.parts) == sorted(parts + sides)
+    for reverse in (False, True):
+        for first in range(5):
+            order = [(first + k) % 5 for k in range(5)]
+            names = [sides[k] for k in order]
+            if reverse:
+                order.reverse()
+                names = [sides[k - 1] for k in order]
+            moved = points[order] + (7.0, -3.0)
+            other = polygon(2.0, moved, rounding, [parts[k] for k in order], names)
+            assert [arc[4:] for arc in other.arcs] == [arc[4:] for arc in body.arcs]
+            assert np.array([arc[:4] for arc in other.arcs]) == pytest.approx(
+                np.array([arc[:4] for arc in body.arcs]), abs=1e-14
+            )
+            assert other.inertia == pytest.approx(body.inertia, rel=1e-14)
+
+
+def test_a_side_of_a_polygon_lies_between_the_corners_of_its_name() -> None:
+    """Oracle: a square, whose lowest side at phi = 0 goes from its first corner to its second one."""
+    body = polygon(1.0, SQUARE)
+    assert {arc.part: arc[:2] for arc in body.arcs} == {
+        "corner 1": (-0.5, -0.5),
+        "corner 2": (0.5, -0.5),
+        "corner 3": (0.5, 0.5),
+        "corner 4": (-0.5, 0.5),
+    }
+    sides = {arc.begin: body.arcs[k - 1].side for k, arc in enumerate(body.arcs)}
+    assert sides == {0.0: "side 1", -0.5 * math.pi: "side 2", -math.pi: "side 3", 0.5 * math.pi: "side 4"}
+
+
+def test_a_rounded_polygon_touches_its_sides_from_within() -> None:
+    """Oracle: it loses nothing where a side is down, and the closed form of a square with round corners elsewhere."""
+    body, sharp = polygon(1.0, SQUARE, 0.2), polygon(1.0, SQUARE)
+    for phi in (0.0, 0.5 * math.pi, -0.5 * math.pi, math.pi):
+        assert support_height(body, phi) == pytest.approx(support_height(sharp, phi), rel=1e-15)
+    assert body.size == pytest.approx(0.3 * math.sqrt(2.0) + 0.2, rel=1e-15)
+    assert outline_of(body.arcs).sides == pytest.approx([0.6] * 4, rel=1e-14)
+    removed, off = (1.0 - math.pi / 4.0) * 0.04, 0.5
+    assert body.inertia < sharp.inertia - removed * off**2
+    with pytest.raises(ValueError, match=r"polygon\.rounding = 0\.5: must be in \[0, 0\.(5|49999999)"):
+        polygon(1.0, SQUARE, 0.5)
+
+
+def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
+    """Oracle: the corners, told from there."""
+    body = polygon(1.0, SQUARE, inertia=0.4, centre=(0.25, 0.5))
+    assert sorted(arc[:2] for arc in body.arcs) == [(-0.25, -0.5), (-0.25, 0.5), (0.75, -0.5), (0.75, 0.5)]
+    assert (body.inertia, body.lowest_support) == (0.4, pytest.approx(0.25, rel=1e-15))
+    with pytest.raises(ValueError, match=r"polygon\.inertia = None: must be given where centre is"):
+        polygon(1.0, SQUARE, centre=(0.25, 0.5))
+    with pytest.raises(ValueError, match=r"Body\.arcs: the outline passes the mass centre at -0\.25"):
+        polygon(1.0, SQUARE, inertia=0.4, centre=(-0.25, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        pytest.param(SQUARE[:2], "must be strictly convex", id="a line"),
+        pytest.param(
+            [(0, 0), (1, 0), (2, 0), (1, 1)], "polygon.points[1] = [1.0, 0.0]: the polygon must be", id="straight"
+        ),
+        pytest.param([(0, 0), (2, 0), (1, 0.5), (2, 2)], "polygon.points[2]", id="a notch"),
+        pytest.param([SQUARE[k] for k in (0, 2, 1, 3)], "must be strictly convex", id="crossing"),
+        pytest.param(
+            [(math.sin(0.8 * math.pi * k), math.cos(0.8 * math.pi * k)) for k in range(5)],
+            "once around",
+            id="pentagram",
+        ),
+        pytest.param([*SQUARE, SQUARE[3]], "polygon.points[3]: must differ from the next one", id="twice"),
+        pytest.param([[0.0, 0.0, 0.0]], "polygon.points has shape (1, 3): must be (N, 2)", id="spatial"),
+        pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be a finite number", id="nan"),
+        pytest.param(
+            [(math.sin(k), math.cos(k)) for k in np.arange(13) * 2.0 * math.pi / 13.0], "Body.arcs has 13", id="many"
+        ),
+    ],
+)
+def test_a_polygon_that_is_not_convex_is_refused(points: Any, message: str) -> None:
+    """Oracle: at each corner the outline turns the same way, and once around in all."""
+    with pytest.raises(ValueError, match=re.escape(message)):
+        polygon(1.0, points)
+
+
+def test_tables_and_names_of_other_kinds_are_refused() -> None:
+    """Oracle: the documented errors."""
+    with pytest.raises(TypeError, match=r"polygon\.points = .*: must hold numbers"):
+        polygon(1.0, [("a", "b")])
+    with pytest.raises(TypeError, match=r"hull\.circles = .*: must hold numbers"):
+        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0,)], ["a", "b"])
+    with pytest.raises(ValueError, match=r"hull\.circles\[1\]\.radius = -1\.0: must be in \[0, inf\)"):
+        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)], ["a", "b"])
+    with pytest.raises(ValueError, match=r"hull\.circles has shape \(0,\): must be \(N, 3\)"):
+        hull(1.0, 1.0, [], [])
+    with pytest.raises(ValueError, match=r"hull\.parts has 1 names: must have 2"):
+        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], ["a"])
+    with pytest.raises(TypeError, match=r"polygon\.sides = 'abcd': must be a sequence of names"):
+        polygon(1.0, SQUARE, sides="abcd")
+    with pytest.raises(TypeError, match=r"polygon\.parts = \[1, 2, 3, 4\]: must be a sequence of names"):
+        polygon(1.0, SQUARE, parts=[1, 2, 3, 4])  # type: ignore[list-item]
+
+
+def test_a_lamina_has_its_mass_centre_in_its_middle() -> None:
+    """Oracle: ``circular_segment``, of the same outline told from the middle of its chord."""
+    body = lamina(2.0, bulged(rod(1.0, 1.0).arcs, 0, 0.6))
+    same = circular_segment(2.0, 0.6, math.asin(0.5 / 0.6))
+    assert body.inertia == pytest.approx(same.inertia, rel=1e-14)
+    for arc, other in zip(body.arcs, same.arcs, strict=True):
+        assert arc[:4] == pytest.approx(other[:4], abs=1e-15)

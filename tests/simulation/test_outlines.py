@@ -1,0 +1,520 @@
+"""Outlines: hulls, arcs in place of sides, areas, and the records of the kernel, held against sampled points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+from sledenv.kernel import outline as kernel
+from sledenv.simulation.bodies import Body, circular_segment, disc, hull, polygon, rod, segment
+from sledenv.simulation.outlines import (
+    Arc,
+    angle_of,
+    bulged,
+    directions,
+    hull_of_circles,
+    in_order,
+    mass_properties,
+    outline_of,
+    shifted,
+)
+
+TURN = 2.0 * math.pi
+HALF_ANGLES = [1e-4, 0.1, 0.299, 0.3, 1.0, math.pi / 2, 1.92, 3.0, math.pi]
+seeds = st.integers(0, 2**32 - 1)
+often = settings(max_examples=100, derandomize=True)
+rarely = settings(max_examples=30, derandomize=True)
+
+
+# --- outlines at random ----------------------------------------------------------------------------------------------
+
+
+def normal(phi: float) -> np.ndarray:
+    """Where the body points down at an orientation."""
+    return np.array([-math.sin(phi), -math.cos(phi)])
+
+
+def in_turn(phi: float) -> float:
+    phi = (phi + math.pi) % TURN - math.pi
+    return phi if phi < math.pi else -math.pi
+
+
+def turned(arcs: Sequence[Arc], angle: float) -> tuple[Arc, ...]:
+    """The same outline in a frame in which it has been turned counter-clockwise."""
+    s, c = math.sin(angle), math.cos(angle)
+    return in_order(
+        [
+            arc._replace(x=c * arc.x - s * arc.y, y=s * arc.x + c * arc.y, begin=in_turn(arc.begin - angle))
+            for arc in arcs
+        ]
+    )
+
+
+def turn_of(arcs: Sequence[Arc], k: int) -> float:
+    return (arcs[(k + 1) % len(arcs)].begin - arcs[k].begin) % TURN if len(arcs) > 1 else TURN
+
+
+def points_of(arcs: Sequence[Arc], each: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of all arcs, both ends of each among them, and which arc they are of."""
+    points = []
+    for k, arc in enumerate(arcs):
+        phi = arc.begin + np.linspace(0.0, turn_of(arcs, k), each)
+        points.append(np.column_stack([arc.x - arc.radius * np.sin(phi), arc.y - arc.radius * np.cos(phi)]))
+    return np.vstack(points), np.repeat(np.arange(len(arcs)), each)
+
+
+def circles_at_random(rng: np.random.Generator) -> np.ndarray:
+    count = int(rng.integers(1, 9))
+    radii = np.where((rng.random(count) < 0.4) & (count > 1), 0.0, rng.uniform(0.0, 1.0, count))
+    return np.column_stack([rng.normal(size=(count, 2)), radii])
+
+
+def hull_at_random(rng: np.random.Generator) -> tuple[Arc, ...]:
+    """A hull of circles, of which an arc may stand in place of a side."""
+    circles = circles_at_random(rng)
+    arcs = hull_of_circles(circles, ["arc"] * len(circles), ["side"] * len(circles))
+    if len(arcs) > 1 and rng.random() < 0.6:
+        arcs = bulged(arcs, int(rng.integers(len(arcs))), float(10.0 ** rng.uniform(3.0, 5.0)))
+    return arcs
+
+
+def rounded_at_random(rng: np.random.Generator) -> tuple[Arc, ...]:
+    """Two to four straight sides, each followed by one to three arcs that join smoothly."""
+    while True:
+        runs = rng.integers(1, 4, int(rng.integers(2, 5))).tolist()
+        turns = rng.dirichlet(np.full(sum(runs), 2.0)) * TURN
+        radii = [float(rng.uniform(0.05, 2.0)) if k or rng.random() < 0.6 else 0.0 for run in runs for k in range(run)]
+        begins = (-math.pi if rng.random() < 0.3 else rng.uniform(-3.0, 3.0)) + np.append(0.0, np.cumsum(turns)[:-1])
+        ends = begins + turns
+        last = np.cumsum(runs) - 1
+        along = np.column_stack([-np.cos(ends), np.sin(ends)])
+        spans = [r * (normal(end) - normal(begin)) for r, begin, end in zip(radii, begins, ends, strict=True)]
+        lengths = rng.uniform(0.1, 2.0, len(runs))
+        lengths -= np.linalg.pinv(along[last].T) @ (lengths @ along[last] + sum(spans))
+        if turns.min() < 0.05 or lengths.min() < 0.05 or np.abs(lengths @ along[last] + sum(spans)).max() > 1e-12:
+            continue
+        arcs, point, sides = [], np.zeros(2), dict(zip(last.tolist(), lengths, strict=True))
+        for k, (r, begin) in enumerate(zip(radii, begins, strict=True)):
+            x, y = (point - r * normal(begin)).tolist()
+            arcs.append(Arc(x, y, r, in_turn(float(begin))))
+            point = point + spans[k] + sides.get(k, 0.0) * along[k]
+        return in_order(arcs)
+
+
+def at_random(seed: int) -> Body:
+    """A body whose parts and sides are numbered, with the mass centre anywhere within."""
+    rng = np.random.default_rng(seed)
+    arcs = (hull_at_random if seed % 2 else rounded_at_random)(rng)
+    points, _ = points_of(arcs, 20)
+    middle = points.mean(axis=0)
+    spot = middle + rng.uniform() * (rng.random() < 0.8) * (points[rng.integers(len(points))] - middle)
+    arcs = shifted(arcs, *(-spot).tolist())
+    return Body(1.0, 1.0, [arc._replace(part=f"arc {k}", side=f"side {k}") for k, arc in enumerate(arcs)])
+
+
+def arcs_of_rows(body: Body) -> list[int]:
+    """Which arc each row of a record is of."""
+    count = len(body.arcs)
+    return [*range(count)] if body.arcs[0].begin == -math.pi else [count - 1, *range(count)]
+
+
+def circles_stay_inside(body: Body) -> bool:
+    """Whether no circle of an arc beside a straight side reaches below the outline, whatever the orientation."""
+    phi = np.linspace(-math.pi, math.pi, 361)
+    points, _ = points_of(body.arcs, 400)
+    outline = (points @ np.array([-np.sin(phi), -np.cos(phi)])).max(axis=0)
+    sides = outline_of(body.arcs).sides
+    beside = [arc for k, arc in enumerate(body.arcs) if sides[k] > 0.0 or sides[k - 1] > 0.0]
+    sag = max(arc.radius for arc in body.arcs) * (TURN / 399) ** 2 / 8.0
+    return all((a.radius - a.x * np.sin(phi) - a.y * np.cos(phi) <= outline + sag).all() for a in beside)
+
+
+# --- what the kernel makes of them -----------------------------------------------------------------------------------
+
+
+@often
+@given(seeds)
+def test_a_record_measures_the_outline(seed: int) -> None:
+    """Oracle: 400 points of each arc, which sag by r (step)^2/8 at most between two of them."""
+    body = at_random(seed)
+    record, rows = body._listed()[0], arcs_of_rows(body)
+    points, owners = points_of(body.arcs, 400)
+    sag = max(arc.radius * (turn_of(body.arcs, k) / 399) ** 2 / 8.0 for k, arc in enumerate(body.arcs))
+    noise = 1e-12 * body.size + 1e-15 * max(arc.radius for arc in body.arcs)
+    assert -noise <= body.size - np.hypot(*points.T).max() <= sag + noise
+
+    phi = np.append(np.linspace(-math.pi, math.pi, 1001), [arc.begin for arc in body.arcs])
+    depths = points @ np.array([-np.sin(phi), -np.cos(phi)])
+    lowest = depths.max(axis=0)
+    assert -noise - 0.007 * body.size <= body.lowest_support - lowest.min() <= sag + noise
+    assert body.lowest_support == pytest.approx(outline_of(body.arcs).lowest, abs=noise)
+    for i in [*range(0, 1001, 50), *range(1001, len(phi))]:
+        arc, a, b = kernel.lowest_arms(record, float(phi[i]))
+        assert -noise <= b - lowest[i] <= sag + noise
+        assert abs(a) <= record["reach"][arc] + noise
+        owner = owners[depths[:, i].argmax()]
+        if depths[owners != owner, i].max(initial=-math.inf) < lowest[i] - sag - noise:
+            assert rows[arc] == owner
+    for row, k in enumerate(rows):
+        inside = body.arcs[k].begin + np.linspace(0.0, turn_of(body.arcs, k), 2001)
+        largest = np.abs(body.arcs[k].y * np.sin(inside) - body.arcs[k].x * np.cos(inside)).max()
+        assert -noise <= record["reach"][row] - largest <= 2e-6 * math.hypot(*body.arcs[k][:2]) + noise
+
+
+def neighbours(body: Body, k: int) -> dict[str, tuple[int, str] | None]:
+    """Arcs that may touch beside one, and the sides between: across its own side, or that of a smooth neighbour."""
+    sides, count = outline_of(body.arcs).sides > 0.0, len(body.arcs)
+    found: dict[str, tuple[int, str] | None] = {"rising": None, "falling": None}
+    for name, step in (("rising", 1), ("falling", -1)):
+        for steps in (1, 2):
+            arc = (k + steps * step) % count
+            side = (arc - 1) % count if step > 0 else arc
+            if sides[side] and arc != k:
+                found[name] = arc, body.arcs[side].side
+                break
+    return found
+
+
+def told(body: Body, row: int) -> tuple[object, ...]:
+    """What a record says of an arc and of those beside it, whichever frame it is told in."""
+    record, rows = body._listed()[0], arcs_of_rows(body)
+    parts = [None if record[name][row] < 0 else rows[int(record[name][row])] for name in ("falling", "rising")]
+    sides = [int(record[name][row]) for name in ("falling_side", "rising_side")]
+    names = [body.arcs[k].part if k is not None else None for k in parts]
+    return (
+        *names,
+        *(body.parts[code - 1] if code else None for code in sides),
+        record["direct"][row],
+        record["sinks"][row],
+    )
+
+
+@often
+@given(seeds)
+def test_a_record_knows_who_may_touch_beside_an_arc(seed: int) -> None:
+    """Oracle: the outline as a ring, and the gaps of whole circles on a grid of orientations.
+
+    Where both ends of a run of three close it with one side, the further one is watched: it is what comes down.
+    """
+    body = at_random(seed)
+    record, rows = body._listed()[0], arcs_of_rows(body)
+    tellable = circles_stay_inside(body)
+    for row, k in enumerate(rows):
+        falling, rising = (neighbours(body, k)[name] for name in ("falling", "rising"))
+        arcs = [None if found is None else body.arcs[found[0]].part for found in (falling, rising)]
+        sides = [None if found is None else found[1] for found in (falling, rising)]
+        assert told(body, row)[:4] == (*arcs, *sides)
+        count, smooth = (
+            len(body.arcs),
+            bool(outline_of(body.arcs).sides[k] == outline_of(body.arcs).sides[k - 1] == 0.0),
+        )
+        closed = count == 3 and smooth and falling is not None
+        assert record["sinks"][row] == (closed and turn_of(body.arcs, k) <= math.pi)
+        if falling is None or rising is None or falling[0] == rising[0] or not tellable:
+            continue
+        assert record["direct"][row] == (not closed)
+        middle = record["middle"][row]
+        one, other = (body.arcs[found[0]] for found in (rising, falling))
+        phi = (
+            body.arcs[k].begin + np.linspace(0.0, turn_of(body.arcs, k), 101) + record["low"][row] - body.arcs[k].begin
+        )
+        gaps = [-arc.radius + arc.x * np.sin(phi) + arc.y * np.cos(phi) for arc in (one, other)]
+        clear = np.abs(gaps[0] - gaps[1]) > 1e-9 * body.size
+        assert ((gaps[0] > gaps[1] if closed else gaps[0] < gaps[1]) == (phi > middle))[clear].all()
+
+
+@rarely
+@given(seeds)
+def test_a_record_tells_the_same_in_every_frame(seed: int) -> None:
+    """Oracle: another orientation of the body is its origin; then another arc is the lowest at +-pi, or none is."""
+    body = at_random(seed)
+    for angle in (1.0, -2.5, body.arcs[0].begin + math.pi, body.arcs[-1].begin + 1.0):
+        other = Body(1.0, 1.0, turned(body.arcs, angle))
+        assert other.size == pytest.approx(body.size, rel=1e-9)
+        assert other.lowest_support == pytest.approx(body.lowest_support, abs=1e-9 * body.size)
+        rows = {body.arcs[k].part: row for row, k in enumerate(arcs_of_rows(body))}
+        for row, k in enumerate(arcs_of_rows(other)):
+            assert told(other, row) == told(body, rows[other.arcs[k].part])
+
+
+@pytest.mark.parametrize("half_angle", [0.2, math.pi / 2, 2.0])
+def test_a_segment_is_its_own_mirror_bit_for_bit(half_angle: float) -> None:
+    """Oracle: nose and tail change places, and what counts across or counter-clockwise changes its sign."""
+    record = segment(1.0, 0.5, 0.495, 0.1, half_angle).record[0]
+    for name in ("along", "r", "corner", "h", "reach", "direct", "sinks"):
+        assert record[name][0] == record[name][2], name
+    for name in ("across", "shift"):
+        assert record[name][0] == -record[name][2], name
+        assert record[name][1] == 0.0
+    assert (record["low"][0], record["high"][0]) == (-record["high"][2], -record["low"][2])
+    assert record["middle"][1] == 0.0
+
+
+# --- hulls -----------------------------------------------------------------------------------------------------------
+
+
+@rarely
+@given(seeds)
+def test_a_hull_reaches_as_far_as_its_circles(seed: int) -> None:
+    """Oracle: the support of the hull of several bodies is the largest of theirs, in every direction."""
+    circles = circles_at_random(np.random.default_rng(seed))
+    arcs = hull_of_circles(circles, [str(k) for k in range(len(circles))], ["side"] * len(circles))
+    phi = np.linspace(-math.pi, math.pi, 401)
+    down = np.array([-np.sin(phi), -np.cos(phi)])
+    farthest = (circles[:, :2] @ down + circles[:, 2:]).max(axis=0)
+    points, _ = points_of(arcs, 400)
+    assert np.abs((points @ down).max(axis=0) - farthest).max() <= 1e-12 + (TURN / 399) ** 2 / 8.0
+    for arc in arcs:
+        assert tuple(circles[int(arc.part)]) == arc[:3]
+    sides = outline_of(arcs).sides
+    assert (sides > 0.0).all() or len(arcs) == 1
+
+
+def test_a_hull_leaves_out_what_lies_within_it() -> None:
+    """Oracle: a square; its middle, a point on a side, a second corner and circles within do not count."""
+    square = [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, -1.0, 0.0), (-1.0, 1.0, 0.0)]
+    others = [(0.0, 0.0, 0.0), (1.0, 0.25, 0.0), (1.0, 1.0, 0.0), (0.2, 0.3, 0.4), (0.0, -0.5, 0.5)]
+    body = hull(1.0, 1.0, [*others[:2], *square, *others[2:]], list("..abcd..."))
+    assert [arc.part for arc in body.arcs] == ["a", "b", "c", "d"]
+    assert [arc.begin for arc in body.arcs] == [-math.pi, -0.5 * math.pi, 0.0, 0.5 * math.pi]
+
+
+def test_a_circle_may_be_twice_on_a_hull() -> None:
+    """Oracle: a point at twice the radius on either side of a circle; the tangents leave it at 60 degrees."""
+    body = hull(
+        1.0, 1.0, [(0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)], ["wheel", "nose", "tail"], ["w", "n", "t"]
+    )
+    assert [arc.part for arc in body.arcs] == ["nose", "wheel", "tail", "wheel"]
+    assert [arc.begin for arc in body.arcs] == pytest.approx(np.radians([-150.0, -30.0, 30.0, 150.0]), abs=1e-15)
+    assert body.parts == ("nose", "wheel", "tail", "n", "w", "t")
+    assert (body.size, body.lowest_support) == (1.0, pytest.approx(0.5, rel=1e-15))
+
+
+@pytest.mark.parametrize(
+    ("circles", "parts"),
+    [
+        pytest.param([(0.0, 0.0, 0.3)], "a", id="one"),
+        pytest.param([(0.0, 0.0, 0.3), (0.1, 0.1, 0.1)], "ab", id="one holds the other"),
+        pytest.param([(0.0, 0.1, 0.2), (0.0, 0.0, 0.3)], "ba", id="they touch from within"),
+        pytest.param([(0.0, 0.0, 0.3), (0.0, 0.0, 0.3)], "ab", id="equal"),
+    ],
+)
+def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: str) -> None:
+    """Oracle: what holds all others is the hull."""
+    assert hull(1.0, 1.0, circles, list(parts)) == Body(1.0, 1.0, [Arc(0.0, 0.0, 0.3, 0.0, "a")])
+
+
+# --- arcs in place of sides ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("radius", [0.51, 0.7, 3.0, 1e4])
+def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
+    """Oracle: ``segment`` with half the rod as sine of its half-angle."""
+    arcs = bulged(rod(1.0, 1.0).arcs, 0, radius)
+    alpha = math.asin(0.5 / radius)
+    expected = segment(1.0, radius, radius * math.cos(alpha), 1.0, alpha)
+    for arc, other in zip(arcs, expected.arcs, strict=True):
+        assert arc.part == other.part
+        assert arc[:4] == pytest.approx(other[:4], abs=2e-15 * radius)
+
+
+def test_a_hull_becomes_a_sled_on_runners() -> None:
+    """Oracle: the arc joins both caps smoothly, and the hull stays as it is elsewhere."""
+    circles = [(0.6, 0.1, 0.1), (-0.5, 0.12, 0.15), (-0.1, 0.9, 0.12)]
+    arcs = hull_of_circles(np.array(circles), ["nose", "tail", "head"], ["bottom", "back", "front"])
+    below = [arc.part for arc in arcs].index("nose")
+    sled = shifted(bulged(arcs, below, 12.0, "runners"), 0.0, -0.3)
+    body = Body(100.0, 15.0, sled)
+    assert [arc.part for arc in body.arcs] == ["nose", "runners", "tail", "head"]
+    assert body.parts[4:] == ("back", "front")
+    runners = next(arc for arc in body.arcs if arc.part == "runners")
+    for cap in (arc for arc in body.arcs if arc.part in ("nose", "tail")):
+        assert math.hypot(cap.x - runners.x, cap.y - runners.y) == pytest.approx(12.0 - cap.radius, rel=1e-14)
+    assert [arc for arc in sled if arc.part == "head"] == [
+        arc for arc in shifted(arcs, 0.0, -0.3) if arc.part == "head"
+    ]
+
+
+HEXAGON = polygon(1.0, [(math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6)])
+
+
+@pytest.mark.parametrize(
+    ("body", "k", "radius"),
+    [
+        pytest.param(rod(1.0, 1.0), 0, 0.4, id="shorter than half the side"),
+        pytest.param(rod(1.0, 1.0), 0, 0.0, id="a corner"),
+        pytest.param(HEXAGON, 0, 0.55, id="beyond the next sides"),
+        pytest.param(rod(1.0, 1.0), 2, 1.0, id="no such side"),
+        pytest.param(rod(1.0, 1.0), -1, 1.0, id="none is counted from the end"),
+        pytest.param(disc(1.0, 1.0), 0, 1.0, id="no side"),
+    ],
+)
+def test_an_arc_that_cannot_take_the_place_of_a_side_is_refused(body: Body, k: int, radius: float) -> None:
+    """Oracle: the arc turns by less than its neighbours, and there is a side."""
+    with pytest.raises(ValueError, match=r"too small to join|no straight side follows"):
+        bulged(body.arcs, k, radius)
+
+
+# --- areas -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half_angle", HALF_ANGLES)
+def test_the_area_of_a_segment_has_the_moments_of_its_closed_form(half_angle: float) -> None:
+    """Oracle: ``circular_segment``, whose mass centre is the origin, and alpha - sin(alpha) cos(alpha)."""
+    body = circular_segment(2.0, 0.7, half_angle)
+    area, centre, inertia = mass_properties(body.arcs)
+    with mp.workdps(40):
+        alpha = mpf(half_angle)
+        expected = float(mpf(0.7) ** 2 * (alpha - mp.sin(alpha) * mp.cos(alpha)))
+    assert area == pytest.approx(expected, rel=2e-15)
+    assert centre == pytest.approx((0.0, 0.0), abs=3e-15)
+    assert 2.0 * inertia == pytest.approx(body.inertia, rel=2e-14)
+
+
+@pytest.mark.parametrize("radius", [1.0, 1e2, 1e4, 1e6])
+def test_a_flat_arc_costs_no_digits(radius: float) -> None:
+    """Oracle: the closed form of the segment in 60 digits; what is left is the rounding of where the centre is."""
+    arcs = bulged(rod(1.0, 1.0).arcs, 0, radius)
+    area, (x, y), inertia = mass_properties(arcs)
+    with mp.workdps(60):
+        r = mpf(radius)
+        alpha = mp.asin(mpf(0.5) / r)
+        part = alpha - mp.sin(alpha) * mp.cos(alpha)
+        low = 2 * r * mp.sin(alpha) ** 3 / (3 * part)
+        about_centre = r**2 / 2 * (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * part)) - low**2
+        expected = float(r**2 * part), float(r * mp.cos(alpha) - low), float(about_centre)
+    assert (area, y, inertia) == pytest.approx(expected, rel=1e-14 + 1e-15 * radius)
+    assert x == pytest.approx(0.0, abs=1e-16 * radius)
+
+
+def test_simple_outlines_have_the_moments_of_textbooks() -> None:
+    """Oracle: square d^2/6, board (a^2 + b^2)/12, disc r^2/2; half disc r^2 (1/2 - 16/(9 pi^2)), 4 r/(3 pi) off."""
+    square = polygon(3.0, [(0, 0), (2, 0), (2, 2), (0, 2)])
+    assert mass_properties(square.arcs) == (4.0, (0.0, 0.0), pytest.approx(4.0 / 6.0, rel=1e-15))
+    assert square.inertia == pytest.approx(3.0 * 4.0 / 6.0, rel=1e-15)
+    board = mass_properties(polygon(1.0, [(1, 1), (1, 2), (4, 2), (4, 1)]).arcs)
+    assert board == (3.0, pytest.approx((0.0, 0.0), abs=1e-15), pytest.approx(10.0 / 12.0, rel=1e-15))
+    assert mass_properties([Arc(3.0, -1.0, 2.0, 0.0)]) == (
+        pytest.approx(4.0 * math.pi, rel=1e-15),
+        pytest.approx((3.0, -1.0), rel=1e-15),
+        pytest.approx(2.0, rel=1e-15),
+    )
+    half = bulged(rod(1.0, 2.0).arcs, 0, 1.0)
+    area, centre, inertia = mass_properties(half)
+    assert area == pytest.approx(0.5 * math.pi, rel=1e-15)
+    assert centre == pytest.approx((0.0, -4.0 / (3.0 * math.pi)), rel=1e-15, abs=1e-16)
+    assert inertia == pytest.approx(0.5 - 16.0 / (9.0 * math.pi**2), rel=1e-14)
+
+
+def test_a_stadium_is_a_board_and_two_half_discs() -> None:
+    """Oracle: Steiner's theorem."""
+    length, r = 3.0, 0.4
+    straight, half_disc = length - 2.0 * r, 0.5 * math.pi * r**2
+    board = 2.0 * r * straight
+    off = 4.0 * r / (3.0 * math.pi)
+    own = r**2 * (0.5 - 16.0 / (9.0 * math.pi**2))
+    total = board + 2.0 * half_disc
+    moment = board * (straight**2 + 4.0 * r**2) / 12.0 + 2.0 * half_disc * (own + (0.5 * straight + off) ** 2)
+    body = rod(2.0, length, 2.0 * r)
+    assert mass_properties(body.arcs) == (
+        pytest.approx(total, rel=1e-15),
+        pytest.approx((0.0, 0.0), abs=1e-15),
+        pytest.approx(moment / total, rel=1e-14),
+    )
+    assert body.inertia == pytest.approx(2.0 * moment / total, rel=1e-14)
+
+
+@pytest.mark.parametrize("half_angle", [0.05, 0.4, 1.3, 2.2])
+def test_two_outlines_that_are_put_together_have_the_moments_of_the_whole(half_angle: float) -> None:
+    """Oracle: a disc cut along a chord; areas add, centroids balance, moments add by Steiner's theorem."""
+    radius = 0.8
+    chord = [Arc(s * radius * math.sin(half_angle), -radius * math.cos(half_angle), 0.0, 0.0) for s in (1.0, -1.0)]
+    below = [chord[0]._replace(begin=-math.pi), Arc(0.0, 0.0, radius, -half_angle), chord[1]._replace(begin=half_angle)]
+    rest = math.pi - half_angle
+    above = turned(
+        [
+            Arc(-chord[0].x, -chord[0].y, 0.0, rest),
+            Arc(0.0, 0.0, radius, -rest),
+            Arc(chord[0].x, -chord[0].y, 0.0, -math.pi),
+        ],
+        math.pi,
+    )
+    one, other = mass_properties(below), mass_properties(above)
+    total = one[0] + other[0]
+    assert total == pytest.approx(math.pi * radius**2, rel=1e-14)
+    centre = [(one[0] * p + other[0] * q) / total for p, q in zip(one[1], other[1], strict=True)]
+    assert centre == pytest.approx([0.0, 0.0], abs=1e-15)
+    moment = sum(area * (own + x * x + y * y) for area, (x, y), own in (one, other))
+    assert moment / total == pytest.approx(0.5 * radius**2, rel=1e-14)
+
+
+@rarely
+@given(seeds)
+def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) -> None:
+    """Oracle: the shoelace formulas of 4000 points an arc; they lose the square of a step of each arc."""
+    body = at_random(seed)
+    assume(len(body.arcs) > 2)
+    area, centre, inertia = mass_properties(body.arcs)
+    points, _ = points_of(body.arcs, 4000)
+    following = np.roll(points, -1, axis=0)
+    cross = 0.5 * (points[:, 1] * following[:, 0] - points[:, 0] * following[:, 1])
+    middle = cross @ (points + following) / (3.0 * cross.sum())
+    squares = ((points**2).sum(axis=1) + (points * following).sum(axis=1) + (following**2).sum(axis=1)) / 6.0
+    noise = 1e-6 + 1e-15 * max(arc.radius for arc in body.arcs) / body.size
+    assert area == pytest.approx(cross.sum(), rel=1e-5)
+    assert centre == pytest.approx(middle, abs=noise * body.size)
+    assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)
+
+
+@rarely
+@given(seeds, st.floats(-3.0, 3.0), st.floats(-5.0, 5.0))
+def test_moments_are_the_same_in_every_frame(seed: int, angle: float, x: float) -> None:
+    """Oracle: an area and its moment do not change with the frame, and a centroid moves with it."""
+    body = at_random(seed)
+    assume(len(body.arcs) > 2)
+    area, centre, inertia = mass_properties(body.arcs)
+    other = mass_properties(shifted(turned(body.arcs, angle), x, 1.0))
+    noise = 1e-13 + 1e-14 * max(arc.radius for arc in body.arcs) / body.size
+    s, c = math.sin(angle), math.cos(angle)
+    moved = c * centre[0] - s * centre[1] + x, s * centre[0] + c * centre[1] + 1.0
+    assert other[0] == pytest.approx(area, abs=noise * body.size**2 + 1e-12)
+    assert other[1] == pytest.approx(moved, abs=20.0 * noise * (body.size + 6.0))
+    assert other[2] == pytest.approx(inertia, abs=20.0 * noise * (body.size + 6.0) ** 2)
+
+
+def test_an_outline_without_an_area_has_no_moments() -> None:
+    """Oracle: a line."""
+    with pytest.raises(ValueError, match=r"arcs have an area of 0\.0 m\^2: must be > 0"):
+        mass_properties(rod(1.0, 1.0).arcs)
+
+
+# --- angles ----------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(-6.0, 6.0))
+def test_directions_are_sine_and_cosine(angle: float) -> None:
+    """Oracle: the library of the platform."""
+    (sine,), (cosine,) = directions(np.array([angle]))
+    assert (sine, cosine) == pytest.approx((math.sin(angle), math.cos(angle)), abs=4e-16)
+
+
+@given(st.floats(-math.pi, math.pi, exclude_max=True), st.floats(1e-6, 1e6))
+def test_angle_of_a_direction_lies_in_a_turn(angle: float, length: float) -> None:
+    """Oracle: the angle itself, and -pi rather than pi."""
+    found = angle_of(length * math.sin(angle), length * math.cos(angle))
+    assert -math.pi <= found < math.pi
+    assert math.remainder(found - angle, TURN) == pytest.approx(0.0, abs=1e-15)
+    assert angle_of(0.0, -length) == -math.pi
+    assert angle_of(-0.0, length) == 0.0
+
+
+def test_a_disc_is_an_outline_too() -> None:
+    """Oracle: one arc, which is lowest at all orientations."""
+    outline = outline_of(disc(1.0, 0.5, 0.2, 1.0).arcs)
+    assert (outline.size, outline.lowest, outline.sides.tolist()) == (0.7, 0.3, [0.0])
