@@ -165,8 +165,8 @@ def _choose(side: Side, ends: np.ndarray, left: Phase, first: int) -> Phase:
             continue
         phase = Phase(gap_1, gap_2, slip, spin)
         load_1, load_2 = _stiffness(side, gap_1) * max(depth_1, 0.0), _stiffness(side, gap_2) * max(depth_2, 0.0)
-        if not max(load_1, load_2) > 0.0:  # at the touch: the forces that are about to grow
-            load_1, load_2 = side.mass * max(-v_1, 0.0), side.mass * max(-v_2, 0.0)
+        if not max(depth_1, depth_2) > 0.0:  # at the touch: the forces that are about to grow
+            load_1, load_2 = _stiffness(side, gap_1) * max(-v_1, 0.0), _stiffness(side, gap_2) * max(-v_2, 0.0)
         to = _yielding(side, phase)
         normal_1, normal_2 = _of(to.normal_1, load_1, load_2), _of(to.normal_2, load_1, load_2)
         missed = _missed_at(side, gap_1, depth_1, v_1, normal_1, _of(to.v_1, load_1, load_2))
@@ -322,6 +322,20 @@ def _move(side: Side, phase: Phase, event: Event, ends: np.ndarray, rows: np.nda
 
 
 @kernel
+def _after(event: Event, left: Phase) -> Phase:
+    """What has been released after an event, and ``left`` before it without any time between."""
+    if event.row == 4:
+        return Phase(left.gap_1, left.gap_2, event.released, left.spin)
+    if event.row == 5:
+        return Phase(left.gap_1, left.gap_2, left.slip, event.released)
+    if event.row == 2:
+        return Phase(event.released, left.gap_2, left.slip, left.spin)
+    if event.row == 3:
+        return Phase(left.gap_1, event.released, left.slip, left.spin)
+    return left
+
+
+@kernel
 def _rolled(to: Yielding, unit: float, length: float, rows: np.ndarray) -> float:
     """Loss [J] to rolling resistance in a phase with spin."""
     lost = 0.0
@@ -379,15 +393,9 @@ def hit_flat(side: Side, first: int, ends: np.ndarray, lost: np.ndarray, rows: n
             lost[1] += _rolled(to, unit, event.length, rows)
             lost[2] += _twisted(to, unit, event.length, rows)
         lost[0] += _move(side, phase, event, ends, rows)
-        left = Phase(-1, -1, 0, 0)
-        if event.row == 4:
-            left = Phase(-1, -1, event.released, 0)
-        elif event.row == 5:
-            left = Phase(-1, -1, 0, event.released)
-        elif event.row == 2 and event.released >= 0:
-            left = Phase(event.released, -1, 0, 0)
-        elif event.row == 3 and event.released >= 0:
-            left = Phase(-1, event.released, 0, 0)
+        if event.length > 0.0:
+            left = Phase(-1, -1, 0, 0)
+        left = _after(event, left)
         for end in range(2):  # without restitution an end that opens gives nothing back
             if side.opening == 0.0 and ends[2 + end] > 0.0 and ends[end] > 0.0:
                 lost[0] += 0.5 * side.mass * ends[end] * ends[end]
