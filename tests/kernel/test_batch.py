@@ -103,7 +103,7 @@ bodies = st.one_of(
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(of_lanes=st.lists(bodies, min_size=1, max_size=70), seed=st.integers(0, 2**32 - 1))
 def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Segment], seed: int) -> None:
-    """With corners and without, in any order; with logs and without, on one thread and two, as rows and as bodies."""
+    """With corners and without, in any order; with logs and without, on one thread and two; as rows and as records."""
     rng = np.random.default_rng(seed)
     states = np.concatenate([ugly(rng, body, 1) for body in of_lanes])
     laws = [ContactLaw(10.0 ** rng.uniform(4.0, 7.0), *rng.choice((0.0, 0.3), 2), 1e-3) for _ in of_lanes]
@@ -114,7 +114,9 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Segmen
         batch = simulate_batch(of_lanes, laws, SLOPE, states, Settings(**options), keep_rebounds=True)
         patch.setenv("NUMBA_NUM_THREADS", "2")
         rows = np.array([[getattr(body, name) for name in Segment.fields] for body in of_lanes])
-        same_bits(simulate_batch(rows, laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
+        records = np.concatenate([body.record for body in of_lanes])
+        for same in (rows, records):
+            same_bits(simulate_batch(same, laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)
     for i, (body, law, state) in enumerate(zip(of_lanes, laws, states, strict=True)):
         one = simulate(body, law, SLOPE, State(*state), **options)
         same_bits(batch.outcomes[i], one.outcome)

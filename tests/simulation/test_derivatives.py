@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Body, Segment, circular_segment, rod, segment
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -41,6 +41,7 @@ REFERENCE = json.loads(DATA_FILE.read_text())
 WHEEL = segment(1.0, 0.5, 0.0, 0.1)
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(60.0))
+ROD = rod(1.0, 0.4)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 G = 9.81
 RECORDED = {"time": "t", "x": "x", "phi": "phi", "u": "u_after", "v": "v_after", "omega": "omega_after"}
@@ -252,6 +253,22 @@ def test_the_mirror_image_has_the_mirrored_derivatives(
     assert (one.sides == other.sides * columns).all()
 
 
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_body_told_by_its_arcs_has_the_derivatives_of_the_segment(solver: Any) -> None:
+    """Oracle: the segment itself; only its own three lengths and angles are no parameters of other bodies."""
+    launch = State(0.0, 1.0, 0.7, 1.0, 0.0, 2.0)
+    one, other = (
+        sensitivity(body, LAW, Slope(0.1), launch, Settings(solver=solver, max_rebounds=4))
+        for body in (SEGMENT, Body(SEGMENT.mass, SEGMENT.inertia, SEGMENT.arcs))
+    )
+    own = {"radius", "eccentricity", "half_angle"}
+    assert list(other.parameters) == [name for name in one.parameters if name not in own]
+    kept = [name not in own for name in one.parameters]
+    for name in ("rebounds", "end"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name)[..., kept], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(other.distances, one.distances[:, kept], rtol=1e-6)
+
+
 def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
     """Oracle: phi and phi - 2 pi are one launch; steps across the half turn must not jump."""
     one, other = (
@@ -419,6 +436,8 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"parameters": []}, ValueError, "at least one"),
         ({"parameters": ["x", "x"]}, ValueError, "each parameter once"),
         ({"parameters": ["length"]}, ValueError, "the slope is endless"),
+        ({"parameters": ["radius"], "body": ROD}, ValueError, "'radius' is that of a segment, and the body is a Body"),
+        ({"body": (1.0, 0.1, 0.05, 7.5e-3, math.pi)}, TypeError, "must be a Body, such as segment(...)"),
         ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),
         ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),

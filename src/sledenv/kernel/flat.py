@@ -22,6 +22,7 @@ from sledenv.kernel.roots import first_root, horner
 CLOSING, OPENING, LOCKED, AWAY = range(4)  # what the gap at an end does, while it is pressed in or off the slope
 ENDS, ENDLESS = range(2)
 MOST_STEPS: Final = 2000
+REACH: Final = 1.5  # [rad] of the fastest oscillation in a unit of time: the last term is below 2e-14 then
 NOISE: Final = 4e-16  # of the largest force: rounding of a force
 CANCELLED: Final = 1e-13  # of its terms: a smaller sum of series is rounding
 LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
@@ -140,48 +141,71 @@ def _missed_at(side: Side, gap: int, depth: float, speed: float, normal: float, 
 
 
 @kernel
-def _may(gap: int, depth: float, speed: float) -> bool:
-    """Whether the gap of an end of some depth [m] and speed [m/s] may do that."""
+def _moving(depth: float, speed: float) -> int:
+    """What the gap of an end does that has some speed [m/s]."""
+    if speed < 0.0:
+        return CLOSING if depth >= 0.0 else AWAY
+    return OPENING if depth > 0.0 else AWAY
+
+
+@kernel
+def _may(gap: int, depth: float, speed: float, left: int) -> bool:
+    """Whether the gap of an end of some depth [m] and speed [m/s] may do that; ``left`` is what it has to do, or -1."""
+    if left >= 0:
+        return gap == left
     if speed != 0.0:
-        return gap == (CLOSING if speed < 0.0 and depth >= 0.0 else (OPENING if depth > 0.0 else AWAY))
+        return gap == _moving(depth, speed)
     return gap != AWAY if depth > 0.0 else (gap == AWAY or (gap == CLOSING and depth == 0.0))
+
+
+@kernel
+def _violation(side: Side, phase: Phase, left: Phase, ends: np.ndarray) -> tuple[float, float]:
+    """By how much a phase breaks its conditions, as a force [N], and the loads at the ends."""
+    depth_1, depth_2, v_1, v_2, v_t, omega = ends[0], ends[1], ends[2], ends[3], ends[4], ends[5]
+    load_1 = _stiffness(side, phase.gap_1) * max(depth_1, 0.0)
+    load_2 = _stiffness(side, phase.gap_2) * max(depth_2, 0.0)
+    if not max(depth_1, depth_2) > 0.0:  # at the touch: the forces that are about to grow
+        load_1 = _stiffness(side, phase.gap_1) * max(-v_1, 0.0)
+        load_2 = _stiffness(side, phase.gap_2) * max(-v_2, 0.0)
+    to = _yielding(side, phase)
+    normal_1, normal_2 = _of(to.normal_1, load_1, load_2), _of(to.normal_2, load_1, load_2)
+    missed = _missed_at(side, phase.gap_1, depth_1, v_1, normal_1, _of(to.v_1, load_1, load_2))
+    missed += _missed_at(side, phase.gap_2, depth_2, v_2, normal_2, _of(to.v_2, load_1, load_2))
+    if phase.slip == 0:
+        missed += max(abs(_of(to.force, load_1, load_2)) - side.friction * (normal_1 + normal_2), 0.0)
+    elif v_t == 0.0 and left.slip == 0:
+        missed += side.mass * max(-phase.slip * _of(to.v_t, load_1, load_2), 0.0)
+    if phase.spin == 0:
+        held = side.arm_1 * normal_1 + side.arm_2 * normal_2
+        missed += max(abs(_of(to.moment, load_1, load_2)) - held, 0.0) / side.size
+    elif omega == 0.0 and left.spin == 0:
+        missed += max(-phase.spin * _of(to.omega, load_1, load_2), 0.0) / (side.per_inertia * side.size)
+    return missed, load_1 + load_2
 
 
 @kernel
 def _choose(side: Side, ends: np.ndarray, left: Phase, first: int) -> Phase:
     """Choose what happens next: the phase of least violation, locks first. ``left`` is what has just been released."""
-    depth_1, depth_2, v_1, v_2, v_t, omega = ends[0], ends[1], ends[2], ends[3], ends[4], ends[5]
+    slips, spins = sign_of(ends[4]), sign_of(ends[5])
+    if ends[2] * ends[3] * ends[4] * ends[5] != 0.0:  # the velocities leave no choice
+        return Phase(_moving(ends[0], ends[2]), _moving(ends[1], ends[3]), slips, spins)
     best, least = Phase(AWAY, AWAY, 0, 0), math.inf
-    for i in range(144):
-        slip, spin = first * in_turn(i % 3), first * in_turn(i // 3 % 3)
-        gap_1, gap_2 = (LOCKED, AWAY, CLOSING, OPENING)[i // 9 % 4], (LOCKED, AWAY, CLOSING, OPENING)[i // 36]
-        if not (_may(gap_1, depth_1, v_1) and _may(gap_2, depth_2, v_2)):
+    for gap_2 in (LOCKED, AWAY, CLOSING, OPENING):
+        if not _may(gap_2, ends[1], ends[3], left.gap_2):
             continue
-        if (v_t != 0.0 and slip != sign_of(v_t)) or (omega != 0.0 and spin != sign_of(omega)):
-            continue
-        if (left.slip != 0 and slip != left.slip) or (left.spin != 0 and spin != left.spin):
-            continue
-        if (left.gap_1 >= 0 and gap_1 != left.gap_1) or (left.gap_2 >= 0 and gap_2 != left.gap_2):
-            continue
-        phase = Phase(gap_1, gap_2, slip, spin)
-        load_1, load_2 = _stiffness(side, gap_1) * max(depth_1, 0.0), _stiffness(side, gap_2) * max(depth_2, 0.0)
-        if not max(depth_1, depth_2) > 0.0:  # at the touch: the forces that are about to grow
-            load_1, load_2 = _stiffness(side, gap_1) * max(-v_1, 0.0), _stiffness(side, gap_2) * max(-v_2, 0.0)
-        to = _yielding(side, phase)
-        normal_1, normal_2 = _of(to.normal_1, load_1, load_2), _of(to.normal_2, load_1, load_2)
-        missed = _missed_at(side, gap_1, depth_1, v_1, normal_1, _of(to.v_1, load_1, load_2))
-        missed += _missed_at(side, gap_2, depth_2, v_2, normal_2, _of(to.v_2, load_1, load_2))
-        if slip == 0:
-            missed += max(abs(_of(to.force, load_1, load_2)) - side.friction * (normal_1 + normal_2), 0.0)
-        elif v_t == 0.0 and left.slip == 0:
-            missed += side.mass * max(-slip * _of(to.v_t, load_1, load_2), 0.0)
-        if spin == 0:
-            held = side.arm_1 * normal_1 + side.arm_2 * normal_2
-            missed += max(abs(_of(to.moment, load_1, load_2)) - held, 0.0) / side.size
-        elif omega == 0.0 and left.spin == 0:
-            missed += max(-spin * _of(to.omega, load_1, load_2), 0.0) / (side.per_inertia * side.size)
-        if missed < least - TIE * (load_1 + load_2):
-            best, least = phase, missed
+        for gap_1 in (LOCKED, AWAY, CLOSING, OPENING):
+            if not _may(gap_1, ends[0], ends[2], left.gap_1):
+                continue
+            for i in range(9):
+                slip, spin = first * in_turn(i % 3), first * in_turn(i // 3)
+                if (slips != 0 and slip != slips) or (spins != 0 and spin != spins):
+                    continue
+                if (left.slip != 0 and slip != left.slip) or (left.spin != 0 and spin != left.spin):
+                    continue
+                phase = Phase(gap_1, gap_2, slip, spin)
+                missed, load = _violation(side, phase, left, ends)
+                if missed < least - TIE * load:
+                    best, least = phase, missed
     return best
 
 
@@ -192,7 +216,7 @@ def _unit(side: Side, phase: Phase, to: Yielding) -> float:
     fastest = max(
         abs(to.v_1[0]) * stiff_1 + abs(to.v_1[1]) * stiff_2, abs(to.v_2[0]) * stiff_1 + abs(to.v_2[1]) * stiff_2
     )
-    return 1.0 / math.sqrt(fastest) if fastest > 0.0 else math.inf
+    return REACH / math.sqrt(fastest) if fastest > 0.0 else math.inf
 
 
 @kernel

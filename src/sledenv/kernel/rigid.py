@@ -91,6 +91,20 @@ def _account(body: np.void, side: Side, u: float, v: float, omega: float, space:
 
 
 @kernel
+def _lie_down(body: np.void, v: float, b: float, space: np.void) -> None:
+    """Bring a body whose ends are slow to rest on both: what they have left is lost, and the slope gives the impulse.
+
+    ``v`` [m/s] is how fast the mass centre rises, ``b`` [m] its height. Impacts in turn would take ever less.
+    """
+    contact, point, ends = space["contact"], space["points"][0], space["ends"]
+    omega = contact["omega"]
+    contact["hysteresis"] += 0.5 * (body["inertia"] * omega * omega + body["mass"] * v * v)
+    contact["normal_impulse"] -= body["mass"] * v
+    point["v_t"] -= b * omega
+    point["v_n"] = contact["omega"] = ends[2] = ends[3] = ends[5] = 0.0
+
+
+@kernel
 def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat: bool, space: np.void) -> int:
     """Follow the impact of a side that has come down with both its ends, of which ``other`` is not the contact's.
 
@@ -104,9 +118,11 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
     u, v = point["v_t"] - b * omega, point["v_n"] + a_1 * omega
     there = v - a_2 * omega
     ends[0], ends[1], ends[2], ends[3], ends[4], ends[5] = 0.0, 0.0, point["v_n"], there, point["v_t"], omega
-    slowly = max(abs(point["v_n"]), abs(there)) < law.settle_speed
-    restitution = 0.0 if pressing > 0.0 and slowly else law.restitution
-    if min(point["v_n"], there) < 0.0:
+    settles = pressing > 0.0 and max(abs(point["v_n"]), abs(there)) < law.settle_speed
+    restitution = 0.0 if settles else law.restitution
+    if settles and a_1 * a_2 < 0.0:
+        _lie_down(body, v, b, space)
+    elif min(point["v_n"], there) < 0.0:
         arms_of_both = _arm_of(body, law, arc), _arm_of(body, law, other)
         side = Side(
             body["mass"], 1.0 / body["inertia"], a_1, a_2, b, law.friction, *arms_of_both, body["size"], restitution**2
