@@ -127,7 +127,7 @@ def test_the_page_on_agents_judges_a_trained_one(monkeypatch, capsys):
 def test_the_code_of_the_page_on_architecture_is_valid():
     """Oracle: the kernel has the first as it is; the second is a key of a section."""
     program, control = blocks("docs/architecture.md")
-    names = run([program], {"Any": Any, "of_step": step.of_step, "sine_cosine": values.sine_cosine})
+    names = run([program], {"Any": Any, "of_point": step.of_point, "values": values})
     assert callable(names["orient"])
     annotated = run([control], vars(sections) | {"__annotations__": {}})["__annotations__"]["drop_m"]
     assert get_args(annotated)[1].name == "drop"

@@ -22,7 +22,7 @@ from sledenv.simulation.bodies import polygon, segment_records
 
 COMPILER, EMULATOR, ROOT = "aarch64-linux-gnu-gcc", "qemu-aarch64-static", "/usr/aarch64-linux-gnu"
 LANES = 2000
-LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 20.0, 0.0, 1e8)
+LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 20.0, 0.0, 0.0, 1e8)
 Call = tuple[Entry, tuple[Any, ...]]
 
 

@@ -15,7 +15,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 
-LANDINGS = 200
+COUNTS = pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.jit_only)])
 PLASTIC = math.nextafter(1.0, 0.0)  # asymmetry of next to no restitution
 LEVEL = Slope(0.0)
 
@@ -98,11 +98,12 @@ def difference(landing: Landing, one: np.void, other: np.void) -> float:
     return float(max(u, v, landing.body.size * omega)) / -landing.launch.v
 
 
-@pytest.mark.parametrize(("spin", "seed"), [(0.5, 1), pytest.param(3.0, 2, id="one end may move away")])
-def test_a_flat_landing_is_the_limit_of_stiff_springs(spin: float, seed: int) -> None:
+@COUNTS
+@pytest.mark.parametrize(("spin", "seed"), [(0.5, 1), pytest.param(3.0, 7, id="one end may move away")])
+def test_a_flat_landing_is_the_limit_of_stiff_springs(spin: float, seed: int, count: int) -> None:
     """Oracle: the compliant solver with ever stiffer springs, whose distance from the limit falls as c^-1/2."""
     far, near = [], []
-    for landing in random_landings(LANDINGS, seed, spin):
+    for landing in random_landings(count, seed, spin):
         found = rebound(landing)
         assert landing.body.parts[found["feature"] - 1] == landing.side
         far.append(difference(landing, found, rebound(landing, "compliant", 1e9)))
@@ -113,9 +114,10 @@ def test_a_flat_landing_is_the_limit_of_stiff_springs(spin: float, seed: int) ->
     assert distance == pytest.approx(0.1 * np.array(far), rel=0.15, abs=1e-6)
 
 
-def test_impulses_and_losses_of_a_flat_landing_balance() -> None:
+@COUNTS
+def test_impulses_and_losses_of_a_flat_landing_balance(count: int) -> None:
     """Oracle: momentum, where no time passes; the forces act between both ends, within the bounds of each."""
-    for landing in random_landings(LANDINGS, 3, 3.0):
+    for landing in random_landings(count, 3, 3.0):
         body, law, _, launch, _ = landing
         found = rebound(landing)
         speed = math.hypot(launch.u, launch.v, body.size * launch.omega)
@@ -139,9 +141,10 @@ def test_impulses_and_losses_of_a_flat_landing_balance() -> None:
         assert sum(losses) == pytest.approx(lost, rel=0, abs=1e-12 * body.mass * speed**2)
 
 
-def test_a_side_that_is_nearly_flat_lands_as_one_that_is() -> None:
+@COUNTS
+def test_a_side_that_is_nearly_flat_lands_as_one_that_is(count: int) -> None:
     """Oracle: the flat landing; springs however stiff would feel both ends."""
-    for landing in random_landings(LANDINGS, 4, 0.5):
+    for landing in random_landings(count, 4, 0.5):
         flat = rebound(landing)
         for tilt in (1e-9, -1e-9):
             phi = landing.launch.phi + tilt
@@ -167,9 +170,10 @@ KEPT = ("t", "duration", "mode", "normal_impulse", "v_after", "loss_hysteresis",
 TURNED = ("phi", "u_after", "omega_after", "tangential_impulse", "rolling_impulse")
 
 
-def test_the_mirror_image_lands_flat_as_the_mirror_image_bit_for_bit() -> None:
+@COUNTS
+def test_the_mirror_image_lands_flat_as_the_mirror_image_bit_for_bit(count: int) -> None:
     """Oracle: x turned round; parts of a segment are named by what is downhill."""
-    for landing in random_landings(LANDINGS, 5, 3.0):
+    for landing in random_landings(count, 5, 3.0):
         image = mirrored(landing.body)
         x, y, phi, u, v, omega = landing.launch
         for tilt in (0.0, 1e-9):
@@ -222,10 +226,11 @@ def test_what_stops_a_body_that_stays_is_booked(asymmetry: float, speed: float) 
     assert rows["loss_hysteresis"].sum() == pytest.approx(0.5 * body.mass * speed**2, rel=1e-6)
 
 
-def test_a_body_without_friction_may_lose_slip_and_spin_at_once() -> None:
+@COUNTS
+def test_a_body_without_friction_may_lose_slip_and_spin_at_once(count: int) -> None:
     """Oracle: momentum along the slope. A fall without slip: spin alone makes one, and both end at the same time."""
     rng = np.random.default_rng(6)
-    for _ in range(LANDINGS):
+    for _ in range(count):
         body = random_body(rng, 1)
         phi, side = flat_on(body, int(rng.choice(np.flatnonzero(body.record["side"][0] > 0.0))))
         arm = 0.15 * body.size

@@ -18,6 +18,7 @@ from sledenv.scenarios.configuration import read_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.simulation.bodies import Body, circular_segment, polygon, segment, sled
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.sleds import sled_with_rider
 from sledenv.simulation.support import support_height
 
 ROOT = Path(__file__).parents[2]
@@ -94,7 +95,7 @@ def test_what_is_no_context_is_named(context: Any) -> None:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
-KINDS = "disc, segment, sled, polygon, custom"
+KINDS = "disc, segment, sled, sled_with_rider, polygon, custom"
 BOUNDS = "must be a pair [low, high] of numbers in"
 
 
@@ -407,6 +408,8 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == segment(2, 0, 0, 0.2)
     assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
     assert body(**SLED) == sled(120, 1.2, 1, 0.14, 0.38)
+    assert body(kind="sled_with_rider") == sled_with_rider()
+    assert body(kind="sled_with_rider", sled_mass_kg=30, balance=0.1) == sled_with_rider(sled_mass=30.0, balance=0.1)
     assert body(**POLYGON) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)])
     assert body(**POLYGON, rounding_m=0.05) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)], 0.05)
 
@@ -562,3 +565,13 @@ def test_the_shipped_names_are_those_of_the_folder() -> None:
     """Oracle: the files of configs/scenarios."""
     assert scenario_names() == tuple(SHIPPED)
     assert {"brake_mat", "ice_drop", "ice_fast", "paper_impact"} <= set(SHIPPED)
+
+
+def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
+    """Oracle: the settings; a part that the body does not have is named. The rule counts in the hash where it is given."""
+    content = changed(body={"kind": "sled_with_rider"}) | {"ends": {"touching": "rider"}}
+    scenario = Scenario.model_validate(content)
+    assert scenario.settings().end_touching == "rider"
+    assert scenario.hash != Scenario.model_validate(content | {"ends": {}}).hash
+    wrong = "\n".join(problems(content | {"ends": {"touching": "wing"}}))
+    assert "ends.touching = 'wing': must be a part of the body: rider, runner, legs, frame" in wrong

@@ -205,7 +205,10 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"launch__speed_m_s": {"kind": "lognormal", "median": 1, "log_sd": 500}}, "lies outside [0, inf) m/s"),
         ({"slope__angle_deg": [3, 7]}, "slope.angle_deg: is a range, give a number or a distribution"),
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in (0, inf) m"),
-        ({"body": {"kind": "cube"}}, "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom"),
+        (
+            {"body": {"kind": "cube"}},
+            "body.kind = 'cube': must be one of disc, segment, sled, sled_with_rider, polygon, custom",
+        ),
         ({"contact__asymmetry": 0.5}, "either restitution"),
         ({"limits": None}, "limits: missing"),
         ({"launch__drop_m": 1}, "nothing is uncertain"),

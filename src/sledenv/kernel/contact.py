@@ -344,8 +344,8 @@ def follow(
     space : record of SPACE
         Its ``contact`` and the first of its ``points`` hold the state at touchdown, overwritten by that at the end, and
         how the surfaces meet: the fields of CONTACT from those of :mod:`sledenv.kernel.normal` to ``corner_arm``.
-        Impulses and losses are added up. Rigid surfaces start at rest, without gap or gap rate, with a ``count`` of 2 if
-        they touch with two points.
+        Impulses and losses are added up. Rigid surfaces start at rest, without gap or gap rate; ``count`` is 2 if they
+        touch with two points.
     trajectory : ndarray of TRAJECTORY
         Rows are added while there is room; length 0 records nothing.
 
@@ -387,8 +387,12 @@ def follow(
             break
         if event != events.NOTHING and event != events.MIDDLE_PASSED:
             contact["undecided"] = 1.0
+            if progress.touches(body, limits.end_part, contact, points):
+                status = records.TUMBLED
+                break
     contact["held"] = 1.0
-    if status == records.JAMMED or status == records.TUMBLED:  # no step has been made in this branch
+    lies = points[0]["gap_rate"] == 0.0 and contact["spin"] == 0.0
+    if status == records.JAMMED or (status == records.TUMBLED and lies):  # no step has been made in this branch
         steps[0]["unit"], steps[0]["length"] = 1.0, 0.0
         expand(space)
     contact["phi"] += contact["turns"]

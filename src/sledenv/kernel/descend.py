@@ -16,7 +16,8 @@ from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.motion import finish_time
 from sledenv.kernel.outline import arms, whole_turns
 from sledenv.kernel.params import Incline, Limits, State
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT
+from sledenv.kernel.progress import touches
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT, TUMBLED
 from sledenv.kernel.state import (
     CONTACT,
     HOP,
@@ -318,7 +319,10 @@ def hop(
     if touched:
         _arrive(space["hop"], space["touchdown"])
         _meet(space["touchdown"], contact, space["points"][0])
-        status = touch(body, law, slope, limits, flight, space, trajectory)
+        if touches(body, limits.end_part, contact, space["points"]):
+            status = TUMBLED
+        else:
+            status = touch(body, law, slope, limits, flight, space, trajectory)
         _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], space)
         if status == SEPARATED:
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING

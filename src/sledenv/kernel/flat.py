@@ -1,10 +1,11 @@
 """The impact of a straight side that lands flat: both its ends hit at once; docs/physics.md, section 8.
 
-Two rigid impacts at the same time have no unique limit. The one taken here is that of springs whose stiffness grows, one
-at each end: they get weightless and short, so the configuration is frozen and gravity plays no part. The duration then
-does not matter, and the stiffness of compression may be the mass: forces are accelerations times it, depths velocities.
+Two rigid impacts at the same time have no unique limit. The one taken here is that of springs at both ends whose
+stiffness grows: they get short, so the configuration is frozen and gravity plays no part. The duration then does not
+matter, and the stiffness of compression may be taken as the mass times 1/s^2.
 
-The body lies flat, so both ends have the same arm b and slip alike. Between events the motion is linear: a power series.
+The body lies flat, so both ends have the same arm b and slip alike. Between events the motion is linear, and its power
+series are short.
 """
 
 from __future__ import annotations

@@ -280,7 +280,7 @@ def _lift(body: np.void, hop: np.void) -> float:
     furthest, omega = hop["furthest"], hop["omega"]
     change, most_change = motion.jerks(hop)
     local = hop["phi"] - whole_turns(hop["phi"])
-    # The next derivatives of the gap decide. At the end of an interval they are those of the arc that the body turns to.
+    # The next derivatives of the gap decide. At the end of an interval they are those of the arc that comes next.
     ahead = local + math.copysign(EDGE, omega)
     arc = arc_at(body, ahead - whole_turns(ahead))
     h, shift = body["h"][arc], body["shift"][arc]

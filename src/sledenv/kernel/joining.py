@@ -29,7 +29,7 @@ _take = straight(lambda source, target: copy(source, target, _POINT))
 def _agreeing(contact: Any, one: Any, two: Any) -> None:
     """Program that makes the velocities of both points those of one body, where some are zero or nearly so.
 
-    Rounding makes of a zero at one point a small number at the other. If one point sticks, the slip of the other becomes
+    Rounding makes of a zero at one point a small number at the other. If one point sticks, the slip of the other is
     what the spin makes of the difference of the gaps.
     """
     small, omega = SAME_RATE * contact.scale, contact.omega

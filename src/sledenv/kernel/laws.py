@@ -10,8 +10,8 @@ from sledenv.compiler.jit import by_type, kernel
 from sledenv.kernel import normal
 from sledenv.kernel.contact import follow
 from sledenv.kernel.params import CompliantLaw, Incline, Limits, RigidLaw, reader
-from sledenv.kernel.progress import begin_with_approaching
-from sledenv.kernel.records import INCONSISTENT, RUNNING, TWO_POINTS
+from sledenv.kernel.progress import begin_with_approaching, touches
+from sledenv.kernel.records import INCONSISTENT, RUNNING, SEPARATED, TUMBLED, TWO_POINTS
 from sledenv.kernel.rigid import strike
 
 Law = CompliantLaw | RigidLaw
@@ -45,7 +45,8 @@ def touch(
         status = follow(body, slope, limits, flight, space, trajectory)
         if status in (INCONSISTENT, TWO_POINTS):  # rigid surfaces then need an impact
             status = _meet_by(body, law, slope, status, space)
-    return status
+    ended = status == SEPARATED and touches(body, limits.end_part, space["contact"], space["points"])
+    return TUMBLED if ended else status
 
 
 # law_of_row(like, laws, lane): a law of the same kind as ``like``, with the fields of a lane in a table of laws.

@@ -76,7 +76,8 @@ class Limits(NamedTuple):
     step: float  # [s] of the explicit Euler solver
     printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
     max_rebounds: float  # [-] at which a descent ends
-    end_on_chord: float  # 1: a descent ends where the body lies on its chord, 0: it goes on
+    end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
+    end_part: float  # code of a part of the body whose touch ends a descent, 0: none does
     most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
 
 

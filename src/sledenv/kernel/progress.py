@@ -293,6 +293,17 @@ def follow_event(body: np.void, length: float, contact: np.void, point: np.void,
 
 
 @kernel
+def touches(body: np.void, part: float, contact: np.void, points: np.ndarray) -> bool:
+    """Whether a point of a contact belongs to a part of the body, whose code is given; 0 is none."""
+    if part == 0.0:
+        return False
+    for i in range(int(contact["count"])):
+        if body["part"][int(points[i]["arc"])] == part:
+            return True
+    return bool(contact["side_touched"] == part)
+
+
+@kernel
 def arms_now(body: np.void, arc: int, contact: np.void) -> tuple[float, float]:
     """Arms [m] of an arc at the orientation of a contact."""
     return arms(body, arc, contact["phi"] - whole_turns(contact["phi"]))

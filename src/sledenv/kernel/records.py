@@ -25,7 +25,7 @@ class Status(StrEnum):
     RUNNING = "running"  # under way, never returned by a whole descent
     FINISH = "finish"  # the mass centre reached the end of the slope
     JAMMED = "jammed"  # at rest for good: full stick on the incline
-    TUMBLED = "tumbled"  # the body lay on its chord, where the descent was to end
+    TUMBLED = "tumbled"  # the body lay on its chord, or a part of it touched, where the descent was to end
     TIMEOUT = "timeout"  # max_time elapsed
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
     STEP_BUDGET = "step_budget"  # max_steps integration steps were spent
@@ -164,8 +164,8 @@ TRAJECTORY = np.dtype(
         # Of what is in contact, 0 in flight: the slip velocity, and the tangential force over its largest value f N.
         ("slip_velocity", "f8"),  # [m/s]
         ("friction_ratio", "f8"),  # [-]
-        # Of each end of a straight side, where it touches: of the one that lies downhill while the body lies on it (of a
-        # segment its tail), and of the other one (its nose).
+        # Of each end of a straight side, where it touches: of the one that is downhill while the body lies on the side
+        # (of a segment its tail), and of the other one (its nose).
         ("normal_tail", "f8"),  # [N] normal and tangential force
         ("tangential_tail", "f8"),
         ("normal_nose", "f8"),

@@ -46,7 +46,7 @@ def _summed(pair: Any) -> Any:
 
 
 def _still(count: int) -> Program:
-    """Return the program of a step in which a body with so many points does not turn, and of what keeps it from that."""
+    """Return the program of a step in which a body with ``count`` points does not turn, and of what holds it so."""
 
     def program(space: Any) -> None:
         contact, points, unit = space.contact, space.points[:count], space.steps[0].unit

@@ -8,11 +8,11 @@ import math
 import os
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sledenv.kernel import params
 from sledenv.scenarios.configuration import Document, Pair
@@ -92,6 +92,13 @@ class Scenario(Document):
     limits: LimitsSection
     ends: EndsSection = EndsSection()
     rider: RiderSection | None = None
+
+    @model_validator(mode="after")
+    def _ends_at_a_part_of_the_body(self) -> Self:
+        name, parts = self.ends.touching, _build(self.body_section).parts
+        if name is not None and name not in parts:
+            raise ValueError(f"ends.touching = {name!r}: must be a part of the body: {', '.join(parts)}")
+        return self
 
     @property
     def ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -204,6 +211,7 @@ class Scenario(Document):
             max_time=self.limits.max_time_s,
             max_rebounds=self.limits.max_rebounds,
             end_on_chord=self.ends.on_chord,
+            end_touching=self.ends.touching,
         )
 
     def launch(

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from itertools import combinations
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import StrictBool, ValidationInfo, field_validator, model_validator
+from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.kernel.outline import MOST_ARCS
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
@@ -21,6 +21,7 @@ from sledenv.simulation.bodies import (
     sled,
     sled_rise,
 )
+from sledenv.simulation.sleds import sled_with_rider
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 
@@ -135,6 +136,37 @@ class SledBody(Section):
         return sled(self.mass_kg, *given)
 
 
+class RiddenSledBody(Section):
+    """A skeleton sled with its rider, who lies on it head first; its parts are runner, frame, legs and rider."""
+
+    kind: Literal["sled_with_rider"]
+    rider_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 80.0
+    sled_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 40.0
+    rider_height_m: Annotated[float, Quantity("(0, inf) m")] = 1.75
+    length_m: Annotated[float, Quantity("(0, inf) m")] = 0.95
+    height_m: Annotated[float, Quantity("(0, inf) m")] = 0.1  # of the deck
+    bow_radius_m: Annotated[float, Quantity("(0, inf) m")] = 15.0  # of the runners
+    balance: Annotated[float, Quantity("(-1, 1)")] = 0.0  # of the rider in front of the middle, over half the length
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        try:
+            self.build()
+        except ValueError as error:
+            raise ValueError(str(error).removeprefix("sled_with_rider.")) from None
+        return self
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        given = {
+            "rider_height": self.rider_height_m,
+            "length": self.length_m,
+            "height": self.height_m,
+            "bow_radius": self.bow_radius_m,
+        }
+        return sled_with_rider(self.rider_mass_kg, self.sled_mass_kg, **given, balance=self.balance)
+
+
 class PolygonBody(Section):
     """A uniform lamina in the shape of a convex polygon, with corners that may be rounded."""
 
@@ -182,7 +214,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody
+AnyBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody
 
 
 class SlopeSection(Section):
@@ -298,3 +330,4 @@ class EndsSection(Section):
     """What ends a descent beyond the mechanics: a rider who has fallen does not go on."""
 
     on_chord: StrictBool = False  # lying on the chord, both ends settled
+    touching: StrictStr | None = None  # a part of the body that touches the slope

@@ -192,8 +192,8 @@ def _with_ends(given: np.ndarray) -> np.ndarray:
     """Let the end of a straight side stand for an arc whose circle would reach beyond the outline on its other side.
 
     Where one end of a side touches, the lowest point of the other one is the end of the side, until the body lies flat.
-    The lowest point of the whole circle differs from that, and may be far lower if the circle is large: docs/physics.md,
-    section 8. ``given`` and the result are complete, shape (1,).
+    The lowest point of the whole circle differs from that, and may be far lower if the circle is large. ``given`` and
+    the result are complete, shape (1,).
     """
     record = given[0]
     for arc in range(int(record["count"])):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import RigidLaw
+from sledenv.kernel.params import Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.rules import checked_rows, made
 from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, kind_of, restitution_of
@@ -51,6 +51,29 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     if settings.solver == "rigid":
         touching = RigidLaw._make(map(float, _stiff_limit(body.size, law, slope, settings.settle_speed)))
     return CheckedDescent(body, law, slope, launch, touching)
+
+
+def limits_of(body: Bodies, settings: Settings) -> Limits:
+    """Return what the kernel takes of settings for one body or for many.
+
+    Raises
+    ------
+    ValueError
+        If ``end_touching`` names a part that a body does not have, or that bodies do not have at the same place.
+    """
+    name = settings.end_touching
+    if name is None:
+        return settings.limits
+    bodies = [body] if isinstance(body, Body) else body
+    codes = set()
+    for one in bodies:
+        parts = one.parts if isinstance(one, Body) else ()
+        if name not in parts:
+            raise ValueError(f"Settings.end_touching = {name!r}: must be a part of the body, one of {parts}")
+        codes.add(parts.index(name) + 1)
+    if len(codes) > 1:
+        raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
+    return settings.limits._replace(end_part=float(max(codes, default=0)))
 
 
 def checked_law(law: AnyLaw) -> AnyLaw:

@@ -12,7 +12,7 @@ from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes
+from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
@@ -59,6 +59,7 @@ class Ride:
         checked_choice("record", record, RECORDS)
         given = checked_descent(body, law, slope, launch, self.settings)
         self.body, self.law, self.slope, self.launch, self._touching = given
+        self._limits = limits_of(self.body, self.settings)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
@@ -147,7 +148,7 @@ class Ride:
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
         law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self.settings.limits, self.body.record, law, self.slope, self.launch)
+        tables = Tables(law, self._limits, self.body.record, law, self.slope, self.launch)
         trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
         follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
@@ -192,6 +193,7 @@ class RideBatch:
     ) -> None:
         self.settings = checked_settings(settings)
         self.body = made_body(body)
+        self._limits = limits_of(self.body, self.settings)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
@@ -249,7 +251,7 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        tables = Tables(self._like, self.settings.limits, self._bodies, self._laws, self._slopes, self._launches)
+        tables = Tables(self._like, self._limits, self._bodies, self._laws, self._slopes, self._launches)
         trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
         follow_all(tables, trimmed, self._flights, self._touched[:, np.newaxis])
         if before is not None:

@@ -47,6 +47,9 @@ class Settings:
     end_on_chord : bool
         End a descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
         It goes on otherwise. Needs another solver than "euler", in which nothing settles.
+    end_touching : str, optional
+        End a descent with status "tumbled" where a part of this name touches the slope, or a straight side of this name
+        lies on it: one of ``Body.parts``.
     settle_speed : float, optional
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
         1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
@@ -70,6 +73,7 @@ class Settings:
     max_time: float = 60.0
     max_rebounds: int = 1000
     end_on_chord: bool = False
+    end_touching: str | None = None
     settle_speed: float | None = None
     tolerance: float = 1e-14
     sample_interval: float = 0.01
@@ -94,6 +98,10 @@ class Settings:
             raise ValueError(
                 "Settings.friction_sign = 'printed': only solver = 'euler' reproduces the paper's printed sign"
             )
+        if self.end_touching is not None and not isinstance(self.end_touching, str):
+            raise TypeError(f"Settings.end_touching = {self.end_touching!r}: must be the name of a part of the body")
+        if self.solver == "euler" and self.end_touching is not None:
+            raise ValueError(f"Settings.end_touching = {self.end_touching!r}: solver = 'euler' does not heed it")
         if self.solver == "euler" and self.end_on_chord:
             raise ValueError(
                 "Settings.end_on_chord = True: solver = 'euler' cannot tell when a body has settled on its chord"
@@ -101,7 +109,7 @@ class Settings:
 
     @property
     def limits(self) -> Limits:
-        """What the kernel takes of them: numbers alone."""
+        """What the kernel takes of them: numbers alone, and so without the part of ``end_touching``."""
         euler = self.solver == "euler"
         return Limits(
             max_time=self.max_time,
@@ -112,6 +120,7 @@ class Settings:
             printed_sign=1.0 if self.friction_sign == "printed" else 0.0,
             max_rebounds=float(self.max_rebounds),
             end_on_chord=1.0 if self.end_on_chord else 0.0,
+            end_part=0.0,
             most_work=EULER_WORK if euler else WORK,
         )
 

@@ -14,7 +14,7 @@ from sledenv.kernel.entries import run_euler
 from sledenv.kernel.records import OUTCOME, RUNNING, TRAJECTORY
 from sledenv.kernel.state import new
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes
+from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
 from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
@@ -42,6 +42,7 @@ def simulate(
     max_time: float | None = None,
     max_rebounds: int | None = None,
     end_on_chord: bool | None = None,
+    end_touching: str | None = None,
     settle_speed: float | None = None,
     tolerance: float | None = None,
     sample_interval: float | None = None,
@@ -63,7 +64,8 @@ def simulate(
         How it is simulated; the default ones otherwise.
     record : {"rebounds", "trajectory"}
         "trajectory" also records positions, velocities and contact forces.
-    solver, max_time, max_rebounds, end_on_chord, settle_speed, tolerance, sample_interval, step, friction_sign
+    solver, max_time, max_rebounds, end_on_chord, end_touching, settle_speed, tolerance, sample_interval, step,
+    friction_sign
         Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
 
     Returns
@@ -83,6 +85,7 @@ def simulate(
         "max_time": max_time,
         "max_rebounds": max_rebounds,
         "end_on_chord": end_on_chord,
+        "end_touching": end_touching,
         "settle_speed": settle_speed,
         "tolerance": tolerance,
         "sample_interval": sample_interval,
@@ -92,7 +95,7 @@ def simulate(
     settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
     checked_choice("record", record, RECORDS)
     body, law, slope, launch, touching = checked_descent(body, law, slope, launch, settings)
-    limits = settings.limits
+    limits = limits_of(body, settings)
     rebounds = new_log(settings.max_rebounds)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
 
@@ -151,7 +154,8 @@ def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings
     """Check a batch."""
     settings = checked_settings(settings)
     given = checked_lanes(body, law, slope, launches, settings)
-    return _Lanes(Tables(given.like(), settings.limits, given.bodies, given.laws, given.slopes, given.launches))
+    limits = limits_of(body, settings)
+    return _Lanes(Tables(given.like(), limits, given.bodies, given.laws, given.slopes, given.launches))
 
 
 def simulate_batch(

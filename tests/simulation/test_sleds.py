@@ -1,0 +1,120 @@
+"""A skeleton sled with its rider: parts and mass properties, what ends a descent that touches with the rider."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv.simulation.ride import Ride, RideBatch
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.sleds import sled_with_rider
+from sledenv.simulation.support import lowest_arms, support_height
+from tests.bodies import SLED, same_bits
+
+RIDDEN = sled_with_rider()
+ICE = ContactLaw.from_restitution(0.1, stiffness=2e6, friction=0.01, rolling_arm=0.0)
+TRACK = Slope(math.radians(8.0), 30.0)
+RIDER = RIDDEN.parts.index("rider") + 1
+
+
+def launched(phi: float, drop: float, omega: float = 0.0) -> State:
+    return State(0.0, support_height(RIDDEN, phi) + drop, phi, 8.0, 0.0, omega)
+
+
+def test_mass_and_mass_centre_are_those_of_the_parts() -> None:
+    """Oracle: sums over sled and limbs by hand: the whole rider lies 1.0075 m from the soles."""
+    assert RIDDEN.mass == pytest.approx(120.0)
+    heights = 80.0 * (0.1 + 0.122 * 0.055 + 0.2 * 0.085 + 0.678 * 0.12) + 40.0 * 0.05
+    bow = 15.0 - math.sqrt((15.0 - 0.03) ** 2 - 0.445**2) - 0.03  # how far the runners bend below their ends
+    assert support_height(RIDDEN, 0.0) == pytest.approx(heights / 120.0 + bow, rel=1e-12)
+    assert math.sqrt(RIDDEN.inertia / RIDDEN.mass) == pytest.approx(0.368, abs=0.001)
+    forward = sled_with_rider(balance=0.2)
+    shift = 80.0 / 120.0 * 0.2 * 0.5 * 0.95
+    runners = [next(arc.x for arc in body.arcs if arc.radius == 15.0) for body in (RIDDEN, forward)]
+    assert runners[0] - runners[1] == pytest.approx(shift, rel=1e-9)
+
+
+def test_it_stands_on_its_runners_and_its_length_is_that_of_the_rider() -> None:
+    """Oracle: the geometry. Its flat arc is lowest near phi = 0, the rider at phi = pi."""
+    arcs, _ = lowest_arms(RIDDEN.record, np.array([0.0, 0.02, -0.02, math.pi, 1.5, -1.5]))
+    parts = [RIDDEN.parts[int(RIDDEN.record["part"][0, arc]) - 1] for arc in arcs]
+    assert parts == ["runner", "runner", "runner", "rider", "legs", "rider"]
+    points = [(arc.x - arc.radius, arc.x + arc.radius) for arc in RIDDEN.arcs if arc.radius < 1.0]
+    assert max(high for _, high in points) - min(low for low, _ in points) == pytest.approx(1.75, rel=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_descent_ends_where_the_rider_touches(solver: Any) -> None:
+    """Oracle: the same descent without the rule touches with the rider later or never."""
+    settings = Settings(solver, max_time=20.0, end_touching="rider")
+    fallen = 0
+    for phi in np.linspace(-math.pi, math.pi, 21).tolist():
+        launch = launched(phi, 0.3, 0.5)
+        free, ruled = (simulate(RIDDEN, ICE, TRACK, launch, s) for s in (Settings(solver, max_time=20.0), settings))
+        touched = np.flatnonzero(free.rebounds["feature"] == RIDER)
+        if ruled.status == "tumbled":
+            fallen += 1
+            count = len(ruled.rebounds)
+            same_bits(free.rebounds[: count - 1], ruled.rebounds[: count - 1])
+            assert len(touched) == 0 or count <= touched[0] + 1
+            assert ruled.time <= free.time
+        else:
+            assert len(touched) == 0
+            same_bits(free.rebounds, ruled.rebounds)
+    assert 4 < fallen < 21
+
+
+def test_rides_and_batches_end_where_single_descents_do() -> None:
+    """Oracle: ``simulate``."""
+    settings = Settings(max_time=20.0, end_touching="rider")
+    launches = [launched(phi, 0.2, 1.0) for phi in (-2.0, -0.3, 0.0, 0.3, 2.0)]
+    singles = [simulate(RIDDEN, ICE, TRACK, launch, settings) for launch in launches]
+    batch = simulate_batch(RIDDEN, ICE, TRACK, launches, settings)
+    rides = RideBatch(RIDDEN, ICE, TRACK, launches, settings)
+    for _ in range(60):
+        rides.hop(np.zeros(len(launches)))
+    for i, single in enumerate(singles):
+        ride = Ride(RIDDEN, ICE, TRACK, launches[i], settings)
+        while ride.status == "running":
+            ride.hop()
+        assert str(single.status) == str(batch.status[i]) == str(ride.status)
+        same_bits(single.outcome, batch.outcomes[i])
+        same_bits(single.outcome, rides.outcomes()[i])
+    assert {"tumbled", "finish"} <= {str(single.status) for single in singles}
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"end_touching": "wing"}, ValueError, r"end_touching = 'wing': must be a part of the body, one of \("),
+        ({"end_touching": 1}, TypeError, "end_touching = 1: must be the name of a part"),
+        ({"end_touching": "rider", "solver": "euler"}, ValueError, "'euler' does not heed it"),
+    ],
+)
+def test_wrong_parts_are_named(given: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        simulate(RIDDEN, ICE, TRACK, launched(0.0, 0.1), **given)
+
+
+def test_bodies_of_a_batch_must_agree_on_the_part() -> None:
+    with pytest.raises(ValueError, match="must be a part of the body"):
+        simulate_batch([RIDDEN, SLED], ICE, TRACK, [launched(0.0, 0.5)] * 2, Settings(end_touching="rider"))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"rider_mass": 0.0}, r"sled_with_rider.rider_mass = 0.0: must be in \(0, inf\)"),
+        ({"balance": 1.0}, r"sled_with_rider.balance = 1.0: must be in \(-1, 1\)"),
+        ({"length": 0.1}, r"sled_with_rider.length = 0.1: must be in \(0.12, inf\) m"),
+        ({"bow_radius": 0.2}, "radius = 0.2: too small"),
+    ],
+)
+def test_wrong_numbers_are_named(given: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        sled_with_rider(**given)
