@@ -404,10 +404,14 @@ def survey(solver: Solver, bodies: int, lanes: int, seed: int) -> Counter[str]:
     ],
 )
 def test_random_descents_end_and_create_no_energy(solver: Solver, bodies: int, lanes: int) -> None:
-    """Oracle: conservation of energy; of 100,000 one may exhaust its steps, and no other failure is known."""
+    """Oracle: conservation of energy. Of 100,000 one may exhaust its steps; no other failure is known.
+
+    Some bodies with a flat arc are pressed so deep into the softest slopes that both its ends are in them.
+    """
     endings = survey(solver, bodies, lanes, seed=11)
     assert endings["step_budget"] <= 1e-5 * bodies * lanes
-    assert set(endings) <= {"finish", "jammed", "timeout", "log_full", "step_budget"}
+    assert endings["buried"] <= (1e-4 * bodies * lanes if solver == "compliant" else 0)
+    assert set(endings) <= {"finish", "jammed", "timeout", "log_full", "step_budget", "buried"}
     assert min(endings["finish"], endings["jammed"]) > 0.1 * bodies * lanes
 
 

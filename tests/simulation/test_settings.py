@@ -53,9 +53,17 @@ def test_a_wrong_field_is_named(bad: dict[str, Any], error: type[Exception], mes
 
 def test_settings_are_plain_numbers_that_cannot_be_changed() -> None:
     """Oracle: the types; another object with the same fields; the words that would make it."""
-    given = Settings("rigid", max_time=np.float32(2.5), max_rebounds=np.int64(7), settle_speed=0, end_on_chord=np.True_)
-    assert [type(getattr(given, field.name)) for field in fields(given)] == [str, float, int, bool, *4 * [float], str]
-    same = Settings("rigid", max_time=2.5, max_rebounds=7, settle_speed=0.0, end_on_chord=True)
+    given = Settings(
+        "rigid",
+        max_time=np.float32(2.5),
+        max_rebounds=np.int64(7),
+        settle_speed=0,
+        end_on_chord=np.True_,
+        end_touching="nose",
+    )
+    kinds = [str, float, int, bool, str, *4 * [float], str]
+    assert [type(getattr(given, field.name)) for field in fields(given)] == kinds
+    same = Settings("rigid", max_time=2.5, max_rebounds=7, settle_speed=0.0, end_on_chord=True, end_touching="nose")
     assert given == same
     assert hash(given) == hash(same)
     assert eval(repr(given)) == given

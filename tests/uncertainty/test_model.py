@@ -115,6 +115,8 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
             "mass_centre_height_m": 0.12,
             "gyration_radius_m": 0.4,
         },
+        "sled_with_rider": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
+        | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
         "custom": {
             "mass_kg": 2,
             "radius_m": 0.5,

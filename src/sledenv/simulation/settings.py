@@ -52,7 +52,7 @@ class Settings:
         lies on it: one of ``Body.parts``.
     settle_speed : float, optional
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
-        1e-5 sqrt(gravity (radius + eccentricity)) by default. 0 follows the bounces until the log is full.
+        1e-5 sqrt(gravity times the size of the body) by default. 0 follows the bounces until the log is full.
     tolerance : float
         Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
     sample_interval : float
