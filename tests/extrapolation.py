@@ -143,10 +143,10 @@ def guards(p: np.ndarray, feature: int, mode: np.ndarray, y: np.ndarray) -> np.n
     if p[RADIUS] > 0.0 and p[HALF_ANGLE] < math.pi:
         found[7] = p[HALF_ANGLE] - abs(y[PHI]) if feature == ARC else feature * y[PHI] - p[HALF_ANGLE]
         tail, nose = y[GAP] + b - point(p, TAIL, y[PHI])[1], y[GAP] + b - point(p, NOSE, y[PHI])[1]
-        if feature != ARC:
+        if feature == ARC:
+            found[8] = max(tail, nose)
+        else:
             found[8] = nose if feature == TAIL else tail
-        elif p[HALF_ANGLE] > 0.5 * math.pi:
-            found[8] = max(tail, nose)  # a flatter body is pressed in beyond its corners without harm
     return found
 
 

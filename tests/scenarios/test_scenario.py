@@ -568,7 +568,7 @@ def test_the_shipped_names_are_those_of_the_folder() -> None:
 
 
 def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
-    """Oracle: the settings; a part that the body does not have is named. The rule counts in the hash where it is given."""
+    """Oracle: the settings; a part that the body does not have is named. The rule counts in the hash if it is given."""
     content = changed(body={"kind": "sled_with_rider"}) | {"ends": {"touching": "rider"}}
     scenario = Scenario.model_validate(content)
     assert scenario.settings().end_touching == "rider"
