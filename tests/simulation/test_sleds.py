@@ -69,6 +69,16 @@ def test_a_descent_ends_where_the_rider_touches(solver: Any) -> None:
     assert 4 < fallen < 21
 
 
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize(("part", "ends"), [("legs", True), ("runner", True), ("frame", True), ("rider", False)])
+def test_a_flat_landing_touches_with_the_side_and_with_both_its_ends(solver: Any, part: str, ends: bool) -> None:
+    """Oracle: the outline; the side behind the runners goes from their end to the feet."""
+    phi = next(arc.begin for arc in RIDDEN.arcs if arc.part == "legs")
+    descent = simulate(RIDDEN, ICE, TRACK, launched(phi, 0.3), solver=solver, end_touching=part, max_rebounds=1)
+    assert (descent.status == "tumbled") == ends
+    assert len(descent.rebounds) == 1
+
+
 def test_rides_and_batches_end_where_single_descents_do() -> None:
     """Oracle: ``simulate``."""
     settings = Settings(max_time=20.0, end_touching="rider")

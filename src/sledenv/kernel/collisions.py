@@ -7,7 +7,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.flight import write_body
 from sledenv.kernel.impact import MOST_PHASES, impact
-from sledenv.kernel.outline import distance, lowest_arms, whole_turns
+from sledenv.kernel.outline import distance, lowest_arms, rolling_arm, whole_turns
 from sledenv.kernel.params import ContactLaw, State
 
 
@@ -44,7 +44,7 @@ def collide(
     write_body(body, hop)
     arc, a, b = lowest_arms(body, state.phi - whole_turns(state.phi))
     hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
+    hop["arm"] = rolling_arm(body, law, arc)
     _touch(hop, a, b, state.u, state.v, state.omega)
     count[0] = impact(hypothesis, hop, phases)
 

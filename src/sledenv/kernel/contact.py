@@ -24,9 +24,9 @@ from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.recurrence import expand
 from sledenv.kernel.roots import locate
+from sledenv.kernel.sampling import rolling_part, sample_step
 from sledenv.kernel.state import followed_by
 from sledenv.kernel.step import begin_step, complete, expect, orient
-from sledenv.kernel.tracing import rolling_part, sample_step
 
 SOUGHT = 1.1  # lengths of the step: an expected root is sought if the guess lies within so many
 NO_LOAD = 1e-9  # of the force that drives the slip: a smaller normal force counts as none
@@ -361,6 +361,8 @@ def follow(
     if joined:
         joining.join(body, contact, points)
     while True:
+        if progress.touches(body, limits.end_part, contact, points):
+            return _ended(records.TUMBLED, contact)
         status = _look(body, limits, flight, space)
         if status != records.RUNNING:
             break
@@ -387,13 +389,15 @@ def follow(
             break
         if event != events.NOTHING and event != events.MIDDLE_PASSED:
             contact["undecided"] = 1.0
-            if progress.touches(body, limits.end_part, contact, points):
-                status = records.TUMBLED
-                break
     contact["held"] = 1.0
-    lies = points[0]["gap_rate"] == 0.0 and contact["spin"] == 0.0
-    if status == records.JAMMED or (status == records.TUMBLED and lies):  # no step has been made in this branch
+    if status == records.JAMMED or status == records.TUMBLED:  # no step has been made in this branch
         steps[0]["unit"], steps[0]["length"] = 1.0, 0.0
         expand(space)
+    return _ended(status, contact)
+
+
+@kernel
+def _ended(status: int, contact: np.void) -> int:
+    """Give the orientation of a contact that has ended its whole turns back; return the status."""
     contact["phi"] += contact["turns"]
     return status

@@ -18,6 +18,7 @@ from sledenv.kernel.outline import arms, whole_turns
 from sledenv.kernel.params import Incline, Limits, State
 from sledenv.kernel.progress import touches
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT, TUMBLED
+from sledenv.kernel.sampling import write_contact
 from sledenv.kernel.state import (
     CONTACT,
     HOP,
@@ -36,7 +37,6 @@ from sledenv.kernel.state import (
     copy,
     record,
 )
-from sledenv.kernel.tracing import write_contact
 from sledenv.kernel.trajectory import next_row, rows_to_write
 
 SLIDE_ROLL, STOP_ROLL, SLIDE, STUCK, SPIN_REVERSAL, SLIP_REVERSAL, DOUBLE_REVERSAL = range(1, 8)

@@ -56,11 +56,6 @@ def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
         sine[i], cosine[i] = outline.sine_and_cosine(phi[i])
 
 
-def _polars(across: np.ndarray, along: np.ndarray, length: np.ndarray, angle: np.ndarray) -> None:
-    for i in range(across.shape[0]):
-        length[i], angle[i] = outline.polar(across[i], along[i])
-
-
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
 _LOG, _LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND), Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
 _SPACES, _HOPS, _PHASES, _BODIES = map(Table, (SPACE, HOP, PHASE, BODY))
@@ -91,8 +86,6 @@ run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS
 run_complete: Final = LIBRARY.entry("complete", _complete, _BODIES)
 run_lowest: Final = LIBRARY.entry("lowest", _lowest, _BODIES, _DOUBLES, _COUNT, _ROWS)
 run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUBLES, _DOUBLES)
-
-run_polars: Final = LIBRARY.entry("polars", _polars, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES)
 
 
 def _known() -> str:

@@ -11,7 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.kernel import motion
 from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, write_rebound
-from sledenv.kernel.outline import arc_at, arms, incline_of, whole_turns
+from sledenv.kernel.outline import arc_at, arms, incline_of, rolling_arm, whole_turns
 from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State
 from sledenv.kernel.progress import beside_now
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT
@@ -58,7 +58,7 @@ def _point(body: np.void, law: ContactLaw, flight: np.void, arc: int) -> Point:
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
     if not gap < 0.0:
         return Point(arc, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0)
-    arm = law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
+    arm = rolling_arm(body, law, arc)
     normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(v_n)) * gap  # (13)
     force, moment = -law.friction * normal * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
     return Point(arc, a, b, gap, v_n, v_t, normal, force, moment)

@@ -45,8 +45,9 @@ def touch(
         status = follow(body, slope, limits, flight, space, trajectory)
         if status in (INCONSISTENT, TWO_POINTS):  # rigid surfaces then need an impact
             status = _meet_by(body, law, slope, status, space)
-    ended = status == SEPARATED and touches(body, limits.end_part, space["contact"], space["points"])
-    return TUMBLED if ended else status
+    if status == SEPARATED and touches(body, limits.end_part, space["contact"], space["points"]):
+        return TUMBLED
+    return status
 
 
 # law_of_row(like, laws, lane): a law of the same kind as ``like``, with the fields of a lane in a table of laws.

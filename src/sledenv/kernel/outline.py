@@ -10,7 +10,7 @@ straight side. An arc that is lowest at +-pi is listed twice, as the first and t
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -144,6 +144,12 @@ def arms_along(body: np.void, arc: int, sine: float, cosine: float) -> tuple[flo
         h = body["h"][arc]
         return a, (r - h) + a * a / (h + level)
     return a, r - level
+
+
+@kernel
+def rolling_arm(body: np.void, law: Any, arc: int) -> float:
+    """Rolling arm [m] that a law gives an arc."""
+    return law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm  # type: ignore[no-any-return]
 
 
 @kernel

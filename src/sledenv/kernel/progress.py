@@ -21,6 +21,9 @@ MOST_UNITS = 2.0  # [units] longest step
 UNIT_ANGLE = 1.5  # [rad] of the contact oscillation in a unit of time
 MOST_STALLED = 60  # events in a row without any progress in time
 TRIALS = 27  # last of these, in which branches are tried in turn
+NEARLY = (
+    1e-6  # of the size: with another end as close to the slope as this, springs however stiff would touch with both
+)
 DEEP = 1e-9  # of the size: an arc that touches beside another one is deeper only if its start has been missed
 STRETCHED = 1.08  # a step may be longer by this factor to end with an event; its last terms are four times larger then
 
@@ -294,13 +297,20 @@ def follow_event(body: np.void, length: float, contact: np.void, point: np.void,
 
 @kernel
 def touches(body: np.void, part: float, contact: np.void, points: np.ndarray) -> bool:
-    """Whether a point of a contact belongs to a part of the body, whose code is given; 0 is none."""
+    """Whether a contact is one of a part of the body, whose code is given; 0 is none.
+
+    That is so where a point belongs to it, or the straight side that has touched with both its ends; and where rigid
+    surfaces have hit flat, so that both may have left, where the other end does.
+    """
     if part == 0.0:
         return False
     for i in range(int(contact["count"])):
         if body["part"][int(points[i]["arc"])] == part:
             return True
-    return bool(contact["side_touched"] == part)
+    if contact["side_touched"] == 0.0 or contact["rigid"] == 0.0:
+        return bool(contact["side_touched"] == part)
+    other, gap, _ = beside_now(body, int(points[0]["arc"]), contact["phi"])
+    return bool(contact["side_touched"] == part or (abs(gap) <= NEARLY * body["size"] and body["part"][other] == part))
 
 
 @kernel

@@ -12,15 +12,14 @@ from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import normal
 from sledenv.kernel.flat import ENDS, Side, hit_flat
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
-from sledenv.kernel.outline import whole_turns, within
+from sledenv.kernel.outline import rolling_arm, whole_turns, within
 from sledenv.kernel.params import Incline, RigidLaw
-from sledenv.kernel.progress import arms_now, beside_now, change_point
+from sledenv.kernel.progress import NEARLY, arms_now, beside_now, change_point
 from sledenv.kernel.records import INCONSISTENT, RUNNING, SEPARATED, STEP_BUDGET
 from sledenv.kernel.state import SUMS, add, copy, followed_by
 
 MOST_STRIKES = 10000  # impacts without a flight between them
 LEVEL = 1e-12  # of the size: a corner this close to the slope touches
-NEARLY = 1e-6  # of the size: with one this close, springs however stiff would touch with both
 JOLT = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL = 1e9  # times the weight and the centrifugal forces
 
@@ -55,18 +54,12 @@ def write_rigid(body: np.void, law: RigidLaw, slope: Incline, contact: np.void, 
 
 
 @kernel
-def _arm_of(body: np.void, law: RigidLaw, arc: int) -> float:
-    """Rolling arm [m] of an arc."""
-    return law.corner_rolling_arm if body["corner"][arc] != 0.0 else law.rolling_arm
-
-
-@kernel
 def _hit(body: np.void, law: RigidLaw, a: float, b: float, restitution: float, space: np.void) -> int:
     """Follow one impact of the arc that touches, whose arms are given. Return the number of phases."""
     contact, point, hop = space["contact"], space["points"][0], space["hop"]
     hop["a"], hop["b"] = a, b
     hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = _arm_of(body, law, int(point["arc"]))
+    hop["arm"] = rolling_arm(body, law, int(point["arc"]))
     _hand_over(contact, point, hop)
     count = impact(ENERGETIC, hop, None)
     _take_over(contact, point, hop)
@@ -123,7 +116,7 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
     if settles and a_1 * a_2 < 0.0:
         _lie_down(body, v, b, space)
     elif min(point["v_n"], there) < 0.0:
-        arms_of_both = _arm_of(body, law, arc), _arm_of(body, law, other)
+        arms_of_both = rolling_arm(body, law, arc), rolling_arm(body, law, other)
         side = Side(
             body["mass"], 1.0 / body["inertia"], a_1, a_2, b, law.friction, *arms_of_both, body["size"], restitution**2
         )

@@ -1,4 +1,4 @@
-"""Rows of a trajectory during a step of a contact, and what each point has a share in."""
+"""Rows of a trajectory during a step of a contact, and what rolling resistance holds of the moment there."""
 
 from __future__ import annotations
 
