@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from sledenv.simulation import bodies
-from sledenv.simulation.bodies import Body, Segment, circular_segment, least_eccentricity
+from sledenv.simulation.bodies import Body, Segment, least_eccentricity
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 

@@ -33,8 +33,9 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from sledenv.simulation.bodies import Segment, circular_segment
+from sledenv.simulation.bodies import Segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 
 X, HEIGHT, TILT, U, V, SPIN, HYSTERESIS, SLIDING, ROLLING = range(9)  # of the integrated vector
 BOTH = (0, 1)  # tail, nose

@@ -23,26 +23,18 @@ if TYPE_CHECKING:
     from sledenv.identification.choice import identify
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-    from sledenv.simulation.bodies import (
-        Arc,
-        Body,
-        Segment,
-        circular_segment,
-        disc,
-        hull,
-        polygon,
-        rod,
-        segment,
-        sled,
-    )
+    from sledenv.simulation.bodies import Body, Segment, segment
     from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
+    from sledenv.simulation.outlines import Arc
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State
     from sledenv.simulation.sensitivity import sensitivity
     from sledenv.simulation.settings import Settings
+    from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod, sled
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
+    from sledenv.simulation.sleds import sled_with_rider
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
 __version__ = "0.1.0"
@@ -90,6 +82,7 @@ __all__ = [
     "simulate_batch",
     "simulate_blocks",
     "sled",
+    "sled_with_rider",
     "study",
     "study_names",
 ]
@@ -100,10 +93,10 @@ _MODULES = {
     "sledenv.identification.choice": ("identify",),
     "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
-    "sledenv.simulation.bodies": (
-        *("Arc", "Body", "Segment"),
-        *("circular_segment", "disc", "hull", "polygon", "rod", "segment", "sled"),
-    ),
+    "sledenv.simulation.bodies": ("Body", "Segment", "segment"),
+    "sledenv.simulation.outlines": ("Arc",),
+    "sledenv.simulation.shapes": ("circular_segment", "disc", "hull", "polygon", "rod", "sled"),
+    "sledenv.simulation.sleds": ("sled_with_rider",),
     "sledenv.simulation.derivatives": ("Sensitivity",),
     "sledenv.simulation.sensitivity": ("sensitivity",),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),

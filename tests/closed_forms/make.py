@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sledenv.simulation import bodies
-from sledenv.simulation.bodies import Body, circular_segment, hull, polygon, segment
+from sledenv.simulation import shapes
+from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.shapes import circular_segment, hull, polygon
 from tests import outline_oracle
 from tests.bodies import rod
 
@@ -29,7 +30,7 @@ OUTLINES = {
         ["heel", "toe", "top"],
         ["back", "front", "runner"],
     ),
-    "plank": bodies.rod(2.0, 1.5, 0.2),
+    "plank": shapes.rod(2.0, 1.5, 0.2),
 }
 
 

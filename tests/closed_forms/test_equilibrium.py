@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from sledenv.closed_forms.equilibrium import static_jam, static_jam_angles, steepest_jam
-from sledenv.simulation.bodies import Body, polygon
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import polygon
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SHELL, SLED, SQUARE, WHEEL, touching

@@ -14,8 +14,9 @@ from sledenv.closed_forms.on_chord import (
     chord_slide,
     chord_tipping_friction,
 )
-from sledenv.simulation.bodies import Body, hull, polygon, segment
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope
+from sledenv.simulation.shapes import hull, polygon
 from tests import outline_oracle
 from tests.closed_forms.make import DISC, OUTLINES, SHELL, SLED, SQUARE
 

@@ -18,7 +18,8 @@ from sledenv.kernel.entries import LIBRARY, run_complete, run_euler, run_lanes, 
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
 from sledenv.kernel.state import CONTACT, new
-from sledenv.simulation.bodies import polygon, segment_records
+from sledenv.simulation.bodies import segment_records
+from sledenv.simulation.shapes import polygon
 
 COMPILER, EMULATOR, ROOT = "aarch64-linux-gnu-gcc", "qemu-aarch64-static", "/usr/aarch64-linux-gnu"
 LANES = 2000

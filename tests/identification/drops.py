@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from sledenv.plot.shapes import drawable_rows, states_at
-from sledenv.simulation.bodies import Body, circular_segment, segment, sled
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.shapes import circular_segment, sled
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 

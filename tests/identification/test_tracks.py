@@ -15,8 +15,9 @@ from sledenv.identification.figures import plot_track_residuals
 from sledenv.identification.flights import flights_of
 from sledenv.identification.report import write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
-from sledenv.simulation.bodies import polygon, segment
+from sledenv.simulation.bodies import segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import polygon
 from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
 
 SEGMENT, DISC, SLED = BODIES

@@ -12,10 +12,11 @@ import pytest
 from sledenv.closed_forms import on_chord
 from sledenv.closed_forms.painleve import painleve
 from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT, Settings
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.two_springs import Result, follow, random_contacts

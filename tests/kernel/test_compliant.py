@@ -13,10 +13,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import Feature, Mode, Status
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod

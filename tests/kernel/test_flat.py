@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sledenv.simulation.bodies import Arc, Body, Segment, circular_segment, polygon, rod
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment, polygon, rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from sledenv.kernel import flight, motion
 from sledenv.kernel.records import TAIL
 from sledenv.kernel.state import HOP, new
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height, whole_turns
 from tests.bodies import rod, segment_by_share, touching
 from tests.compiled import compiled

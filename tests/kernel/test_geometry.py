@@ -10,7 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import ARC, NOSE, TAIL
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import directions, support_height, whole_turns
 from tests.bodies import rod, touching
 from tests.oracles import outline_heights, support

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from sledenv.kernel.records import CHORD, JAMMED, LOG_FULL, NON_FINITE, STEP_BUDGET, TIMEOUT
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.settings import DEFAULT, Settings
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate_batch
 from sledenv.simulation.support import lowest_arms
 from tests import extrapolation

@@ -12,9 +12,10 @@ import pytest
 
 from sledenv.pages.keyframes import TOLERANCE, encoded, keyframes, packed, steps_for
 from sledenv.plot.shapes import drawable_rows, reach, states_at
-from sledenv.simulation.bodies import Body, circular_segment, segment, sled
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment, sled
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod

@@ -17,9 +17,10 @@ from sledenv.pages import html
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.pages.words import mode_name
 from sledenv.plot.shapes import film_times, pace, push_at, states_at
-from sledenv.simulation.bodies import Body, circular_segment, segment
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod

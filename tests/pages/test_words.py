@@ -8,8 +8,10 @@ import pytest
 
 from sledenv.pages.as_json import plain_descent, plain_setting
 from sledenv.pages.words import part_name, rebound_cells, setting, story, trajectory_rows
-from sledenv.simulation.bodies import Arc, Body, circular_segment, segment
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import Arc
+from sledenv.simulation.shapes import circular_segment
 from tests.bodies import DISC, HILL, ICE, SLED, run
 from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import functools
 from typing import Final
 
-from sledenv.simulation.bodies import Body, hull, polygon, rod
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import bulged
 from sledenv.simulation.scene import ContactLaw, Slope
+from sledenv.simulation.shapes import hull, polygon, rod
 from tests.bodies import run
 
 

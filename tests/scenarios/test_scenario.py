@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from sledenv.scenarios.configuration import read_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-from sledenv.simulation.bodies import Body, circular_segment, polygon, segment, sled
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment, polygon, sled
 from sledenv.simulation.sleds import sled_with_rider
 from sledenv.simulation.support import support_height
 

@@ -18,23 +18,9 @@ from mpmath import mp, mpf
 
 from sledenv.kernel import outline as kernel
 from sledenv.kernel.outline import BODY
-from sledenv.simulation.bodies import (
-    Arc,
-    Body,
-    Segment,
-    check_bodies,
-    circular_segment,
-    disc,
-    hull,
-    lamina,
-    polygon,
-    records_of,
-    rod,
-    segment,
-    sled,
-    sled_rise,
-)
-from sledenv.simulation.outlines import bulged, outline_of
+from sledenv.simulation.bodies import Body, Segment, check_bodies, records_of, segment
+from sledenv.simulation.outlines import Arc, bulged, outline_of
+from sledenv.simulation.shapes import circular_segment, disc, hull, lamina, polygon, rod, sled, sled_rise
 from tests.oracles import segment_by_strips, support
 
 SEGMENT = {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9}

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from sledenv.simulation.bodies import Body, Segment, circular_segment, rod, segment
+from sledenv.simulation.bodies import Body, Segment, segment
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -24,6 +24,7 @@ from sledenv.simulation.derivatives import (
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
+from sledenv.simulation.shapes import circular_segment, rod
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.oracles import (

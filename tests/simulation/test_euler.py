@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import circular_segment, segment
+from sledenv.simulation.bodies import segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from sledenv.kernel.records import FINISH as FINISHED
 from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
-from sledenv.simulation.bodies import circular_segment, segment
+from sledenv.simulation.bodies import segment
 from sledenv.simulation.jam import descent_jam, rebound_jam
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 

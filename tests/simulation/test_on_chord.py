@@ -13,9 +13,9 @@ from sledenv.kernel.records import RUNNING, Feature, Status
 from sledenv.pages.words import summary
 from sledenv.scenarios.scenario import Scenario, scenario_names
 from sledenv.scenarios.sections import EndsSection
-from sledenv.simulation.bodies import circular_segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height
 
 BODY = circular_segment(100.0, 0.5, math.radians(110.0))

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from sledenv.kernel import outline as kernel
-from sledenv.simulation.bodies import Body, circular_segment, disc, hull, polygon, rod, segment
+from sledenv.simulation.areas import mass_properties
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outlines import (
     Arc,
     angle_of,
@@ -20,10 +21,10 @@ from sledenv.simulation.outlines import (
     directions,
     hull_of_circles,
     in_order,
-    mass_properties,
     outline_of,
     shifted,
 )
+from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
 
 TURN = 2.0 * math.pi
 HALF_ANGLES = [1e-4, 0.1, 0.299, 0.3, 1.0, math.pi / 2, 1.92, 3.0, math.pi]

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)

@@ -22,11 +22,12 @@ from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
-from sledenv.simulation.bodies import Segment, circular_segment, segment
+from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.checks import checked_lanes, checked_law
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 from tests.bodies import rod, segment_by_share

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sledenv.simulation.bodies import Segment, circular_segment
+from sledenv.simulation.bodies import Segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.shapes import circular_segment
 from tests.two_springs import BOTH, SPIN, TILT, Chord, Contact, U, V, follow, random_contacts
 
 HALF_DISC = circular_segment(80.0, 0.5, math.radians(90.0))

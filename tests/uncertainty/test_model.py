@@ -243,7 +243,7 @@ def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None
 
 def test_draws_that_are_no_body_are_counted() -> None:
     """Oracle: the mass centre is above the chord in the upper half of the range."""
-    rise = sledenv.simulation.bodies.sled_rise(1.2, 1.0)
+    rise = sledenv.simulation.shapes.sled_rise(1.2, 1.0)
     height = {"kind": "triangular", "low": 0.0, "mode": 0.0, "high": 2.0 * rise}
     study = made(PUSH, body__mass_centre_height_m=height)
     with pytest.raises(

@@ -65,6 +65,14 @@ def _point(body: np.void, law: ContactLaw, flight: np.void, arc: int) -> Point:
 
 
 @kernel
+def _turn_on(body: np.void, flight: np.void, p: Point, q: Point, moment_sign: float, dt: float) -> None:
+    """Turn over one step of time under the forces on two points."""
+    flight["phi"] += dt * flight["omega"]
+    push, pull = p.a * p.normal + q.a * q.normal, p.b * p.force + q.b * q.force
+    flight["omega"] += dt * (-push + moment_sign * pull + (p.moment + q.moment)) / body["inertia"]
+
+
+@kernel
 def _look(body: np.void, law: ContactLaw, flight: np.void, space: np.void) -> tuple[Point, Point]:
     """Write where the body is lowest and how it moves there. Return this point, and the one across a straight side."""
     arc = arc_at(body, flight["phi"] - whole_turns(flight["phi"]))
@@ -216,10 +224,7 @@ def descend_euler(
             _add_up(law, contact, lowest, dt)
             _add_up(law, contact, other, dt)
         _step_on(body, incline, flight, lowest.normal + other.normal, lowest.force + other.force, dt)
-        flight["phi"] += dt * flight["omega"]
-        push = lowest.a * lowest.normal + other.a * other.normal
-        pull = lowest.b * lowest.force + other.b * other.force
-        flight["omega"] += dt * (-push + moment_sign * pull + (lowest.moment + other.moment)) / body["inertia"]
+        _turn_on(body, flight, lowest, other, moment_sign, dt)
         flight["steps"] += 1
         flight["t"] = flight["steps"] * dt
         work += 1.0

@@ -58,6 +58,12 @@ class _Spinning(NamedTuple):
     forces: list[Any]  # where the slip is locked
 
 
+def _turned_on(turn: Any, spin: Any, known: Any, k: int) -> Any:
+    """Sine and cosine of term ``k`` + 1: what is known of their products with the spin, and the newest term of that."""
+    whole = _plus_product(turn, spin, known) * (np.array([-1.0, 1.0]) / (k + 1))
+    return shuffled(whole, None, (1, 0))
+
+
 def _recurrence(contact: Any, point: Any, step: Any, gap_locked: bool, slip_locked: bool) -> _Spinning:
     """Coefficients of a motion with spin, one order after the other: docs/physics.md (5.5)-(5.9).
 
@@ -131,8 +137,7 @@ def _recurrence(contact: Any, point: Any, step: Any, gap_locked: bool, slip_lock
             force.append(-fma(k * b_0, rest, sweep) if slip_locked else 0.0)
             right.append(shuffled(twice[k], side_by_side(load[k - 1], force[k - 1]), range(4)))
         # Sine and cosine after it.
-        whole = _plus_product(turn[0], twice[k], known) * (np.array([-1.0, 1.0]) / (k + 1))
-        turn.append(shuffled(whole, None, (1, 0)))
+        turn.append(_turned_on(turn[0], twice[k], known, k))
         sine.append(element(turn[k + 1], 0))
         cosine.append(element(turn[k + 1], 1))
         if not gap_locked and k > 0:

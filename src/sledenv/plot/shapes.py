@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel.outline import arms
 from sledenv.kernel.records import Status
+from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.scene import State
 from sledenv.simulation.support import lowest_arms, whole_turns
 

@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.bodies import Body, Segment, circular_segment, segment
+from sledenv.simulation.bodies import Body, Segment, segment
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import FrictionSign, Settings, Solver
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height, support_heights
 

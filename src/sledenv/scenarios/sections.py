@@ -11,16 +11,8 @@ from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, mod
 
 from sledenv.kernel.outline import MOST_ARCS
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
-from sledenv.simulation.bodies import (
-    Body,
-    circular_segment,
-    holds_its_mass_centre,
-    least_eccentricity,
-    polygon,
-    segment,
-    sled,
-    sled_rise,
-)
+from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
+from sledenv.simulation.shapes import circular_segment, polygon, sled, sled_rise
 from sledenv.simulation.sleds import sled_with_rider
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose

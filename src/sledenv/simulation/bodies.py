@@ -1,4 +1,4 @@
-"""The body: its mass, its inertia and its outline; and bodies that are built from fewer numbers."""
+"""The body: its mass, its inertia and its outline; the segment; and what the kernel reads of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Final, NoReturn, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel.entries import run_complete, run_directions
 from sledenv.kernel.outline import BODY, GIVEN, listed_twice
@@ -17,40 +16,13 @@ from sledenv.simulation.outlines import (
     Floats,
     checked_arcs,
     directions,
-    hull_of_circles,
-    mass_properties,
     outline_of,
-    polygon_of,
-    segment_moments,
-    shifted,
 )
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows
+from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows
 
-__all__ = [
-    "Arc",
-    "Body",
-    "Segment",
-    "check_bodies",
-    "circular_segment",
-    "disc",
-    "holds_its_mass_centre",
-    "hull",
-    "lamina",
-    "least_eccentricity",
-    "made_body",
-    "polygon",
-    "records_of",
-    "rod",
-    "segment",
-    "segment_records",
-    "sled",
-    "sled_rise",
-]
-
-_HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
+HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
 _SAMPLES, _DEEPER = 33, 1e-9  # orientations that are looked at; of the size: a circle may reach so far by rounding
-_THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
 _SEGMENT_PARTS: Final = ("arc", "nose", "tail", "chord")
 _ARC, _NOSE, _TAIL, _CHORD = range(1, 5)  # their codes
 
@@ -341,7 +313,7 @@ class Segment(Body):
     """
 
     fields: ClassVar[tuple[str, ...]] = ("mass", "radius", "eccentricity", "inertia", "half_angle")
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, _HALF_ANGLE)
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, HALF_ANGLE)
     _fields: ClassVar[tuple[str, ...]] = fields  # where rules.checked_rows looks for them
 
     radius: float
@@ -462,299 +434,3 @@ def segment_records(rows: Floats) -> np.ndarray:
         for k, value in enumerate(values):
             records[name][ended, k] = value
     return completed(records)
-
-
-def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
-    """Return the uniform lamina bounded by an arc and its chord: docs/physics.md, section 8.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    radius : float
-        Radius of the arc [m], > 0.
-    half_angle : float
-        Half of the angle that the arc subtends [rad] in (0, pi].
-
-    Returns
-    -------
-    Segment
-        With the eccentricity and the inertia of the lamina.
-    """
-    mass = checked("circular_segment", "mass", mass, POSITIVE)
-    radius = checked("circular_segment", "radius", radius, POSITIVE)
-    alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
-    if alpha < _THIN:
-        _, height, inertia = (float(moment[0]) for moment in segment_moments(np.array([alpha])))
-        return Segment(mass, radius, radius * min(math.cos(alpha) + height, 1.0), mass * radius**2 * inertia, alpha)
-    sine, cosine = math.sin(alpha), math.cos(alpha)
-    area = alpha - sine * cosine  # of the segment, over r^2
-    eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
-    about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
-    return Segment(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
-
-
-def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float | None = None) -> Segment:
-    """Return a disc, uniform by default: docs/physics.md, section 1.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    radius : float
-        Radius [m], > 0.
-    eccentricity : float
-        Distance [m] of the mass centre from the centre, in [0, radius].
-    inertia : float, optional
-        Moment of inertia about the mass centre [kg m^2], > 0; ``mass * radius**2 / 2`` by default. It must be given
-        where the eccentricity is not 0, for the disc is not uniform then.
-
-    Returns
-    -------
-    Segment
-        With half_angle pi.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range.
-    """
-    mass, radius = checked("disc", "mass", mass, POSITIVE), checked("disc", "radius", radius, POSITIVE)
-    within: Rule = (lambda h: (h >= 0.0) & (h <= radius), f"in [0, radius] = [0, {radius!r}] m")
-    eccentricity = checked("disc", "eccentricity", eccentricity, within)
-    if inertia is None:
-        if eccentricity > 0.0:
-            raise ValueError("disc.inertia = None: must be given where the eccentricity is not 0")
-        inertia = 0.5 * mass * radius**2
-    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, POSITIVE))
-
-
-def sled(
-    mass: float, length: float, rocker_radius: float, mass_centre_height: float, gyration_radius: float
-) -> Segment:
-    """Return a sled with its rider: runners bent to an arc, closed by the chord between their ends.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of both [kg], > 0.
-    length : float
-        Of the sled [m], > 0: the chord.
-    rocker_radius : float
-        Radius of the runners' arc [m], at least half the length.
-    mass_centre_height : float
-        Height [m] of the mass centre of both above the middle of the runners, >= 0. The chord closes the body, so it
-        lies at most as high as the ends of the runners, :func:`sled_rise`.
-    gyration_radius : float
-        Root of inertia over mass [m], about the mass centre, > 0.
-
-    Returns
-    -------
-    Segment
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range.
-    """
-    mass = checked("sled", "mass", mass, POSITIVE)
-    length = checked("sled", "length", length, POSITIVE)
-    radius = checked("sled", "rocker_radius", rocker_radius, POSITIVE)
-    if radius < 0.5 * length:
-        raise ValueError(
-            f"sled.rocker_radius = {radius!r}: must be a number in [length/2, inf) = [{0.5 * length!r}, inf)"
-        )
-    height = checked("sled", "mass_centre_height", mass_centre_height, NOT_NEGATIVE)
-    rise = sled_rise(length, radius)
-    if height > rise:
-        raise ValueError(f"sled.mass_centre_height = {height!r}: must be a number in [0, {rise:g}] m, below the chord")
-    gyration = checked("sled", "gyration_radius", gyration_radius, POSITIVE)
-    return Segment(mass, radius, radius - height, mass * gyration**2, math.asin(0.5 * length / radius))
-
-
-def sled_rise(length: float, rocker_radius: float) -> float:
-    """Height [m] of the ends of runners above their middle: the sagitta of their arc."""
-    half = 0.5 * length
-    return half * half / (rocker_radius + math.sqrt(rocker_radius * rocker_radius - half * half))
-
-
-# Other outlines.
-
-
-def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
-    """Return a uniform body whose arcs are given in any frame: docs/physics.md, section 8.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    arcs : sequence of Arc
-        As those of :class:`Body`, but from another point than the mass centre, which is that of the area.
-
-    Returns
-    -------
-    Body
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :class:`Body` does, or if the outline has no area.
-    """
-    mass = checked("lamina", "mass", mass, POSITIVE)
-    _, (x, y), inertia = mass_properties(arcs)
-    return Body(mass, mass * inertia, shifted(arcs, -x, -y))
-
-
-def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | None = None) -> Body:
-    """Return a rod that lies along x at phi = 0, with its mass centre in the middle: docs/physics.md, section 8.
-
-    Its ends are the parts "nose", downhill at phi = 0, and "tail"; its sides are "bottom" and "top".
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    length : float
-        Whole length [m], > thickness.
-    thickness : float
-        [m], >= 0; the ends are half circles. 0, the default, is a line between two corners.
-    inertia : float, optional
-        Moment of inertia about the mass centre [kg m^2], > 0; that of a uniform rod by default.
-
-    Returns
-    -------
-    Body
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range.
-    """
-    mass, length = checked("rod", "mass", mass, POSITIVE), checked("rod", "length", length, POSITIVE)
-    thickness = checked("rod", "thickness", thickness, NOT_NEGATIVE)
-    if not length > thickness:
-        raise ValueError(f"rod.length = {length!r}: must be in (thickness, inf) = ({thickness!r}, inf) m")
-    half, r = 0.5 * (length - thickness), 0.5 * thickness
-    arcs = Arc(half, 0.0, r, -math.pi, "nose", "bottom"), Arc(-half, 0.0, r, 0.0, "tail", "top")
-    if inertia is None:
-        inertia = mass * (mass_properties(arcs)[2] if thickness > 0.0 else length**2 / 12.0)
-    return Body(mass, checked("rod", "inertia", inertia, POSITIVE), arcs)
-
-
-def polygon(
-    mass: float,
-    points: ArrayLike,
-    rounding: float = 0.0,
-    parts: Sequence[str] | None = None,
-    sides: Sequence[str] | None = None,
-    inertia: float | None = None,
-    centre: ArrayLike | None = None,
-) -> Body:
-    """Return a convex polygon, with corners that may be rounded: docs/physics.md, section 8.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    points : array_like of float, shape (N, 2)
-        Corners x, y [m] in any frame whose axes are those of the body at phi = 0, 3 to 12 in either direction of turn.
-    rounding : float
-        Radius [m] of circles that touch both sides of a corner from within and round it off, >= 0; 0 by default. A
-        length of every side must be left.
-    parts, sides : sequence of str, optional
-        Names of the corners, and of the sides from each corner to the one after it. "corner 1", "side 1" and so on by
-        default.
-    inertia : float, optional
-        Moment of inertia about the mass centre [kg m^2], > 0; that of the uniform lamina by default. It must be given
-        where ``centre`` is.
-    centre : array_like of float, shape (2,), optional
-        The mass centre [m] in the frame of the corners; that of the uniform lamina by default.
-
-    Returns
-    -------
-    Body
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range; also if a corner is no corner, or if the polygon is not
-        convex.
-    """
-    mass = checked("polygon", "mass", mass, POSITIVE)
-    corners = _table("polygon", "points", points, 2)
-    rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
-    parts = _names("polygon", "parts", parts, "corner", corners)
-    sides = _names("polygon", "sides", sides, "side", corners)
-    if centre is not None and inertia is None:
-        raise ValueError("polygon.inertia = None: must be given where centre is")
-    arcs = polygon_of(corners, rounding, parts, sides)
-    _, middle, uniform = mass_properties(arcs)
-    if centre is not None:
-        ((x, y),) = _table("polygon", "centre", np.asarray(centre)[np.newaxis], 2).tolist()
-        middle = x, y
-    if inertia is None:
-        inertia = mass * uniform
-    return Body(mass, checked("polygon", "inertia", inertia, POSITIVE), shifted(arcs, -middle[0], -middle[1]))
-
-
-def hull(
-    mass: float, inertia: float, circles: ArrayLike, parts: Sequence[str], sides: Sequence[str] | None = None
-) -> Body:
-    """Return a body whose outline is the convex hull of circles: docs/physics.md, section 8.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg], > 0.
-    inertia : float
-        Moment of inertia about the mass centre [kg m^2], > 0.
-    circles : array_like of float, shape (N, 3)
-        Centres x, y [m] from the mass centre in the frame of the body, and radii [m], >= 0. Those that lie within the
-        hull are left out.
-    parts : sequence of str
-        A name for each circle.
-    sides : sequence of str, optional
-        A name for each circle: of the straight side that follows it clockwise. "side" by default.
-
-    Returns
-    -------
-    Body
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range: as for :class:`Body`.
-    """
-    table = _table("hull", "circles", circles, 3)
-    for k, radius in enumerate(table[:, 2].tolist()):
-        checked(f"hull.circles[{k}]", "radius", radius, NOT_NEGATIVE)
-    parts = _names("hull", "parts", parts, "circle", table)
-    sides = ["side"] * len(table) if sides is None else _names("hull", "sides", sides, "side", table)
-    return Body(mass, inertia, hull_of_circles(table, parts, sides))
-
-
-def _table(owner: str, name: str, given: ArrayLike, columns: int) -> Floats:
-    """Return a table of finite numbers, shape (N, columns), N > 0."""
-    try:
-        table = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        table = np.asarray(given, dtype=object)
-    if table.dtype.kind not in "biuf":
-        raise TypeError(f"{owner}.{name} = {given!r}: must hold numbers")
-    if table.ndim != 2 or table.shape[1] != columns or not len(table):
-        raise ValueError(f"{owner}.{name} has shape {table.shape}: must be (N, {columns})")
-    for k, row in enumerate(table.tolist()):
-        for value in row:
-            checked(owner, f"{name}[{k}]", value, FINITE)
-    return table.astype(float)
-
-
-def _names(owner: str, name: str, given: Sequence[str] | None, default: str, table: NDArray[Any]) -> list[str]:
-    """Return a name for each row of a table."""
-    if given is None:
-        return [f"{default} {k}" for k in range(1, len(table) + 1)]
-    if isinstance(given, str) or not isinstance(given, Sequence) or not all(isinstance(word, str) for word in given):
-        raise TypeError(f"{owner}.{name} = {given!r}: must be a sequence of names")
-    if len(given) != len(table):
-        raise ValueError(f"{owner}.{name} has {len(given)} names: must have {len(table)}")
-    return list(given)

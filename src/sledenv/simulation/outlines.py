@@ -7,7 +7,6 @@ where the outline has the normal (-sin phi, -cos phi).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -164,7 +163,7 @@ def outline_of(arcs: Sequence[Arc]) -> Outline:
 
 
 def _outline_of(arcs: Sequence[Arc]) -> Outline:
-    x, y, r, begin = _columns(arcs)
+    x, y, r, begin = columns(arcs)
     sine, cosine = (np.roll(of, -1) for of in directions(begin))  # where each arc ends
     a, b = y * sine - x * cosine, r - x * sine - y * cosine
     following = [np.roll(of, -1) for of in (x, y, r)]
@@ -173,7 +172,7 @@ def _outline_of(arcs: Sequence[Arc]) -> Outline:
     h = np.hypot(x, y)
     size, lowest = 0.0, math.inf
     for k, arc in enumerate(arcs):
-        turn = _turn(arcs, k)
+        turn = turn_of(arcs, k)
         away, towards = (_ahead(angle_of(s * arc.x, s * arc.y), arc.begin) <= turn for s in (-1.0, 1.0))
         before = arms_of(arc, arc.begin)
         size = max(size, r[k] + h[k] if away else 0.0, math.hypot(a[k], b[k]), math.hypot(*before))
@@ -189,7 +188,8 @@ def arms_of(arc: Arc, phi: float) -> tuple[float, float]:
     return float(arc.y * sine - arc.x * cosine), float(arc.radius - arc.x * sine - arc.y * cosine)
 
 
-def _columns(arcs: Sequence[Arc]) -> tuple[Floats, Floats, Floats, Floats]:
+def columns(arcs: Sequence[Arc]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return x, y [m] of the centres, radii [m] and ``begin`` [rad] of arcs, each of shape (arcs,)."""
     x, y, r, begin = np.array([arc[:4] for arc in arcs], float).T
     return x, y, r, begin
 
@@ -199,7 +199,7 @@ def _ahead(angle: float, start: float) -> float:
     return (angle - start) % TURN
 
 
-def _turn(arcs: Sequence[Arc], k: int) -> float:
+def turn_of(arcs: Sequence[Arc], k: int) -> float:
     """Length [rad] of the interval in which an arc is the lowest."""
     return _ahead(arcs[(k + 1) % len(arcs)].begin, arcs[k].begin) if len(arcs) > 1 else TURN
 
@@ -218,7 +218,7 @@ def in_order(arcs: Sequence[Arc]) -> tuple[Arc, ...]:
 
 
 def polygon_of(points: Floats, rounding: float, parts: Sequence[str], sides: Sequence[str]) -> tuple[Arc, ...]:
-    """Return a convex polygon as :func:`sledenv.simulation.bodies.polygon` describes it; the frame is kept."""
+    """Return a convex polygon as :func:`sledenv.simulation.shapes.polygon` describes it; the frame is kept."""
     along = np.roll(points, -1, axis=0) - points
     lengths = np.array([math.hypot(*side) for side in along.tolist()])
     if not lengths.min() > 0.0:
@@ -363,92 +363,8 @@ def bulged(
     )
     begin = angle_of(new.x - one.x, new.y - one.y)
     end = angle_of(new.x - other.x, new.y - other.y)
-    before, side, after = _ahead(begin, one.begin), _turn(arcs, k), _ahead(end, other.begin)
-    if not (far > 0.0 and 0.0 < before < side and 0.0 < after < _turn(arcs, (k + 1) % len(arcs))):
+    before, side, after = _ahead(begin, one.begin), turn_of(arcs, k), _ahead(end, other.begin)
+    if not (far > 0.0 and 0.0 < before < side and 0.0 < after < turn_of(arcs, (k + 1) % len(arcs))):
         raise ValueError(f"radius = {radius!r}: too small to join the arcs {k} and {(k + 1) % len(arcs)}")
     left = [arc for arc in arcs if arc is not other]
     return in_order([*left, other._replace(begin=end), new._replace(begin=begin)])
-
-
-# Areas.
-
-
-def mass_properties(arcs: Sequence[Arc]) -> tuple[float, tuple[float, float], float]:
-    """Area of an outline, its centroid and its moment of inertia, in closed form: docs/physics.md, section 8.
-
-    The outline is put together from triangles between the ends of its arcs and from the segments between arcs and their
-    chords. No term is negative, so that no digits are lost to a flat arc, whose centre is far away.
-
-    Parameters
-    ----------
-    arcs : sequence of Arc
-        In any frame.
-
-    Returns
-    -------
-    area : float
-        [m^2]
-    centroid : tuple of float
-        x, y [m] in the frame of the arcs.
-    inertia : float
-        Polar moment about the centroid of a uniform lamina, over its mass [m^2].
-
-    Raises
-    ------
-    ValueError
-        If the outline has no area.
-    """
-    x, y, r, begin = _columns(arcs)
-    half = 0.5 * np.array([_turn(arcs, k) for k in range(len(arcs))])
-    ends = np.empty((len(arcs), 2, 2))  # of each arc: first and last point
-    for i, angle in enumerate((begin, begin + 2.0 * half)):
-        sine, cosine = directions(angle)
-        ends[:, i] = np.column_stack([x - r * sine, y - r * cosine])
-    sine, cosine = directions(begin + half)
-    area, height, inertia = segment_moments(half)
-    outward = -np.column_stack([sine, cosine]) * (r * height)[:, np.newaxis]
-    areas, centres, inertias = _triangles(ends.reshape(-1, 2))
-    areas = np.append(areas, area * r**2)
-    total = math.fsum(areas)
-    if not total > 0.0:
-        raise ValueError(f"arcs have an area of {total!r} m^2: must be > 0")
-    centres = np.vstack([centres, ends.mean(axis=1) + outward])
-    centroid = math.fsum(areas * centres[:, 0]) / total, math.fsum(areas * centres[:, 1]) / total
-    squares = (centres[:, 0] - centroid[0]) ** 2 + (centres[:, 1] - centroid[1]) ** 2
-    return total, centroid, math.fsum(areas * (np.append(inertias, inertia * r**2) + squares)) / total
-
-
-def _triangles(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Areas, centroids and inertias over mass of the triangles of a convex polygon, clockwise, around its middle."""
-    middle = points.mean(axis=0)
-    one = points - middle
-    other = np.roll(one, -1, axis=0)
-    areas = 0.5 * (one[:, 1] * other[:, 0] - one[:, 0] * other[:, 1])
-    squares = sum((side**2).sum(axis=1) for side in (one, other, other - one))
-    return areas, middle + (one + other) / 3.0, squares / 36.0
-
-
-@functools.cache
-def _nodes() -> tuple[Floats, Floats]:
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    return nodes, weights
-
-
-def segment_moments(alpha: Floats) -> tuple[Floats, Floats, Floats]:
-    """Areas of segments of half-angles (N,), heights of their centroids above the chord, and inertias over mass.
-
-    All for a radius of 1. They are sums over strips along the chord, of which no term is negative: no digits are lost
-    where the half-angle is small, and 16 nodes are exact but for rounding up to a full disc.
-    """
-    angle = alpha[:, np.newaxis]
-    nodes, weights = _nodes()
-    t = 0.5 * angle * (1.0 + nodes)  # the strip at cos(t) from the centre of the arc, half as wide as sin(t)
-    half, _ = directions(t)
-    above = 2.0 * directions(0.5 * (angle + t))[0] * directions(0.25 * angle * (1.0 - nodes))[0]  # the chord
-    share = weights * half**2
-    area = alpha * share.sum(axis=1)
-    share = weights * (half / half.max(axis=1, keepdims=True)) ** 2
-    share /= share.sum(axis=1, keepdims=True)
-    height = (share * above).sum(axis=1)
-    inertia = (share * ((above - height[:, np.newaxis]) ** 2 + half**2 / 3.0)).sum(axis=1)
-    return area, height, inertia
