@@ -6,6 +6,7 @@ import numpy as np
 
 from sledenv.kernel.descend import close_books, descend, trim
 from sledenv.kernel.flight import write_body
+from sledenv.kernel.ground import lay_ground
 from sledenv.kernel.laws import Law, law_of_row
 from sledenv.kernel.outline import incline_of
 from sledenv.kernel.params import Limits, Slope, State, reader, row_of
@@ -41,7 +42,7 @@ def descend_lanes(
         Shared by all lanes.
     bodies : ndarray of BODY, one for all lanes or one for each lane
     laws, slopes : ndarray, one row for all lanes or one for each lane
-        Fields of the law and of Slope.
+        Fields of the law; of Slope and of its zones, see :mod:`sledenv.kernel.params`.
     launches : ndarray, shape (N, 6)
         Fields of State.
     trims : ndarray, shape (N, 2) or (0, 2)
@@ -68,6 +69,7 @@ def descend_lanes(
             if once and space["stage"] == TAKING_OFF:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])
             incline, law = incline_of(_slope_of(slopes, lane)), law_of_row(like, laws, lane)
+            lay_ground(law, row_of(slopes, lane), space["ground"])
             write_body(body, space["hop"])
             done = descend(body, law, incline, limits, flight, row_of(logs, lane), space, trajectory, once)
             close_books(body, incline, _launch_of(launches, lane), flight)

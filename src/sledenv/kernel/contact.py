@@ -19,7 +19,8 @@ from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, where
 from sledenv.kernel import events, joining, normal, progress, records
 from sledenv.kernel.friction import CLEAR, Bounds, Branch, Drive, Mobility, resolve, sign_of
-from sledenv.kernel.outline import whole_turns, within
+from sledenv.kernel.ground import piece_at
+from sledenv.kernel.outline import arms, whole_turns, within
 from sledenv.kernel.pair import resolve_pair
 from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.recurrence import expand
@@ -51,8 +52,9 @@ _note = straight(_noting)
 
 
 @kernel
-def _begin(body: np.void, slope: Incline, contact: np.void, points: np.ndarray) -> None:
+def _begin(body: np.void, slope: Incline, space: np.void) -> None:
     """Set up a contact at its start; its orientation becomes one within the interval of its arc."""
+    contact, points, ground = space["contact"], space["points"], space["ground"]
     point = points[0]
     turns = whole_turns(contact["phi"])
     contact["phi"] -= turns
@@ -66,7 +68,11 @@ def _begin(body: np.void, slope: Incline, contact: np.void, points: np.ndarray) 
     contact["inward"], contact["downhill"] = slope.inward, slope.downhill
     progress.forget_branch(contact, points)
     point["at_edge"], point["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
-    progress.write_arc(body, 0.0, contact, point)
+    point["piece"] = 0.0
+    if ground["count"] > 1.0:
+        a, _ = arms(body, int(point["arc"]), contact["phi"])
+        point["piece"] = piece_at(ground, contact["x"] - a)
+    progress.write_arc(body, ground, 0.0, contact, point)
 
 
 @kernel
@@ -88,7 +94,7 @@ def _resolved(body: np.void, contact: np.void, point: np.void, step: np.void) ->
     return resolve(
         Mobility(1.0 / body["mass"], 1.0 / body["inertia"], a, b),
         drive,
-        contact["friction"],
+        point["friction"],
         point["arm"],
         contact["size"],
         Bounds(closing, opening),
@@ -140,10 +146,10 @@ def _choose_both(body: np.void, space: np.void) -> int:
         if not contact["inward"] > 0.0:
             return records.SEPARATED
         # Friction tips the body over the point ahead, and no finite force prevents it: an impact there follows.
-        joining.part(body, points[0]["v_t"] * points[0]["h"] * steps[0]["sine"] < 0.0, contact, points)
+        joining.part(body, points[0]["v_t"] * points[0]["h"] * steps[0]["sine"] < 0.0, space)
         return records.INCONSISTENT
     if contact["rigid"] != 0.0 and (leaves or other_leaves):
-        joining.part(body, not leaves, contact, points)
+        joining.part(body, not leaves, space)
     return records.RUNNING
 
 
@@ -293,17 +299,17 @@ def _feel(body: np.void, slope: Incline, space: np.void) -> int:
     """
     contact, points, steps = space["contact"], space["points"], space["steps"]
     if contact["count"] == 1.0:
-        status = progress.follow_event(body, slope.length, contact, points[0], steps[0])
+        status = progress.follow_event(body, slope.length, 0, space)
         if status == records.TWO_POINTS and contact["rigid"] == 0.0:
             # With both ends of a flat arc in the slope one point no longer says where the surfaces push.
             sunk = body["sinks"][int(points[0]["arc"])] != 0.0
-            return records.RUNNING if not sunk and joining.join(body, contact, points) else records.BURIED
+            return records.RUNNING if not sunk and joining.join(body, space) else records.BURIED
         return status
     if steps[1]["event"] != events.NOTHING:
         contact["undecided"] = 1.0
     leaves = other_leaves = False
     for i in range(2):
-        status = progress.follow_event(body, slope.length, contact, points[i], steps[i])
+        status = progress.follow_event(body, slope.length, i, space)
         if status != records.RUNNING and status != records.SEPARATED:
             return status
         if status == records.SEPARATED:
@@ -313,7 +319,7 @@ def _feel(body: np.void, slope: Incline, space: np.void) -> int:
         return records.RUNNING
     contact["undecided"] = 1.0
     gone = (leaves or _up(points[0])) and (other_leaves or _up(points[1]))
-    joining.part(body, other_leaves, contact, points)
+    joining.part(body, other_leaves, space)
     return records.SEPARATED if gone else records.RUNNING
 
 
@@ -343,7 +349,7 @@ def follow(
         Whose contact it is; its steps and its rows of the trajectory are counted.
     space : record of SPACE
         Its ``contact`` and the first of its ``points`` hold the state at touchdown, overwritten by that at the end, and
-        how the surfaces meet: the fields of CONTACT from those of :mod:`sledenv.kernel.normal` to ``corner_arm``.
+        how the surfaces meet: the fields of CONTACT from those of :mod:`sledenv.kernel.normal`.
         Impulses and losses are added up. Rigid surfaces start at rest, without gap or gap rate; ``count`` is 2 if they
         touch with two points.
     trajectory : ndarray of TRAJECTORY
@@ -357,9 +363,9 @@ def follow(
     contact, points, steps = space["contact"], space["points"], space["steps"]
     joined = contact["count"] > 1.0
     contact["count"] = 1.0
-    _begin(body, slope, contact, points)
+    _begin(body, slope, space)
     if joined:
-        joining.join(body, contact, points)
+        joining.join(body, space)
     while True:
         if progress.touches(body, limits.end_part, contact, points):
             return _ended(records.TUMBLED, contact)

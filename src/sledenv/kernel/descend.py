@@ -12,6 +12,7 @@ from sledenv.compiler.rows import WIDTH
 from sledenv.compiler.trace import straight
 from sledenv.kernel import normal, records
 from sledenv.kernel.flight import arrive, begin_search, move, search, write_flight
+from sledenv.kernel.ground import GROUND
 from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.motion import finish_time
 from sledenv.kernel.outline import arms, whole_turns
@@ -51,6 +52,7 @@ SPACE = record(
     ("loads", "f8", (2, WIDTH)),  # [N m]
     ("contact", CONTACT),
     ("points", POINT, (2,)),
+    ("ground", GROUND),
     ("touchdown", TOUCHDOWN),
     ("hop", HOP),
     # How much a call has done, and where the next call goes on.

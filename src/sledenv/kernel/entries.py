@@ -77,7 +77,7 @@ _TABLES = (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _OUTCOMES, _LOGS, _TRAJECTORY)
 
 run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, *_TABLES, _SPACES, int)
 run_euler: Final = LIBRARY.entry(
-    "descend_euler", descend_euler, _BODIES, ContactLaw, Slope, State, Limits, _LOG, _SPACES, _TRAJECTORY, _OUTCOMES
+    "descend_euler", descend_euler, _BODIES, ContactLaw, _ROWS, State, Limits, _LOG, _SPACES, _TRAJECTORY, _OUTCOMES
 )
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, Slope, State, float, float, _OUTCOMES)
@@ -90,7 +90,7 @@ run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUB
 
 def _known() -> str:
     """Digest of one descent of each law, and of one by Euler's method."""
-    body, slope = np.zeros(1, BODY), Slope(math.pi / 18.0, math.inf, 9.81)
+    body, slope = np.zeros(1, BODY), (math.pi / 18.0, math.inf, 9.81, 0.5, 1.0, 0.3, 2e-3, 1e-3)
     body["mass"], body["inertia"], body["count"] = 1.0, 7.5e-3, 3.0
     body["begin"][0, :3], body["r"][0, 1], body["part"][0, :3] = (-math.pi, -2.0, 2.0), 0.1, (2.0, 1.0, 3.0)
     body["along"][0, :3], body["across"][0, :3] = (0.09161468365471424, 0.05, 0.09161468365471424), (-0.09, 0.0, 0.09)

@@ -11,8 +11,9 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.kernel import motion
 from sledenv.kernel.descend import begin, book_losses, clear_sums, close_books, write_rebound
-from sledenv.kernel.outline import arc_at, arms, incline_of, rolling_arm, whole_turns
-from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State
+from sledenv.kernel.ground import arm_on, lay_ground, piece_at
+from sledenv.kernel.outline import arc_at, arms, incline_of, whole_turns
+from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State, reader
 from sledenv.kernel.progress import beside_now
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT
 from sledenv.kernel.trajectory import next_row, write_end, write_forces, write_nose, write_slip, write_tail
@@ -28,13 +29,16 @@ class Point(NamedTuple):
     v_n: float  # [m/s] gap rate
     v_t: float  # [m/s] slip velocity
     normal: float  # [N]
+    bound: float  # [N] of friction
     force: float  # [N] along the slope
     moment: float  # [N m] of rolling resistance
 
 
-NOWHERE: Final = Point(-1, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOWHERE: Final = Point(-1, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 ROW_WORK = 20.0  # [steps] work of a row of the trajectory
+
+_slope_of = reader(Slope)
 
 
 def _step(body: Any, slope: Any, flight: Any, normal: Any, force: Any, dt: Any) -> None:
@@ -51,17 +55,19 @@ _step_on = straight(_step)
 
 
 @kernel
-def _point(body: np.void, law: ContactLaw, flight: np.void, arc: int) -> Point:
+def _point(body: np.void, law: ContactLaw, ground: np.void, flight: np.void, arc: int) -> Point:
     """Lowest point of an arc, and the forces on it: zero above the slope. Numbers of equations are the paper's."""
     a, b = arms(body, arc, flight["phi"] - whole_turns(flight["phi"]))
     omega = flight["omega"]
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
     if not gap < 0.0:
-        return Point(arc, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0)
-    arm = rolling_arm(body, law, arc)
+        return Point(arc, a, b, gap, v_n, v_t, 0.0, 0.0, 0.0, 0.0)
+    piece = piece_at(ground, flight["x"] - a)
+    arm = arm_on(body, arc, ground, piece)
     normal = -law.stiffness * (1.0 - law.asymmetry * np.sign(v_n)) * gap  # (13)
-    force, moment = -law.friction * normal * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
-    return Point(arc, a, b, gap, v_n, v_t, normal, force, moment)
+    bound = ground["friction"][piece] * normal
+    force, moment = -bound * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
+    return Point(arc, a, b, gap, v_n, v_t, normal, bound, force, moment)
 
 
 @kernel
@@ -76,7 +82,7 @@ def _turn_on(body: np.void, flight: np.void, p: Point, q: Point, moment_sign: fl
 def _look(body: np.void, law: ContactLaw, flight: np.void, space: np.void) -> tuple[Point, Point]:
     """Write where the body is lowest and how it moves there. Return this point, and the one across a straight side."""
     arc = arc_at(body, flight["phi"] - whole_turns(flight["phi"]))
-    lowest = _point(body, law, flight, arc)
+    lowest = _point(body, law, space["ground"], flight, arc)
     contact, point = space["contact"], space["points"][0]
     contact["time"], contact["x"], contact["phi"] = flight["t"], flight["x"], flight["phi"]
     point["arc"], contact["omega"] = arc, flight["omega"]
@@ -84,7 +90,7 @@ def _look(body: np.void, law: ContactLaw, flight: np.void, space: np.void) -> tu
     other, _, rises = beside_now(body, arc, flight["phi"])
     point["rising"] = 1.0 if rises else 0.0
     across = other >= 0 and (other == body["next"][arc] or other == body["previous"][arc]) and body["sinks"][arc] == 0.0
-    return lowest, _point(body, law, flight, other) if across else NOWHERE
+    return lowest, _point(body, law, space["ground"], flight, other) if across else NOWHERE
 
 
 @kernel
@@ -136,13 +142,13 @@ def _add_up(law: ContactLaw, contact: np.void, point: Point, dt: float) -> None:
 
 
 @kernel
-def _write_contact(body: np.void, law: ContactLaw, contact: np.void, lowest: Point, other: Point, row: np.void) -> None:
+def _write_contact(body: np.void, contact: np.void, lowest: Point, other: Point, row: np.void) -> None:
     """Fill the forces of a row."""
     slip, spin = int(np.sign(lowest.v_t)), int(np.sign(contact["omega"]))
     part = int(contact["side_touched"] if other.gap < 0.0 else body["part"][lowest.arc])
     normal, force, moment = lowest.normal + other.normal, lowest.force + other.force, lowest.moment + other.moment
     write_forces(row, normal, force, moment, part, slip, spin)
-    write_slip(row, lowest.v_t, law.friction)
+    write_slip(row, lowest.v_t, lowest.bound + other.bound)
     if not other.gap < 0.0:
         write_end(row, body, lowest.arc, lowest.normal, lowest.force)
     elif lowest.a < other.a:
@@ -157,7 +163,7 @@ def _write_contact(body: np.void, law: ContactLaw, contact: np.void, lowest: Poi
 def descend_euler(
     bodies: np.ndarray,
     law: ContactLaw,
-    slope: Slope,
+    slopes: np.ndarray,
     launch: State,
     limits: Limits,
     log: np.ndarray,
@@ -175,7 +181,9 @@ def descend_euler(
     Parameters
     ----------
     bodies : ndarray of BODY, shape (1,)
-    law, slope, launch, limits
+    slopes : ndarray, one row
+        Fields of Slope and of its zones.
+    law, launch, limits
         See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
         moment of friction with the paper's printed sign, which creates energy.
     log : ndarray of REBOUND
@@ -189,7 +197,8 @@ def descend_euler(
     """
     body, flight, space = bodies[0], outcomes[0], spaces[0]
     contact, point = space["contact"], space["points"][0]
-    incline = incline_of(slope)
+    incline = incline_of(_slope_of(slopes, 0))
+    lay_ground(law, slopes[0], space["ground"])
     dt = limits.step
     moment_sign = -1.0 if limits.printed_sign == 1.0 else 1.0
     stride = max(1, round(limits.sample_interval / dt))
@@ -217,7 +226,7 @@ def descend_euler(
             row = next_row(trajectory, flight)
             work += ROW_WORK
             if inside:
-                _write_contact(body, law, contact, lowest, other, row)
+                _write_contact(body, contact, lowest, other, row)
         if status != RUNNING:
             break
         if inside:

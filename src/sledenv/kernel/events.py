@@ -21,10 +21,11 @@ from sledenv.kernel.roots import first_root, horner
 
 # What ends a step.
 NOTHING, SEPARATION, RATE_ZERO, SLIP_ZERO, SPIN_ZERO = range(5)
-RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, ARC_ENDS, OTHER_DOWN, SLOPE_ENDS, MIDDLE_PASSED = range(5, 12)
+RATE_RELEASED, SLIP_RELEASED, SPIN_RELEASED, ARC_ENDS, OTHER_DOWN, SLOPE_ENDS, MIDDLE_PASSED, PIECE_ENDS = range(5, 13)
 
 TURN_ROUNDING = 1e-13  # [rad] rounding error of an orientation after many turns
 SLOPE_ROUNDING = 1e-14  # of the rates of two heights: rounding error of that of their sum
+PLACE_ROUNDING = 1e-14  # of the lengths that make up the place of a contact point: rounding error of that
 MOMENT_ROUNDING = 1e-12  # of a load times the size: rounding error of moments that balance
 MOST_POLISHED = 4  # steps of Newton's method,
 POLISHED = 1e-9  # of the step: the one after a step as small as this would be lost in rounding
@@ -163,13 +164,13 @@ def _before_separation(step: np.void) -> float:
 
 
 @kernel
-def _slip_events(contact: np.void, point: np.void, step: np.void, normal: np.ndarray) -> None:
-    """Look for where a locked slip is released, its force being held against a normal force, or a free one stops."""
+def _slip_events(point: np.void, step: np.void, normal: np.ndarray, friction: float) -> None:
+    """Look for where a locked slip is released, its force held against ``friction`` times a load, or one stops."""
     if point["slip"] == 0.0:
         before = _before_separation(step)
         for sign in _both_signs(step["force"][0]):
             if not (step["safe_force"] if sign > 0.0 else step["safe_force_back"]) > 0.0:
-                at = _bound_root(step["force"], sign, normal, contact["friction"], step)
+                at = _bound_root(step["force"], sign, normal, friction, step)
                 if at < before and happens(at, SLIP_RELEASED, step):
                     step["released"] = -sign
     elif step["event"] != SLIP_ZERO and not step["safe_v_t"] > 0.0:
@@ -223,6 +224,27 @@ def _slope_event(contact: np.void, length: float, step: np.void) -> None:
 
 
 @kernel
+def _piece_events(contact: np.void, point: np.void, step: np.void, ground: np.void) -> None:
+    """Look for where a point passes on to the next piece of the ground, or to the one before.
+
+    A corner that sticks stays where it is; its place along the slope changes by rounding alone.
+    """
+    if point["r"] == 0.0 and point["slip"] == 0.0:
+        return
+    piece, h, x = int(point["piece"]), point["h"], contact["x"]
+    place, within = x - h * step["sine"], step["travel"] + abs(h) * step["turn"]
+    for sign in _both_signs(contact["phi"]):
+        edge = ground["begin"][piece + 1 if sign > 0.0 else piece]
+        ahead = sign * (edge - place)
+        if ahead > within:
+            continue
+        passed = 1 if abs(ahead) <= PLACE_ROUNDING * (abs(edge) + abs(x) + abs(h)) else 0
+        at = sum_root(step["x"], -sign, step["sines"], sign * h, sign * edge, passed, 0.0, step)
+        if happens(at, PIECE_ENDS, step):
+            step["released"] = sign
+
+
+@kernel
 def _passes_flat(contact: np.void, points: np.ndarray, steps: np.ndarray, i: int) -> float:
     """Time at which a straight side lies flat, while point ``i`` slips relative to the other one, which sticks.
 
@@ -246,12 +268,14 @@ def _rounds(moment: np.ndarray, load: np.ndarray, size: float, length: float) ->
 def _held_events(contact: np.void, settled: bool, space: np.void) -> None:
     """Look for what ends the locks that two points share: they are limited by both normal forces."""
     step, point, load = space["steps"][0], space["points"][0], space["together"]
-    _sum(step["normal"], 1.0, space["steps"][1]["normal"], 1.0, 0.0, load)
+    normals = step["normal"], space["steps"][1]["normal"]
     step["safe_moment"] = step["safe_moment_back"] = 0.0
     if not settled:
         _gap_events(contact, point, step)
-    _slip_events(contact, point, step, load)
+    _sum(normals[0], point["friction"], normals[1], space["points"][1]["friction"], 0.0, load)
+    _slip_events(point, step, load, 1.0)
     if not settled:
+        _sum(normals[0], 1.0, normals[1], 1.0, 0.0, load)
         for i in range(2):
             if not _rounds(space["moments"][i], load, contact["size"], step["length"]):
                 _spin_events(contact, step, space["moments"][i], space["loads"][i], 1.0)
@@ -282,10 +306,12 @@ def first_event(length: float, space: np.void) -> None:
             if paired and points[1 - i]["slip"] == 0.0:
                 happens(_passes_flat(contact, points, steps, i), SLIP_ZERO, step)
             else:
-                _slip_events(contact, point, step, step["normal"])
+                _slip_events(point, step, step["normal"], point["friction"])
             if i == 0:
                 _spin_events(contact, step, step["moment"], step["normal"], point["arm"])
         _outline_events(contact, point, step)
+        if space["ground"]["count"] > 1.0:
+            _piece_events(contact, point, step, space["ground"])
         if i == 0:
             _slope_event(contact, length, step)
         elif step["event"] != NOTHING:

@@ -37,7 +37,8 @@ class Side(NamedTuple):
     a_1: float  # [m] arms of its ends
     a_2: float
     b: float  # [m]
-    friction: float  # [-]
+    friction_1: float  # [-] at its ends
+    friction_2: float
     arm_1: float  # [m] rolling arms
     arm_2: float
     size: float  # [m] of the body
@@ -80,21 +81,21 @@ def _of(pair: tuple[float, float], load_1: float, load_2: float) -> float:
 
 
 @kernel
-def _turning(side: Side, slip: int, spin: int, a: float, arm: float) -> tuple[float, float]:
+def _turning(side: Side, slip: int, spin: int, a: float, friction: float, arm: float) -> tuple[float, float]:
     """Tangential force and rate of spin under a unit normal force at one end."""
     if spin == 0:
-        return -slip * side.friction, 0.0
+        return -slip * friction, 0.0
     lever = -a - spin * arm
     mass_b = side.mass * side.b * side.per_inertia
-    force = -slip * side.friction if slip != 0 else -mass_b * lever / (1.0 + mass_b * side.b)
+    force = -slip * friction if slip != 0 else -mass_b * lever / (1.0 + mass_b * side.b)
     return force, (lever + side.b * force) * side.per_inertia
 
 
 @kernel
 def _yielding(side: Side, phase: Phase) -> Yielding:
     """How a body yields in a phase; NaN where a normal force presses the surfaces of a locked end together."""
-    force_1, spin_1 = _turning(side, phase.slip, phase.spin, side.a_1, side.arm_1)
-    force_2, spin_2 = _turning(side, phase.slip, phase.spin, side.a_2, side.arm_2)
+    force_1, spin_1 = _turning(side, phase.slip, phase.spin, side.a_1, side.friction_1, side.arm_1)
+    force_2, spin_2 = _turning(side, phase.slip, phase.spin, side.a_2, side.friction_2, side.arm_2)
     per_mass = 1.0 / side.mass
     m_11, m_12 = per_mass - side.a_1 * spin_1, per_mass - side.a_1 * spin_2
     m_21, m_22 = per_mass - side.a_2 * spin_1, per_mass - side.a_2 * spin_2
@@ -173,7 +174,8 @@ def _violation(side: Side, phase: Phase, left: Phase, ends: np.ndarray) -> tuple
     missed = _missed_at(side, phase.gap_1, depth_1, v_1, normal_1, _of(to.v_1, load_1, load_2))
     missed += _missed_at(side, phase.gap_2, depth_2, v_2, normal_2, _of(to.v_2, load_1, load_2))
     if phase.slip == 0:
-        missed += max(abs(_of(to.force, load_1, load_2)) - side.friction * (normal_1 + normal_2), 0.0)
+        most = side.friction_1 * normal_1 + side.friction_2 * normal_2
+        missed += max(abs(_of(to.force, load_1, load_2)) - most, 0.0)
     elif v_t == 0.0 and left.slip == 0:
         missed += side.mass * max(-phase.slip * _of(to.v_t, load_1, load_2), 0.0)
     if phase.spin == 0:
@@ -289,9 +291,10 @@ def _end_events(
 
 
 @kernel
-def _arms(side: Side, to: Yielding, load: int) -> float:
-    """Bound [N m] of the rolling moment under a unit load."""
-    return side.arm_1 * to.normal_1[load] + side.arm_2 * to.normal_2[load]
+def _bound(to: Yielding, factor_1: float, factor_2: float) -> tuple[float, float]:
+    """Bound under unit loads of a force, or of the rolling moment, by factors of the normal forces."""
+    first, second = to.normal_1, to.normal_2
+    return factor_1 * first[0] + factor_2 * second[0], factor_1 * first[1] + factor_2 * second[1]
 
 
 @kernel
@@ -299,11 +302,9 @@ def _first_event(side: Side, phase: Phase, to: Yielding, left: Phase, first: int
     """First event of a phase within a unit of time."""
     event = _end_events(side, 0, phase.gap_1, to.normal_1, left.gap_1, Event(1.0, -1, 0), rows)
     event = _end_events(side, 1, phase.gap_2, to.normal_2, left.gap_2, event, rows)
-    held_1 = to.normal_1[0] + to.normal_2[0], to.normal_1[1] + to.normal_2[1]
-    turned = _arms(side, to, 0), _arms(side, to, 1)
-    for row, sign, released, force, bound, factor in (
-        (4, phase.slip, left.slip, to.force, held_1, side.friction),
-        (5, phase.spin, left.spin, to.moment, turned, 1.0),
+    for row, sign, released, force, bound in (
+        (4, phase.slip, left.slip, to.force, _bound(to, side.friction_1, side.friction_2)),
+        (5, phase.spin, left.spin, to.moment, _bound(to, side.arm_1, side.arm_2)),
     ):
         if sign != 0:
             zeros = _zeros(rows[row, 0], sign * rows[row, 1], released != 0)
@@ -312,7 +313,7 @@ def _first_event(side: Side, phase: Phase, to: Yielding, left: Phase, first: int
                 event = Event(at, row, 0)
             continue
         for way in (first, -first):
-            load_1, load_2 = factor * bound[0] - way * force[0], factor * bound[1] - way * force[1]
+            load_1, load_2 = bound[0] - way * force[0], bound[1] - way * force[1]
             at = _root(rows, row, 0.0, load_1, load_2, event.length, 0)
             if at < math.inf:
                 event = Event(at, row, -way)

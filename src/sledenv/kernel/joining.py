@@ -14,6 +14,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import straight
 from sledenv.compiler.values import absolute, equal, less, not_more, where
 from sledenv.kernel import normal, progress
+from sledenv.kernel.ground import piece_at
 from sledenv.kernel.outline import partner, sine_and_cosine, turn_across
 from sledenv.kernel.state import POINT, copy
 
@@ -66,8 +67,9 @@ def agree(contact: np.void, points: np.ndarray) -> None:
 
 
 @kernel
-def join(body: np.void, contact: np.void, points: np.ndarray) -> bool:
+def join(body: np.void, space: np.void) -> bool:
     """Let the arc that is watched touch too; False if it is not at the surface."""
+    contact, points, ground = space["contact"], space["points"], space["ground"]
     one, two = points[0], points[1]
     arc, rises, phi = int(one["arc"]), one["rising"] != 0.0, contact["phi"]
     sine, cosine = sine_and_cosine(phi + one["shift"])
@@ -76,8 +78,11 @@ def join(body: np.void, contact: np.void, points: np.ndarray) -> bool:
         return False
     _take(one, two)
     two["arc"], two["at_edge"] = partner(body, arc, rises), 0.0
-    progress.write_arc(body, one["turn"] + turn_across(body, arc, int(two["arc"]), rises), contact, two)
-    other_sine, _ = sine_and_cosine(phi + two["shift"])
+    turn = one["turn"] + turn_across(body, arc, int(two["arc"]), rises)
+    other_sine, _ = sine_and_cosine(phi + body["shift"][int(two["arc"])])
+    if ground["count"] > 1.0:
+        two["piece"] = piece_at(ground, contact["x"] - body["h"][int(two["arc"])] * other_sine)
+    progress.write_arc(body, ground, turn, contact, two)
     flat = abs(apart) <= normal.ROUNDING * contact["size"]
     two["gap"] = one["gap"] if flat else min(one["gap"] + apart, 0.0)
     two["v_n"] += (one["h"] * sine - two["h"] * other_sine) * contact["omega"]
@@ -93,10 +98,11 @@ def join(body: np.void, contact: np.void, points: np.ndarray) -> bool:
 
 
 @kernel
-def part(body: np.void, first_stays: bool, contact: np.void, points: np.ndarray) -> None:
+def part(body: np.void, first_stays: bool, space: np.void) -> None:
     """Go on with one of two points alone."""
+    contact, points = space["contact"], space["points"]
     if not first_stays:
         _take(points[1], points[0])
     contact["count"] = 1.0
     points[0]["other_left"] = 1.0
-    progress.write_arc(body, points[0]["turn"], contact, points[0])
+    progress.write_arc(body, space["ground"], points[0]["turn"], contact, points[0])

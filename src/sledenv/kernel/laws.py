@@ -22,8 +22,6 @@ def _meet(body: np.void, law: CompliantLaw, slope: Incline, left: int, space: np
     """Let compliant surfaces touch: arguments and result are those of :func:`sledenv.kernel.rigid.strike`."""
     contact = space["contact"]
     normal.write_law(law, contact)
-    contact["friction"] = law.friction
-    contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
     begin_with_approaching(body, contact, space["points"][0], space["touchdown"])
     return RUNNING
 

@@ -101,7 +101,7 @@ def both_points(space: Any, count: int = 2) -> tuple[Point, Point]:
         a, b = point.h * step.sine, point.r - point.h * step.cosine
         square = contact.omega * contact.omega
         lift, sweep = point.h * step.cosine * square, -a * square
-        found.append(Point(a, b, lift, sweep, contact.friction, point.arm, closing, opening))
+        found.append(Point(a, b, lift, sweep, point.friction, point.arm, closing, opening))
     return found[0], found[1] if count > 1 else found[0]._replace(arm=0.0, closing=0.0, opening=0.0)
 
 
@@ -159,37 +159,43 @@ def couples(one: Point, two: Point, n_1: Any, n_2: Any, force: Any) -> tuple[Any
     there: this gives a couple that helps rolling resistance. For the second moment the points are exchanged.
     """
     turning, load = one.a * n_1 + two.a * n_2, one.arm * n_1 + two.arm * n_2
-    couple = absolute(one.b - two.b) * one.friction
-    return turning - two.b * force, load + couple * n_1, turning - one.b * force, load + couple * n_2
+    apart = absolute(one.b - two.b)
+    couple_1, couple_2 = apart * one.friction * n_1, apart * two.friction * n_2
+    return turning - two.b * force, load + couple_1, turning - one.b * force, load + couple_2
 
 
 def unturned(contact: Any, one: Point, two: Point, branch: Branch, count: int = 2) -> Forces:
     """Forces on a body that does not turn: both points move alike. If there is only one, the other has no forces.
 
     Locked normal forces are shared so that no rolling moment is needed, as far as their bounds allow. A locked
-    tangential force is shared in proportion to them, but for ``excess`` it is shared, within the bounds of friction, so
-    that it best keeps the body from turning.
+    tangential force is shared in proportion to the bounds of friction, but for ``excess`` it is shared, within these
+    bounds, so that it best keeps the body from turning. Both arms b are equal but for the depths.
     """
     mass = 1.0 / contact.per_mass
     locked, sticks = equal(branch.gap_rate, 0.0), equal(branch.slip, 0.0)
     n_1, n_2 = (where(less(branch.gap_rate, 0.0), point.closing, point.opening) for point in (one, two))
     total = where(locked, mass * contact.inward, n_1 + n_2)
-    force = where(sticks, -mass * contact.downhill, -branch.slip * one.friction * total)
-    share = where(less(0.0, total), force / total, 0.0)
-    lever_1, lever_2 = one.a - share * one.b, two.a - share * two.b
+    needed = -mass * contact.downhill
+    evenly = where(less(0.0, total), needed / total, 0.0)
+    share_1, share_2 = (where(sticks, evenly, -branch.slip * point.friction) for point in (one, two))
+    lever_1, lever_2 = one.a - share_1 * one.b, two.a - share_2 * two.b
     balanced = total
     if count > 1:
         balanced = where(less(0.0, two.closing), total * lever_2 / (lever_2 - lever_1), total)
     least, most = larger(total - two.closing, one.opening), smaller(total - two.opening, one.closing)
     balanced = where(not_more(least, most), smaller(larger(balanced, least), most), balanced)
     n_1, n_2 = where(locked, balanced, n_1), where(locked, total - balanced, n_2)
+    bound_1, bound_2 = one.friction * n_1, two.friction * n_2
+    bound = bound_1 + bound_2
+    second = where(sticks, where(less(0.0, bound), needed / bound * bound_2, evenly * n_2), share_2 * n_2)
+    force = where(sticks, needed, share_1 * n_1 + second)
     moment = lever_1 * n_1 + lever_2 * n_2
     excess = absolute(moment) - (one.arm * n_1 + two.arm * n_2)
     toward = where(less(moment, 0.0), -1.0, 1.0)
     moment_1, load_1, moment_2, load_2 = couples(one, two, n_1, n_2, force)
     excess = where(sticks, larger(toward * moment_1 - load_1, toward * moment_2 - load_2), excess)
     u, v = force * contact.per_mass + contact.downhill, total * contact.per_mass - contact.inward
-    return Forces(n_1, n_2, force - share * n_2, share * n_2, moment, excess, u, v, 0.0)
+    return Forces(n_1, n_2, force - second, second, moment, excess, u, v, 0.0)
 
 
 def _missed(point: Point, signs: Branch, branch: Branch, push: Any, force: Any, found: Forces, per_mass: Any) -> Any:

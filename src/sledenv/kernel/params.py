@@ -45,6 +45,21 @@ class Slope(NamedTuple):
     gravity: float  # [m/s^2]
 
 
+class Zone(NamedTuple):
+    """A part of a slope with friction and rolling arms of its own: docs/physics.md, section 11."""
+
+    begin: float  # [m] of the places x of the contact point,
+    end: float  # [m] and where the zone ends; may be inf
+    friction: float  # [-] f, Coulomb
+    rolling_arm: float  # [m] delta of an arc
+    corner_rolling_arm: float  # [m] delta of a corner
+
+
+# A row of a table of slopes has the fields of a slope, then those of its zones in their order. Where it has fewer zones
+# than another row, the rest is NaN.
+SLOPE_FIELDS, ZONE_FIELDS = len(Slope._fields), len(Zone._fields)
+
+
 class Incline(NamedTuple):
     """What a kernel needs of a slope: see :func:`sledenv.kernel.outline.incline_of`."""
 

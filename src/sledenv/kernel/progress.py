@@ -12,6 +12,7 @@ from sledenv.compiler.trace import straight
 from sledenv.compiler.values import equal, less, root, where
 from sledenv.kernel import events, normal, records
 from sledenv.kernel.friction import Branch, sign_of
+from sledenv.kernel.ground import arm_on
 from sledenv.kernel.outline import apart, arms, beside, partner, same_arc, whole_turns, within
 from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.series import longest_step
@@ -107,7 +108,7 @@ def _taking(contact: Any, point: Any, branch: Branch) -> None:
         zeros = where(equal(getattr(of, f"{name}_left"), 0.0), starting, leaving)
         setattr(of, f"{name}_zeros", where(equal(getattr(of, velocity), 0.0), zeros, 0.0))
         setattr(of, sign, to)
-    point.mu, point.rho = -branch.slip * contact.friction, -branch.spin * point.arm
+    point.mu, point.rho = -branch.slip * point.friction, -branch.spin * point.arm
     point.stiffness = normal.stiffness(contact, less(branch.gap_rate, 0.0))
     pace = UNIT_ANGLE / root(point.stiffness * point.yielding)
     point.pace = where(less(0.0, point.stiffness), pace, point.pace)
@@ -189,15 +190,22 @@ def watch_nearer(body: np.void, contact: np.void, point: np.void) -> None:
 
 
 @kernel
-def write_arc(body: np.void, turn: float, contact: np.void, point: np.void) -> None:
-    """Write what does not change until another arc touches.
+def write_piece(body: np.void, ground: np.void, point: np.void) -> None:
+    """Write what the piece of the ground says on which a point touches."""
+    piece = int(point["piece"])
+    point["friction"], point["arm"] = ground["friction"][piece], arm_on(body, int(point["arc"]), ground, piece)
+
+
+@kernel
+def write_arc(body: np.void, ground: np.void, turn: float, contact: np.void, point: np.void) -> None:
+    """Write what does not change until another arc touches, on the piece of the ground where the point is.
 
     ``turn`` [rad] is what the orientation of the contact exceeds the interval of the arc by: 0, or a whole turn.
     """
     arc = int(point["arc"])
     point["turn"] = turn
     point["h"], point["r"], point["shift"] = body["h"][arc], body["r"][arc], body["shift"][arc]
-    point["arm"] = contact["corner_arm"] if body["corner"][arc] != 0.0 else contact["arc_arm"]
+    write_piece(body, ground, point)
     ends, begins = body["side"][arc] > 0.0, body["side"][int(body["previous"][arc])] > 0.0
     point["low"] = -math.inf if begins else body["low"][arc] + turn
     point["high"] = math.inf if ends else body["high"][arc] + turn
@@ -243,7 +251,7 @@ def move_on(contact: np.void, points: np.ndarray, steps: np.ndarray) -> bool:
 
 
 @kernel
-def _pass_on(body: np.void, contact: np.void, point: np.void) -> int:
+def _pass_on(body: np.void, ground: np.void, contact: np.void, point: np.void) -> int:
     """Pass on to the arc at the end of the interval; RUNNING, or BURIED if another one that may touch is deep there."""
     arc, low, high = int(point["arc"]), point["low"], point["high"]
     upwards = not contact["phi"] - low < high - contact["phi"]
@@ -252,7 +260,7 @@ def _pass_on(body: np.void, contact: np.void, point: np.void) -> int:
     contact["phi"] = edge
     point["arc"], point["at_edge"] = after, 1.0
     rising = point["rising"]
-    write_arc(body, edge - start, contact, point)
+    write_arc(body, ground, edge - start, contact, point)
     if contact["count"] > 1.0:
         watch_third(body, rising, contact, point)
         return records.RUNNING
@@ -262,11 +270,12 @@ def _pass_on(body: np.void, contact: np.void, point: np.void) -> int:
 
 
 @kernel
-def follow_event(body: np.void, length: float, contact: np.void, point: np.void, step: np.void) -> int:
-    """Apply what happens to a point at the end of a step; return the status of the contact, RUNNING if it goes on.
+def follow_event(body: np.void, length: float, i: int, space: np.void) -> int:
+    """Apply what happens to point ``i`` at the end of a step; return the status of the contact, RUNNING if it goes on.
 
     ``length`` [m] is that of the slope.
     """
+    contact, point, step = space["contact"], space["points"][i], space["steps"][i]
     event = int(step["event"])
     if event == events.NOTHING:
         moved = contact["x"] + contact["phi"] + point["gap"] + point["v_n"] + point["v_t"] + contact["omega"]
@@ -279,8 +288,11 @@ def follow_event(body: np.void, length: float, contact: np.void, point: np.void,
     if event == events.OTHER_DOWN:
         return records.TWO_POINTS if contact["count"] == 1.0 else records.BURIED
     if event == events.ARC_ENDS:
-        return _pass_on(body, contact, point)
-    if event == events.RATE_ZERO:
+        return _pass_on(body, space["ground"], contact, point)
+    if event == events.PIECE_ENDS:
+        point["piece"] += step["released"]
+        write_piece(body, space["ground"], point)
+    elif event == events.RATE_ZERO:
         point["v_n"], point["gap_left"] = 0.0, 0.0
     elif event == events.RATE_RELEASED:
         point["gap_left"] = step["released"]

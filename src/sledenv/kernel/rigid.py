@@ -11,8 +11,9 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import normal
 from sledenv.kernel.flat import ENDS, Side, hit_flat
+from sledenv.kernel.ground import arm_on, piece_at
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
-from sledenv.kernel.outline import rolling_arm, whole_turns, within
+from sledenv.kernel.outline import whole_turns, within
 from sledenv.kernel.params import Incline, RigidLaw
 from sledenv.kernel.progress import NEARLY, arms_now, beside_now, change_point
 from sledenv.kernel.records import INCONSISTENT, RUNNING, SEPARATED, STEP_BUDGET
@@ -44,22 +45,21 @@ _hand_over, _take_over = straight(_bringing), straight(_bringing_back)
 
 
 @kernel
-def write_rigid(body: np.void, law: RigidLaw, slope: Incline, contact: np.void, point: np.void) -> None:
+def write_rigid(body: np.void, slope: Incline, contact: np.void, point: np.void) -> None:
     """Write how rigid surfaces meet."""
     size, spin, slip = body["size"], contact["omega"], point["v_t"]
     most = MOST_NORMAL * body["mass"] * (slope.inward + size * spin * spin + slip * slip / size)
     normal.write_rigid(most, contact)
-    contact["friction"] = law.friction
-    contact["arc_arm"], contact["corner_arm"] = law.rolling_arm, law.corner_rolling_arm
 
 
 @kernel
-def _hit(body: np.void, law: RigidLaw, a: float, b: float, restitution: float, space: np.void) -> int:
+def _hit(body: np.void, a: float, b: float, restitution: float, space: np.void) -> int:
     """Follow one impact of the arc that touches, whose arms are given. Return the number of phases."""
     contact, point, hop = space["contact"], space["points"][0], space["hop"]
     hop["a"], hop["b"] = a, b
-    hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = rolling_arm(body, law, int(point["arc"]))
+    piece = piece_at(space["ground"], contact["x"] - a)
+    hop["friction"], hop["restitution"] = space["ground"]["friction"][piece], restitution
+    hop["arm"] = arm_on(body, int(point["arc"]), space["ground"], piece)
     _hand_over(contact, point, hop)
     count = impact(ENERGETIC, hop, None)
     _take_over(contact, point, hop)
@@ -116,9 +116,20 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
     if settles and a_1 * a_2 < 0.0:
         _lie_down(body, v, b, space)
     elif min(point["v_n"], there) < 0.0:
-        arms_of_both = rolling_arm(body, law, arc), rolling_arm(body, law, other)
+        ground = space["ground"]
+        piece_1, piece_2 = piece_at(ground, contact["x"] - a_1), piece_at(ground, contact["x"] - a_2)
         side = Side(
-            body["mass"], 1.0 / body["inertia"], a_1, a_2, b, law.friction, *arms_of_both, body["size"], restitution**2
+            body["mass"],
+            1.0 / body["inertia"],
+            a_1,
+            a_2,
+            b,
+            ground["friction"][piece_1],
+            ground["friction"][piece_2],
+            arm_on(body, arc, ground, piece_1),
+            arm_on(body, other, ground, piece_2),
+            body["size"],
+            restitution**2,
         )
         first = -1 if contact["phi"] < 0.0 else 1
         if hit_flat(side, first, ends, space["lost_flat"], space["flat"]) != ENDS:
@@ -167,7 +178,7 @@ def _strike_once(body: np.void, law: RigidLaw, slope: Incline, a: float, b: floa
             contact["phi"] += (body["high"][arc] if rises else body["low"][arc]) - _local(body, contact, arc)
         return _strike_flat(body, law, pressing, other, flat, space)
     restitution = softened(law.restitution, law.settle_speed, point["v_n"], pressing)
-    if _hit(body, law, a, b, restitution, space) > MOST_PHASES:
+    if _hit(body, a, b, restitution, space) > MOST_PHASES:
         return STEP_BUDGET
     return SEPARATED if point["v_n"] > 0.0 else RUNNING
 
@@ -194,7 +205,7 @@ def strike(body: np.void, law: RigidLaw, slope: Incline, left: int, space: np.vo
     contact, point = space["contact"], space["points"][0]
     a, b = space["touchdown"]["a"], space["touchdown"]["b"]
     if left == RUNNING:
-        write_rigid(body, law, slope, contact, point)
+        write_rigid(body, slope, contact, point)
         contact["peak_force"] = math.inf
         space["strikes"] = 0.0
     else:

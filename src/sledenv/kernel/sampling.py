@@ -53,13 +53,17 @@ def write_contact(body: np.void, space: np.void, t: float, row: np.void) -> None
     one, two = points[0], points[1]
     arc, slip, spin = int(one["arc"]), int(one["slip"]), int(contact["spin"])
     push, force, moment = _forces(contact["spin"], one, steps[0], t)
+    bound = one["friction"] * push
     if contact["count"] == 1.0:
         write_forces(row, push, force, moment, int(body["part"][arc]), slip, spin)
         write_end(row, body, arc, push, force)
     else:
         push_2, force_2, moment_2 = _forces(contact["spin"], two, steps[1], t)
+        bound_2 = two["friction"] * push_2
         if slip == 0 and spin == 0:  # only their sum is determined
-            force, force_2 = force * push / (push + push_2), force * push_2 / (push + push_2)
+            share = bound_2 / (bound + bound_2) if bound + bound_2 > 0.0 else push_2 / (push + push_2)
+            force, force_2 = force * (1.0 - share), force * share
+        bound += bound_2
         moment = held_part(moment + moment_2, one["arm"] * push + two["arm"] * push_2)
         write_forces(row, push + push_2, force + force_2, moment, int(contact["side_touched"]), slip, spin)
         if one["h"] * steps[0]["sine"] < two["h"] * steps[1]["sine"]:
@@ -68,7 +72,7 @@ def write_contact(body: np.void, space: np.void, t: float, row: np.void) -> None
         else:
             write_tail(row, push_2, force_2)
             write_nose(row, push, force)
-    write_slip(row, horner(steps[0]["v_t"], t), contact["friction"])
+    write_slip(row, horner(steps[0]["v_t"], t), bound)
 
 
 @kernel

@@ -94,9 +94,6 @@ CONTACT: Final = record(
     ("inward", "f8"),  # [m/s^2] gravity along the inward normal
     ("downhill", "f8"),  # [m/s^2] and along the slope
     *normal.FIELDS,
-    ("friction", "f8"),  # [-]
-    ("arc_arm", "f8"),  # [m] rolling arm of arcs
-    ("corner_arm", "f8"),  # [m] and of corners
     ("scale", "f8"),  # [m/s] of the velocities
 )
 
@@ -107,7 +104,9 @@ POINT: Final = record(
     ("r", "f8"),  # [m] b = r - h cos(phi + shift)
     ("shift", "f8"),  # [rad]
     ("turn", "f8"),  # [rad] what the orientation of the contact exceeds the interval of the arc by: 0, or a whole turn
-    ("arm", "f8"),  # [m] of its rolling resistance
+    ("piece", "f8"),  # of the ground, on which it touches; there is
+    ("friction", "f8"),  # [-]
+    ("arm", "f8"),  # [m] and the arm of its rolling resistance
     ("yielding", "f8"),  # [1/kg] largest mobility
     ("gap", "f8"),  # [m] between arc and slope
     ("v_n", "f8"),  # [m/s] gap rate

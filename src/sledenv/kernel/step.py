@@ -167,8 +167,8 @@ def _locked_completion(contact: Any, point: Any, step: Any) -> None:
         slacks = [fma(factor, of[0], -sign * of[i]) for of in (starts, ends)]
         return smaller(*slacks) - fma(factor, sag, force_sags)
 
-    step.safe_force = slack(1, 1.0, contact.friction, force_sag)
-    step.safe_force_back = slack(1, -1.0, contact.friction, force_sag)
+    step.safe_force = slack(1, 1.0, point.friction, force_sag)
+    step.safe_force_back = slack(1, -1.0, point.friction, force_sag)
     step.safe_moment = slack(2, 1.0, point.arm, moment_sag)
     step.safe_moment_back = slack(2, -1.0, point.arm, moment_sag)
     step.force_impulse = time * impulse

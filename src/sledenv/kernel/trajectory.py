@@ -58,9 +58,8 @@ def write_forces(
 
 
 @kernel
-def write_slip(row: np.void, slip_velocity: float, friction: float) -> None:
-    """Fill how fast a contact slips [m/s], whose forces are in the row, and how much of its friction acts."""
-    bound = friction * row["normal"]
+def write_slip(row: np.void, slip_velocity: float, bound: float) -> None:
+    """Fill how fast a contact slips [m/s], whose forces are in the row, and how much acts of its friction [N]."""
     row["slip_velocity"] = slip_velocity
     row["friction_ratio"] = row["tangential"] / bound if bound > 0.0 else 0.0
 

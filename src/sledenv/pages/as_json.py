@@ -14,7 +14,12 @@ from sledenv.simulation.scene import AnyLaw, Slope, State
 def plain_setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, Any]:
     """Return the body, the law with its restitution, the slope and the launch, in SI units."""
     contact = {**law._asdict(), "restitution": law.restitution}
-    return {"body": _plain_body(body), "law": contact, "slope": slope._asdict(), "launch": launch._asdict()}
+    return {"body": _plain_body(body), "law": contact, "slope": plain_slope(slope), "launch": launch._asdict()}
+
+
+def plain_slope(slope: Slope) -> dict[str, Any]:
+    """Return the fields of a slope, zones as dicts."""
+    return slope._asdict() | {"zones": [zone._asdict() for zone in slope.zones]}
 
 
 def _plain_body(body: Body) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import AnyLaw, Slope, State, Zone
 from sledenv.simulation.support import support_height
 
 # Fields of TRAJECTORY and how a table calls them, with their units; parts of the body are written as words.
@@ -69,14 +69,20 @@ def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
     length = f"length {slope.length:.4g} m" if math.isfinite(slope.length) else "without end"
+    zones = "".join(f"{_zone_words(zone)}\n" for zone in slope.zones)
     return (
         f"body: {_body_words(body)}\n"
         f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
         f"friction {law.friction:.3f}, {arm}\n"
-        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n"
+        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n{zones}"
         f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
         f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
     )
+
+
+def _zone_words(zone: Zone) -> str:
+    end = f"to {zone.end:.4g} m" if math.isfinite(zone.end) else "on"
+    return f"zone: from {zone.begin:.4g} m {end}, friction {zone.friction:.3g}, rolling arm {zone.rolling_arm:.4g} m"
 
 
 def _has_corners(body: Body) -> bool:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
+from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Limits, RigidLaw
+from sledenv.kernel.params import SLOPE_FIELDS, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.rules import checked_rows, made
-from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, kind_of, restitution_of
+from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, Zone, kind_of, made_slope, restitution_of
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 
@@ -44,7 +45,7 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     TypeError, ValueError
         Naming the argument or its field, the value and the allowed range.
     """
-    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
+    body, law, slope = made_body(body), checked_law(law), made_slope(slope)
     launch = _admitted(body, slope, made("launch", State, launch))
     _check_solver(type(law), settings.solver)
     touching: Law = law
@@ -114,10 +115,10 @@ def checked_lanes(
     _check_solver(kind, settings.solver)
     bodies = records_of(body, len(launches))
     laws = _rows("law", kind, law, len(launches))
-    slopes = _rows("slope", Slope, slope, len(launches))
+    slopes = _rows_of_slopes(slope, len(launches))
     rigid = settings.solver == "rigid"
     if rigid:
-        columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T)
+        columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T[:SLOPE_FIELDS])
         laws = np.stack(np.broadcast_arrays(*_stiff_limit(bodies["size"], *columns, settings.settle_speed)), axis=-1)
     checked_rows("launches[{lane}]", State, launches)
     _admit("launches[{lane}]", bodies, slopes, launches)
@@ -153,19 +154,64 @@ def _check_solver(kind: type[AnyLaw], solver: str) -> None:
         raise TypeError(f"law is of the kind {kind.__name__}: solver = {solver!r} needs a ContactLaw")
 
 
-def _rows(name: str, kind: type[AnyLaw] | type[Slope], given: object, lanes: int) -> np.ndarray:
-    """Fields of one or of N laws or slopes, shape (1 or N, fields)."""
+def _rows(name: str, kind: type[AnyLaw], given: object, lanes: int) -> np.ndarray:
+    """Fields of one or of N laws, shape (1 or N, fields)."""
     if isinstance(given, kind):
         return np.array([kind(*given)])
+    _check_rows(name, kind, given, lanes)
+    rows = checked_table(name, given, kind._fields)  # type: ignore[arg-type]
+    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    return rows
+
+
+def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
+    """Refuse what is not a sequence of as many rows as lanes."""
     if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     if not lanes:
         raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
-    rows = checked_table(name, given, kind._fields)
-    checked_rows(f"{name}[{{lane}}]", kind, rows)
+
+
+def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
+    """Rows of one or of N slopes with their zones, shape (1 or N, 3 + 5 zones); see :mod:`sledenv.kernel.params`."""
+    if isinstance(given, Slope):
+        return np.array([given.row])
+    _check_rows("slope", Slope, given, lanes)
+    if not isinstance(given, np.ndarray):
+        given = [one.row if isinstance(one, Slope) else one for one in given]
+        widest = max(map(np.size, given))
+        if any(np.size(one) != widest for one in given):
+            given = [(*one, *[math.nan] * (widest - len(one))) for one in given]
+    fields = params.Slope._fields
+    zones = max((np.shape(given)[-1] - len(fields)) // len(Zone._fields), 0) if np.ndim(given) == 2 else 0
+    names = [f"zones[{k}].{name}" for k in range(zones) for name in Zone._fields]
+    rows = checked_table("slope", given, (*fields, *names))
+    checked_rows("slope[{lane}]", Slope, rows[:, : len(fields)])
+    if zones > MOST_ZONES:
+        raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
+    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, -1))
     return rows
+
+
+def _check_zones(zones: np.ndarray) -> None:
+    """Check the zones of slopes, shape (N, zones, fields), of which a slope may have fewer: NaN from there on."""
+    reached = np.full(len(zones), -np.inf)
+    for k in range(zones.shape[1]):
+        absent = np.isnan(zones[:, k]).all(axis=-1)
+        begin, end, *_ = zones[:, k].T
+        given = np.where(absent[:, np.newaxis], (0.0, 1.0, 0.0, 0.0, 0.0), zones[:, k])
+        checked_rows(f"slope[{{lane}}].zones[{k}]", Zone, given)
+        for wrong, field, what in (
+            (begin < reached, 0, "must be >= the end of the zone before"),
+            (end <= begin, 1, "must be > its begin"),
+        ):
+            if wrong.any():
+                lane = int(np.argmax(wrong))
+                value = float(zones[lane, k, field])
+                raise ValueError(f"slope[{lane}].zones[{k}].{Zone._fields[field]} = {value!r}: {what}")
+        reached = np.where(absent, reached, end)
 
 
 def _stiff_limit(size: Any, law: Any, slope: Any, settle_speed: float | None) -> RigidLaw:

@@ -9,15 +9,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import checked_choice
-from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.scene import Slope, State, Zone
 
 Floats = NDArray[np.float64]
 
 LAUNCH: Final = State._fields
+OF_ZONE: Final = dict(zip(Zone._fields, ("m", "m", "", "m", "m"), strict=True))
 PARAMETERS: Final = {
     **dict(zip(LAUNCH, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True)),
     "restitution": "",
@@ -33,6 +35,8 @@ PARAMETERS: Final = {
     "eccentricity": "m",
     "inertia": "kg m^2",
     "half_angle": "rad",
+    # Of the zones of the slope, counted from 1.
+    **{f"zone_{k}_{name}": unit for k in range(1, MOST_ZONES + 1) for name, unit in OF_ZONE.items()},
 }
 REBOUND_QUANTITIES: Final = {  # fields of REBOUND
     "t_touchdown": "s",

@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
 from sledenv.simulation.bodies import Segment, holds_its_mass_centre, segment_records
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
+    OF_ZONE,
     PARAMETERS,
     REBOUND_QUANTITIES,
     Floats,
@@ -19,7 +21,7 @@ from sledenv.simulation.derivatives import (
 )
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import RESTITUTION
-from sledenv.simulation.scene import ContactLaw, Slope, asymmetry_of
+from sledenv.simulation.scene import ContactLaw, Slope, asymmetry_of, zones_allowed
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate_blocks
 from sledenv.simulation.support import support_heights, within_a_turn
@@ -28,7 +30,7 @@ SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: changes that are looked at
 _COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
 _RESTITUTION = _COLUMN["restitution"]
-_SLOPE = [name for name in Slope._fields if name in PARAMETERS]  # in its order, before what is added to a slope
+_SECTIONS = (6, 11, 14, 19)  # columns of launch, law, slope, body and zones: where the next begins
 _TO_THE_LAST_BIT = 64  # bisections
 _BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
 
@@ -61,7 +63,9 @@ class Neighbours:
         self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        self.centre = np.array([*descent.launch, *of_law, *descent.slope[: len(_SLOPE)], *self._of_body()])
+        angle, length, gravity, *zones = descent.slope.row
+        of_zones = zones + [np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))
+        self.centre = np.array([*descent.launch, *of_law, angle, length, gravity, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
@@ -87,12 +91,14 @@ class Neighbours:
         descent = self.descent
         natural = natural_units(descent.body, descent.slope, descent.launch)
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
+        zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
         halves = ("stiffness", "length", "gravity", "mass", "inertia")
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
             **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
             **dict.fromkeys(("rolling_arm", "corner_rolling_arm", "radius", "eccentricity"), natural[0]),
             **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
+            **{f"zone_{k}_{name}": scale for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()},
         }
 
     def rounded(self, steps: Floats) -> Floats:
@@ -105,13 +111,13 @@ class Neighbours:
         """Rows of bodies, laws, slopes and launches that differ by a change of one parameter each."""
         rows = np.tile(self.centre, (len(changes), 1))
         rows[np.arange(len(changes)), self.columns[which]] += changes
-        launches, (restitution, friction, arm, corner_arm, stiffness) = rows[:, :6], rows[:, 6:11].T
+        launches, of_law, slopes, bodies, zones = np.split(rows, _SECTIONS, axis=1)
+        restitution, friction, arm, corner_arm, stiffness = of_law.T
         own = restitution == self.centre[_RESTITUTION]
         asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
         laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
-        slopes = np.tile(self.descent.slope, (len(rows), 1))
-        slopes[:, : len(_SLOPE)], bodies = np.split(rows[:, 11:], [len(_SLOPE)], axis=1)
-        return bodies, laws, slopes, launches
+        zones = zones[:, : len(self.descent.slope.row) - slopes.shape[1]]
+        return bodies, laws, np.hstack([slopes, zones]), launches
 
     def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
         """Whether a simulation would take each of these changes."""
@@ -120,8 +126,10 @@ class Neighbours:
         fine: NDArray[np.bool_] = RESTITUTION[0](restitution) & (launches[:, 0] < slopes[:, 1])
         segments = isinstance(self.descent.body, Segment)
         for kind, rows in ((Segment, bodies), (ContactLaw, laws), (Slope, slopes)):
-            for (accepts, _), column in zip(kind.rules, rows.T, strict=True):
+            for (accepts, _), column in zip(kind.rules, rows.T, strict=False):  # zones come behind a slope
                 fine &= accepts(column) | (np.isnan(column) & (kind is Segment and not segments))
+        zones = slopes[:, len(Slope.rules) :].reshape(len(slopes), -1, len(OF_ZONE))
+        fine &= zones_allowed(zones).all(axis=1)
         if segments:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)

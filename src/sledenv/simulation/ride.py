@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sledenv.kernel import params
 from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION
@@ -66,7 +67,7 @@ class Ride:
         self._rebounds = new_log(self.settings.max_rebounds)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         self._flight = np.zeros(1, OUTCOME)
-        run_embark(self.body.record, self.slope, self.launch, self._flight)
+        run_embark(self.body.record, params.Slope(*self.slope[:3]), self.launch, self._flight)
 
     @property
     def status(self) -> Status:
@@ -102,7 +103,7 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        run_trim(self.body.record, self.slope, self.launch, self.rotor_inertia, lent, self._flight)
+        run_trim(self.body.record, params.Slope(*self.slope[:3]), self.launch, self.rotor_inertia, lent, self._flight)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -148,7 +149,7 @@ class Ride:
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
         law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self._limits, self.body.record, law, self.slope, self.launch)
+        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch)
         trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
         follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
@@ -201,7 +202,7 @@ class RideBatch:
         lanes = len(given.launches)
         self._like, self._bodies = given.like(), given.bodies
         self._laws = np.empty((lanes, given.laws.shape[1]))
-        self._slopes = np.empty((lanes, given.slopes.shape[1]))
+        self._slopes = np.empty((lanes, 0))
         self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
@@ -301,7 +302,11 @@ class RideBatch:
     def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
         if given.kind is not type(self._like):
             raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
-        self._laws[lanes], self._slopes[lanes], self._launches[lanes] = given.laws, given.slopes, given.launches
+        more = given.slopes.shape[1] - self._slopes.shape[1]  # some slope has more zones than any before
+        if more > 0:
+            self._slopes = np.pad(self._slopes, ((0, 0), (0, more)), constant_values=np.nan)
+        self._slopes[lanes], self._slopes[lanes, : given.slopes.shape[1]] = np.nan, given.slopes
+        self._laws[lanes], self._launches[lanes] = given.laws, given.launches
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
         put_at_launch(flights, given.launches)
         self._flights[lanes] = flights

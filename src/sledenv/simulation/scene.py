@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, ClassVar, Self, get_args
+from typing import Any, ClassVar, NamedTuple, Self, get_args
 
 import numpy as np
 
 from sledenv.kernel import params
+from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -19,9 +20,11 @@ from sledenv.simulation.rules import (
     Rule,
     checked,
     checked_fields,
+    made,
 )
 
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
+_PLACE: Rule = (lambda v: v > -math.inf, "in (-inf, inf] m")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
 
 
@@ -104,7 +107,46 @@ def kind_of(law: Any) -> type[AnyLaw]:
     return ContactLaw
 
 
-class Slope(Checked, params.Slope):
+class Zone(Checked, params.Zone):
+    """A part of a slope with friction and rolling arms of its own: docs/physics.md, section 11.
+
+    Parameters
+    ----------
+    begin, end : float
+        Where the contact point is in the zone, as x along the slope [m]; ``end`` > ``begin`` may be inf.
+    friction : float
+        Coulomb coefficient f [-], >= 0.
+    rolling_arm : float
+        Arm delta of the rolling resistance of an arc [m], >= 0.
+    corner_rolling_arm : float
+        The same for a corner [m], >= 0; 0 by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the field, its value and the allowed range.
+    """
+
+    __slots__ = ()
+    rules: ClassVar[tuple[Rule, ...]] = (FINITE, _PLACE, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
+
+    def __new__(
+        cls, begin: float, end: float, friction: float, rolling_arm: float, corner_rolling_arm: float = 0.0
+    ) -> Self:
+        values = checked_fields(cls, begin, end, friction, rolling_arm, corner_rolling_arm)
+        if not values[0] < values[1]:
+            raise ValueError(f"Zone.end = {values[1]!r}: must be > Zone.begin = {values[0]!r} m")
+        return super().__new__(cls, *values)
+
+
+class _SlopeFields(NamedTuple):
+    angle: float  # [rad] beta, positive downhill
+    length: float  # [m] where the descent finishes; may be inf
+    gravity: float  # [m/s^2]
+    zones: tuple[Zone, ...]
+
+
+class Slope(Checked, _SlopeFields):
     """A straight incline: docs/physics.md, section 1.
 
     Parameters
@@ -115,18 +157,80 @@ class Slope(Checked, params.Slope):
         The descent finishes where the mass centre reaches x = length [m], > 0; inf by default.
     gravity : float
         Gravitational acceleration [m/s^2], >= 0.
+    zones : sequence of Zone
+        Up to 8 parts with friction and rolling arms of their own, one behind the other along the slope; elsewhere
+        those of the contact law hold, and stiffness and restitution are its own everywhere. None by default.
 
     Raises
     ------
     TypeError, ValueError
-        Naming the field, its value and the allowed range.
+        Naming the field, its value and the allowed range; zones must be in order, must not overlap, and must not go
+        beyond the end of the slope, unless without end.
     """
 
     __slots__ = ()
     rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
 
-    def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81) -> Self:
-        return super().__new__(cls, *checked_fields(cls, angle, length, gravity))
+    def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81, zones: Iterable[Zone] = ()) -> Self:
+        angle, length, gravity = (
+            checked("Slope", name, value, rule)
+            for name, value, rule in zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
+        )
+        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length))
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes."""
+        return (*self[:3], *(number for zone in self.zones for number in zone))
+
+
+def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
+    """Return the zones of a slope of some length [m], each checked, or raise TypeError or ValueError."""
+    if zones == ():
+        return ()
+    if isinstance(zones, str | Zone) or not isinstance(zones, Iterable):
+        raise TypeError(f"Slope.zones = {zones!r}: must be a sequence of Zone")
+    made_zones = tuple(made(f"Slope.zones[{k}]", Zone, zone) for k, zone in enumerate(zones))
+    if len(made_zones) > MOST_ZONES:
+        raise ValueError(f"Slope.zones holds {len(made_zones)}: must hold at most {MOST_ZONES}")
+    reached = -math.inf
+    for k, zone in enumerate(made_zones):
+        name = f"Slope.zones[{k}]"
+        if zone.begin < reached:
+            raise ValueError(f"{name}.begin = {zone.begin!r}: must be >= the end of the zone before, {reached!r} m")
+        if zone.begin >= length:
+            raise ValueError(f"{name}.begin = {zone.begin!r}: must be < Slope.length = {length!r} m")
+        if length < zone.end < math.inf:
+            raise ValueError(f"{name}.end = {zone.end!r}: must be <= Slope.length = {length!r} m, or inf")
+        reached = zone.end
+    return made_zones
+
+
+def zones_allowed(zones: np.ndarray) -> np.ndarray:
+    """Whether zones of slopes, shape (N, K, fields), are allowed behind those before them: shape (N, K)."""
+    fine = np.ones(zones.shape[:2], bool)
+    for column, (accepts, _) in zip(np.moveaxis(zones, 2, 0), Zone.rules, strict=True):
+        fine &= accepts(column)
+    fine &= zones[:, :, 0] < zones[:, :, 1]
+    fine[:, 1:] &= zones[:, 1:, 0] >= zones[:, :-1, 1]
+    return fine
+
+
+def made_slope(value: Any) -> Slope:
+    """Return an argument that must be a slope, or the three numbers of one without zones, every field checked.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the field, its value and what is allowed.
+    """
+    if type(value) is Slope:
+        return value
+    plain = type(value) in (tuple, list) or isinstance(value, np.ndarray | params.Slope)
+    if plain and len(value) == len(params.Slope._fields):
+        return Slope(*value)
+    names = ", ".join(params.Slope._fields)
+    raise TypeError(f"slope = {value!r}: must be a Slope, or as many numbers: {names}")
 
 
 class State(Checked, params.State):

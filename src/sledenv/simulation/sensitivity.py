@@ -15,8 +15,8 @@ from sledenv.simulation.checks import checked_law
 from sledenv.simulation.derivatives import PARAMETERS, REBOUND_QUANTITIES, Floats, Sensitivity
 from sledenv.simulation.neighbours import SIGNS, Neighbours, end_values, places, rebound_values
 from sledenv.simulation.richardson import derivatives_of
-from sledenv.simulation.rules import checked_choice, checked_count, made
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.rules import checked_choice, checked_count
+from sledenv.simulation.scene import ContactLaw, Slope, State, made_slope
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate
 
@@ -64,7 +64,7 @@ def sensitivity(
     """
     rebounds = checked_count("rebounds", rebounds)
     settings = checked_settings(settings)
-    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
+    body, law, slope = made_body(body), checked_law(law), made_slope(slope)
     names = _checked_parameters(parameters, body, slope, settings.solver)
     descent = simulate(body, law, slope, launch, settings)
     # A neighbour with more rebounds has another sequence; how it goes on does not matter.
@@ -110,6 +110,10 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
     idle |= set(foreign)
     if math.isinf(slope.length):
         idle.add("length")
+    absent = {name for name in PARAMETERS if name.startswith("zone_")}
+    for k, zone in enumerate(slope.zones, 1):
+        absent -= {f"zone_{k}_{name}" for name, value in zone._asdict().items() if math.isfinite(value)}
+    idle |= absent
     if given is None:
         return tuple(name for name in PARAMETERS if name not in idle)
     if isinstance(given, str) or not given:
@@ -118,6 +122,8 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         checked_choice("parameters", name, tuple(PARAMETERS))
         if name in foreign:
             raise ValueError(f"parameters: {name!r} is that of a segment, and the body is a {type(body).__name__}")
+        if name in absent:
+            raise ValueError(f"parameters: the slope has no {name!r} that could be varied")
     if len(set(given)) < len(given):
         raise ValueError(f"parameters = {given!r}: must name each parameter once")
     if "length" in given and "length" in idle:

@@ -103,13 +103,13 @@ def simulate(
         outcomes = np.zeros(1, OUTCOME)
         outcome: np.void = outcomes[0]
         if settings.solver == "euler":
-            given = body.record, touching, slope, launch, limits, rebounds, new(SPACE), trajectory, outcomes
+            given = body.record, touching, slope.row, launch, limits, rebounds, new(SPACE), trajectory, outcomes
             go_on = run_euler.prepared(*given)
             while outcome["status"] == RUNNING:  # an interrupt takes effect between two calls
                 go_on()
         else:
             put_at_launch(outcomes, launch)
-            tables = Tables(touching, limits, body.record, touching, slope, launch)
+            tables = Tables(touching, limits, body.record, touching, slope.row, launch)
             follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         return outcome
 
@@ -176,7 +176,7 @@ def simulate_batch(
     ----------
     body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them
         One for all lanes or one a lane. An array has the fields of a segment, of a law or of a slope in its columns:
-        shapes (N, 5), (N, 5) and (N, 3).
+        shapes (N, 5), (N, 5) and (N, 3), or (N, 3 + 5 K) with the fields of K zones, NaN where a slope has fewer.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
     settings : Settings, optional

@@ -1,0 +1,66 @@
+"""The ground along a slope: friction and rolling arms, and zones that have their own; docs/physics.md, section 11."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS
+
+MOST_ZONES: Final = 8
+PIECES: Final = 2 * MOST_ZONES + 1  # with what lies between the zones
+
+# The slope from its top to its end, in pieces one after the other.
+GROUND: Final = np.dtype(
+    [
+        ("count", "f8"),  # of pieces
+        ("begin", "f8", (PIECES + 1,)),  # [m] where each begins, -inf of the first one; the last one ends at inf
+        ("friction", "f8", (PIECES,)),  # [-]
+        ("arc_arm", "f8", (PIECES,)),  # [m] rolling arm of arcs
+        ("corner_arm", "f8", (PIECES,)),  # [m] and of corners
+    ]
+)
+
+
+@kernel
+def _lay(ground: np.void, begin: float, friction: float, arc_arm: float, corner_arm: float) -> None:
+    """Add a piece."""
+    piece = int(ground["count"])
+    ground["begin"][piece], ground["friction"][piece] = begin, friction
+    ground["arc_arm"][piece], ground["corner_arm"][piece] = arc_arm, corner_arm
+    ground["count"] += 1.0
+
+
+@kernel
+def lay_ground(law: Any, slope: np.ndarray, ground: np.void) -> None:
+    """Write the ground of a slope with zones, one row of a table of slopes; elsewhere it is as the law says."""
+    ground["count"], reached = 0.0, -math.inf
+    for k in range(SLOPE_FIELDS, slope.shape[0], ZONE_FIELDS):
+        begin, end = slope[k], slope[k + 1]
+        if not begin < end:  # the row has room for more zones than there are
+            continue
+        if begin > reached:
+            _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
+        _lay(ground, begin, slope[k + 2], slope[k + 3], slope[k + 4])
+        reached = end
+    if reached < math.inf:
+        _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
+    ground["begin"][int(ground["count"])] = math.inf
+
+
+@kernel
+def piece_at(ground: np.void, x: float) -> int:
+    """Piece of the ground at a place [m] along the slope."""
+    piece = int(ground["count"]) - 1
+    while piece > 0 and x < ground["begin"][piece]:
+        piece -= 1
+    return piece
+
+
+@kernel
+def arm_on(body: np.void, arc: int, ground: np.void, piece: int) -> float:
+    """Rolling arm [m] of an arc on a piece of the ground."""
+    return float((ground["corner_arm"] if body["corner"][arc] != 0.0 else ground["arc_arm"])[piece])
