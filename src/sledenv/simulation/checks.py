@@ -191,7 +191,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     checked_rows("slope[{lane}]", Slope, rows[:, : len(fields)])
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
-    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, -1))
+    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)))
     return rows
 
 
