@@ -51,26 +51,26 @@ def outcomes(**fields: Any) -> np.ndarray:
 def test_grip_is_the_share_of_the_available_friction() -> None:
     """Oracle: |SF|/(f SN) by hand; nothing is gripped without normal impulse."""
     rows = rebounds(normal_impulse=[2.0, 2.0, 4.0, 0.0], tangential_impulse=[-0.6, 0.3, 0.0, 0.0])
-    assert rebound_jam(rows, 0.3).grip == pytest.approx([1.0, 0.5, 0.0, 0.0])
-    assert rebound_jam(rows, 0.0).grip.tolist() == [0.0] * 4
+    assert rebound_jam(rows, np.full(len(rows), 0.3)).grip == pytest.approx([1.0, 0.5, 0.0, 0.0])
+    assert rebound_jam(rows, np.full(len(rows), 0.0)).grip.tolist() == [0.0] * 4
 
 
 def test_tangential_loss_is_what_a_rebound_takes_of_the_speed() -> None:
     """Oracle: clip(1 - u_after/u_before, 0, 1) by hand; a body without speed loses none."""
     rows = rebounds(u_before=[4.0, 4.0, 4.0, -4.0, 4.0, 0.0], u_after=[3.0, -1.0, 5.0, -1.0, 4.0, 2.0])
-    assert rebound_jam(rows, 0.3).tangential_loss.tolist() == [0.25, 1.0, 0.0, 0.75, 0.0, 0.0]
+    assert rebound_jam(rows, np.full(len(rows), 0.3)).tangential_loss.tolist() == [0.25, 1.0, 0.0, 0.75, 0.0, 0.0]
 
 
 def test_stuck_is_nearly_stuck_too() -> None:
     """Oracle: the codes 0, 1 and 2 of the record."""
-    jam = rebound_jam(rebounds(stuck=[0, 1, 2]), 0.3)
+    jam = rebound_jam(rebounds(stuck=[0, 1, 2]), np.full(3, 0.3))
     assert jam.stuck.tolist() == [False, False, True]
     assert jam.nearly_stuck.tolist() == [False, True, True]
 
 
 def test_no_rebounds_have_no_metrics() -> None:
     """Oracle: empty in, empty out."""
-    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), 0.3)] == [0, 0, 0, 0]
+    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), np.zeros(0))] == [0, 0, 0, 0]
 
 
 @pytest.mark.parametrize(("u", "grip"), [(20.0, 1.0), (0.3, None)])

@@ -284,7 +284,7 @@ def _step(slope: Incline, limits: Limits, space: np.void) -> int:
     if bounded != records.RUNNING and bounded != records.TIMEOUT:
         return bounded
     foreseen = steps[0]["length"]
-    events.first_event(slope.length, space)
+    events.first_event(space["finish"], space)
     if steps[0]["length"] < foreseen:  # something else happens before
         for i in range(int(contact["count"])):
             complete(contact, points[i], steps[i])
@@ -292,14 +292,14 @@ def _step(slope: Incline, limits: Limits, space: np.void) -> int:
 
 
 @kernel
-def _feel(body: np.void, slope: Incline, space: np.void) -> int:
+def _feel(body: np.void, space: np.void) -> int:
     """Apply to a contact what happens at the end of a step; return its status, RUNNING if it goes on.
 
     Where one of two points has left, the contact goes on with the other.
     """
     contact, points, steps = space["contact"], space["points"], space["steps"]
     if contact["count"] == 1.0:
-        status = progress.follow_event(body, slope.length, 0, space)
+        status = progress.follow_event(body, space["finish"], 0, space)
         if status == records.TWO_POINTS and contact["rigid"] == 0.0:
             # With both ends of a flat arc in the slope one point no longer says where the surfaces push.
             sunk = body["sinks"][int(points[0]["arc"])] != 0.0
@@ -309,7 +309,7 @@ def _feel(body: np.void, slope: Incline, space: np.void) -> int:
         contact["undecided"] = 1.0
     leaves = other_leaves = False
     for i in range(2):
-        status = progress.follow_event(body, slope.length, i, space)
+        status = progress.follow_event(body, space["finish"], i, space)
         if status != records.RUNNING and status != records.SEPARATED:
             return status
         if status == records.SEPARATED:
@@ -387,7 +387,12 @@ def follow(
             step["moment_impulse"] = rolling_part(step["moment_impulse"], points, steps)
         contact["undecided"] = 1.0 if progress.move_on(contact, points, steps) else 0.0
         event = int(step["event"])
-        status = _feel(body, slope, space)
+        status = _feel(body, space)
+        if status == records.FINISH:
+            _, b = progress.arms_now(body, int(points[0]["arc"]), contact)
+            u = points[0]["v_t"] - b * contact["omega"]
+            if progress.passes_line(limits, contact["time"], u, flight, space):
+                status = records.RUNNING
         if status != records.RUNNING:
             break
         if contact["undecided"] == 0.0 and event == events.NOTHING and bounded == records.TIMEOUT:

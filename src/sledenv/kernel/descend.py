@@ -17,8 +17,8 @@ from sledenv.kernel.laws import Law, touch
 from sledenv.kernel.motion import finish_time
 from sledenv.kernel.outline import arms, whole_turns
 from sledenv.kernel.params import Incline, Limits, State
-from sledenv.kernel.progress import touches
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT, TUMBLED
+from sledenv.kernel.progress import passes_line, touches
+from sledenv.kernel.records import AT_LINE, FINISH, LOG_FULL, NON_FINITE, RUNNING, SEPARATED, TIMEOUT, TUMBLED
 from sledenv.kernel.sampling import write_contact
 from sledenv.kernel.state import (
     CONTACT,
@@ -64,6 +64,7 @@ SPACE = record(
     ("ends", "f8", (6,)),
     ("lost_flat", "f8", (3,)),
     ("flat", "f8", (9, WIDTH)),
+    ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out once that has been passed
     ("strikes", "f8"),  # impacts of rigid bodies since the touchdown
 )
 
@@ -76,7 +77,7 @@ def _come_to(at: Any, there: Any) -> None:
 
 def _start(launch: Any, flight: Any) -> None:
     """Program that writes the numbers of a flight at its launch."""
-    clear(flight, ("t", "trim", "rotor", "work", "absorbed", "stored", *records.LOSSES))
+    clear(flight, ("t", "u_line", "trim", "rotor", "work", "absorbed", "stored", *records.LOSSES))
     copy(launch, flight, State._fields)
 
 
@@ -150,7 +151,7 @@ def begin(launch: State, flight: np.void) -> None:
     flight["status"] = RUNNING
     flight["rebounds"] = flight["samples"] = flight["steps"] = 0
     _set_off(launch, flight)
-    flight["t_on_chord"] = flight["x_on_chord"] = math.inf
+    flight["t_on_chord"] = flight["x_on_chord"] = flight["t_line"] = math.inf
 
 
 @kernel
@@ -187,7 +188,7 @@ def close_books(body: np.void, slope: Incline, launch: State, flight: np.void) -
     x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
     drop = max(0.0, launch.y - body["lowest"])
-    along = max(0.0, x - launch.x)
+    along = max(0.0, (slope.length if flight["t_line"] < math.inf else x) - launch.x)  # not in the run-out
     flight["initial"] = kinetic + potential
     flight["supplied"] = kinetic + body["mass"] * (drop * slope.inward + along * slope.downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
@@ -247,7 +248,9 @@ def _fly(body: np.void, slope: Incline, limits: Limits, flight: np.void, space: 
     arrive(body, at, duration)
     _come(at, flight)
     if status == FINISH:
-        flight["x"] = slope.length
+        flight["x"] = space["finish"]
+        if passes_line(limits, flight["t"], flight["u"], flight, space):
+            return AT_LINE
     return status
 
 
@@ -279,6 +282,7 @@ def find_touchdown(body: np.void, slope: Incline, limits: Limits, flight: np.voi
     at = space["hop"]
     if space["stage"] == TAKING_OFF:
         write_flight(at, slope, limits, flight)
+        at["length"] = space["finish"]
         begin_search(body, at)
     space["work"] += search(space["most_work"] - space["work"], body, at)
     space["stage"] = TAKING_OFF if at["phase"] == LANDED else SEEKING
@@ -328,6 +332,8 @@ def hop(
         _take_off(body, flight, log[min(flight["rebounds"], log.shape[0] - 1)], space)
         if status == SEPARATED:
             status = LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
+    elif status == AT_LINE:
+        status = RUNNING
     flight["status"] = status
     if status != RUNNING and trajectory.shape[0] > 0:
         row = next_row(trajectory, flight)
@@ -352,6 +358,8 @@ def descend(
     It is not done if ``space["work"]`` reaches ``space["most_work"]`` before. The same call then goes on where this one
     has stopped. Arguments are those of :func:`hop`.
     """
+    space["finish"] = slope.length + (limits.run_out if flight["t_line"] < math.inf else 0.0)
+    before = flight["rebounds"]
     while flight["status"] == RUNNING:
         if space["work"] >= space["most_work"]:
             return False
@@ -359,6 +367,6 @@ def descend(
         if space["stage"] == SEEKING:
             return False
         hop(body, law, slope, limits, flight, log, space, trajectory)
-        if once:
+        if once and flight["rebounds"] > before:  # not if it has passed the line alone
             break
     return True

@@ -97,7 +97,7 @@ def _known() -> str:
     body["side"][0, 2], body["corner"][0, :3] = 4.0, (1.0, 0.0, 1.0)
     run_complete(body)
     launch = State(0.0, 0.6, 0.7, 0.5, 0.0, 1.0)
-    limits = Limits(3.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 12.0, 0.0, 0.0, 1e6)
+    limits = Limits(3.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 12.0, 0.0, 0.0, 0.0, 1e6)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
 

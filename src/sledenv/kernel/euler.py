@@ -95,10 +95,12 @@ def _look(body: np.void, law: ContactLaw, flight: np.void, space: np.void) -> tu
 
 @kernel
 def _status(slope: Incline, limits: Limits, flight: np.void, lowest: Point) -> int:
-    """Whether the descent goes on, or why it ends here."""
+    """Whether the descent goes on, or why it ends here; the passage of the line is noted."""
     if not math.isfinite(lowest.gap + lowest.v_n + lowest.v_t):
         return NON_FINITE
-    if flight["x"] >= slope.length:
+    if flight["x"] >= slope.length and flight["t_line"] == math.inf:
+        flight["t_line"], flight["u_line"] = flight["t"], flight["u"]
+    if flight["x"] >= slope.length + limits.run_out:
         return FINISH
     if flight["t"] >= limits.max_time:
         return TIMEOUT

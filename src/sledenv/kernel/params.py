@@ -93,6 +93,7 @@ class Limits(NamedTuple):
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
     end_part: float  # code of a part of the body whose touch ends a descent, 0: none does
+    run_out: float  # [m] behind the end of the slope, which the body still descends once it has passed the line there
     most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
 
 

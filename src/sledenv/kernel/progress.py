@@ -308,6 +308,19 @@ def follow_event(body: np.void, length: float, i: int, space: np.void) -> int:
 
 
 @kernel
+def passes_line(limits: Limits, t: float, u: float, flight: np.void, space: np.void) -> bool:
+    """Whether a body goes on that has come to where its descent ends, at a time [s] and a speed [m/s] down the slope.
+
+    It does so at the line, if there is a run-out behind it.
+    """
+    if flight["t_line"] < math.inf:
+        return False
+    flight["t_line"], flight["u_line"] = t, u
+    space["finish"] += limits.run_out
+    return limits.run_out > 0.0
+
+
+@kernel
 def touches(body: np.void, part: float, contact: np.void, points: np.ndarray) -> bool:
     """Whether a contact is one of a part of the body, whose code is given; 0 is none.
 

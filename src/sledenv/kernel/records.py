@@ -14,6 +14,7 @@ RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BU
 # How a contact may end without ending the descent.
 SEPARATED: Final = -1  # the body leaves the slope
 TWO_POINTS: Final = -2  # another arc of a rigid body has come down
+AT_LINE: Final = -4  # the body has passed the line, and goes on in the run-out
 INCONSISTENT: Final = -3  # no finite normal force keeps rigid surfaces apart: an impact follows
 
 ARC, NOSE, TAIL, CHORD = range(1, 5)
@@ -23,7 +24,7 @@ class Status(StrEnum):
     """Why a descent ended; members are strings, ``STATUS_OF_CODE`` maps the kernel's codes to them."""
 
     RUNNING = "running"  # under way, never returned by a whole descent
-    FINISH = "finish"  # the mass centre reached the end of the slope
+    FINISH = "finish"  # the mass centre reached the end of the slope, or of the run-out behind it
     JAMMED = "jammed"  # at rest for good: full stick on the incline
     TUMBLED = "tumbled"  # the body lay on its chord, or a part of it touched, where the descent was to end
     TIMEOUT = "timeout"  # max_time elapsed
@@ -185,6 +186,8 @@ OUTCOME = np.dtype(
         ("samples", "i8"),  # rows of the trajectory that were needed (more than its length: it was too short)
         ("steps", "i8"),  # integration steps in contact
         *((name, "f8") for name in ("t", *State._fields)),
+        ("t_line", "f8"),  # [s] when the mass centre passed the end of the slope; inf if never
+        ("u_line", "f8"),  # [m/s] and how fast along the slope, 0 if never
         ("t_on_chord", "f8"),  # [s] when the body first lay on its chord with both ends settled; inf if never
         ("x_on_chord", "f8"),  # [m] and where
         ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body

@@ -6,7 +6,9 @@ from typing import Annotated, Final, NamedTuple, get_type_hints
 
 import numpy as np
 
-from sledenv.kernel.records import FINISH, NON_FINITE
+from sledenv.kernel.records import BURIED, NON_FINITE, TUMBLED
+
+_CRASHED: Final = (TUMBLED, BURIED, NON_FINITE)
 
 
 class ReboundJam(NamedTuple):
@@ -31,8 +33,8 @@ class DescentJam(NamedTuple):
     benchmark. Pages show what is marked: progress and retention are parts of the reward, which sums them up.
     """
 
-    progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 0 on a slope without end
-    retention: np.ndarray  # [-] energy of motion along the slope over all energy supplied; 0 unless finished
+    progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 1 once past the line, 0 on a slope without end
+    retention: np.ndarray  # [-] energy of motion along the slope at the line over all supplied; 0 of a crash
     reward: Annotated[np.ndarray, Shown()]  # [-] progress / 2 + sqrt(retention) / 2, in [0, 1]
 
     @property
@@ -48,8 +50,11 @@ SHOWN: Final[dict[str, Shown]] = {
 }
 
 
-def rebound_jam(rebounds: np.ndarray, friction: float) -> ReboundJam:
-    """Return the jam metrics of each row of ``rebounds`` (a REBOUND array) at Coulomb coefficient ``friction``."""
+def rebound_jam(rebounds: np.ndarray, friction: np.ndarray) -> ReboundJam:
+    """Return the jam metrics of each row of ``rebounds`` (a REBOUND array) at its Coulomb coefficient of ``friction``.
+
+    The one where it began counts: a contact that slides on into another zone may have a grip below 1 nevertheless.
+    """
     available = friction * rebounds["normal_impulse"]
     grip = np.divide(
         np.abs(rebounds["tangential_impulse"]), available, out=np.zeros(rebounds.shape), where=available > 0.0
@@ -63,14 +68,15 @@ def rebound_jam(rebounds: np.ndarray, friction: float) -> ReboundJam:
 def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length: np.ndarray | float) -> DescentJam:
     """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for bodies of ``mass`` [kg].
 
-    The retention compares the kinetic energy of the motion along the slope at the finish with *all* energy supplied:
-    launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until the time is
-    over gains nothing by it.
+    The retention compares the kinetic energy of the motion along the slope at the line with *all* energy supplied up to
+    there: launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until the
+    time is over gains nothing by it. One that crashes in the run-out behind the line keeps nothing.
     """
     status = outcomes["status"]
-    finished = status == FINISH
-    x = np.where(status == NON_FINITE, 0.0, outcomes["x"])
-    u = np.where(finished, np.maximum(outcomes["u"], 0.0), 0.0)
+    passed = outcomes["t_line"] < np.inf
+    finished = passed & ~np.isin(status, _CRASHED)
+    x = np.where(status == NON_FINITE, 0.0, np.where(passed, length, outcomes["x"]))
+    u = np.where(finished, np.maximum(outcomes["u_line"], 0.0), 0.0)
     supplied = np.where(finished, outcomes["supplied"], 1.0)
     # Nothing supplied, nothing kept: the quotient is 0, not that of two zeros. (np.clip takes five times as long.)
     retention = np.minimum(0.5 * mass * np.square(u) / np.where(supplied > 0.0, supplied, np.inf), 1.0)

@@ -69,6 +69,12 @@ class Descent:
         time, x = float(self.outcome["t_on_chord"]), float(self.outcome["x_on_chord"])
         return (time, x) if math.isfinite(time) else None
 
+    @property
+    def at_line(self) -> tuple[float, float] | None:
+        """When [s] and how fast along the slope [m/s] the mass centre passed the end of it; None if it never did."""
+        time, u = float(self.outcome["t_line"]), float(self.outcome["u_line"])
+        return (time, u) if math.isfinite(time) else None
+
     @cached_property
     def jam(self) -> DescentJam:
         """Progress, retention, reward and jam index of the descent."""
@@ -82,7 +88,7 @@ class Descent:
     @cached_property
     def rebound_jam(self) -> ReboundJam:
         """Grip, tangential loss and stuck flags of each rebound."""
-        return rebound_jam(self.rebounds, self.law.friction)
+        return rebound_jam(self.rebounds, self.slope.friction_at(self.rebounds["x_contact"], self.law.friction))
 
 
 @dataclass(frozen=True, eq=False)

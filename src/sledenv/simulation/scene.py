@@ -183,6 +183,13 @@ class Slope(Checked, _SlopeFields):
         """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes."""
         return (*self[:3], *(number for zone in self.zones for number in zone))
 
+    def friction_at(self, x: np.ndarray, elsewhere: float) -> np.ndarray:
+        """Friction [-] at places ``x`` [m] along the slope, same shape; ``elsewhere`` is that outside of the zones."""
+        friction = np.full(np.shape(x), elsewhere)
+        for zone in self.zones:
+            friction[(x >= zone.begin) & (x < zone.end)] = zone.friction
+        return friction
+
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
     """Return the zones of a slope of some length [m], each checked, or raise TypeError or ValueError."""

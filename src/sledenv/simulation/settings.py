@@ -24,6 +24,7 @@ _RULES: Final[dict[str, Rule]] = {
     "tolerance": (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]"),
     "sample_interval": (lambda v: (v >= 1e-12) & (v < math.inf), "in [1e-12, inf) s"),
     "step": POSITIVE,
+    "run_out": (NOT_NEGATIVE[0], "in [0, inf) m"),
     "settle_speed": (NOT_NEGATIVE[0], "in [0, inf) m/s"),
 }
 
@@ -50,6 +51,9 @@ class Settings:
     end_touching : str, optional
         End a descent with status "tumbled" where a part of this name touches the slope, or a straight side of this name
         lies on it: one of ``Body.parts``.
+    run_out : float
+        How far behind the end of the slope the descent goes on [m], >= 0. It is judged where it passes the line there,
+        but one that crashes in the run-out keeps nothing. The slope, and its last zone if that is endless, goes on too.
     settle_speed : float, optional
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
         1e-5 sqrt(gravity times the size of the body) by default. 0 follows the bounces until the log is full.
@@ -74,6 +78,7 @@ class Settings:
     max_rebounds: int = 1000
     end_on_chord: bool = False
     end_touching: str | None = None
+    run_out: float = 0.0
     settle_speed: float | None = None
     tolerance: float = 1e-14
     sample_interval: float = 0.01
@@ -121,6 +126,7 @@ class Settings:
             max_rebounds=float(self.max_rebounds),
             end_on_chord=1.0 if self.end_on_chord else 0.0,
             end_part=0.0,
+            run_out=self.run_out,
             most_work=EULER_WORK if euler else WORK,
         )
 

@@ -43,6 +43,7 @@ def simulate(
     max_rebounds: int | None = None,
     end_on_chord: bool | None = None,
     end_touching: str | None = None,
+    run_out: float | None = None,
     settle_speed: float | None = None,
     tolerance: float | None = None,
     sample_interval: float | None = None,
@@ -64,7 +65,7 @@ def simulate(
         How it is simulated; the default ones otherwise.
     record : {"rebounds", "trajectory"}
         "trajectory" also records positions, velocities and contact forces.
-    solver, max_time, max_rebounds, end_on_chord, end_touching, settle_speed, tolerance, sample_interval, step,
+    solver, max_time, max_rebounds, end_on_chord, end_touching, run_out, settle_speed, tolerance, sample_interval, step,
     friction_sign
         Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
 
@@ -86,6 +87,7 @@ def simulate(
         "max_rebounds": max_rebounds,
         "end_on_chord": end_on_chord,
         "end_touching": end_touching,
+        "run_out": run_out,
         "settle_speed": settle_speed,
         "tolerance": tolerance,
         "sample_interval": sample_interval,
@@ -122,7 +124,7 @@ def simulate(
 
 def put_at_launch(flights: np.ndarray, launches: np.ndarray | State) -> None:
     """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
-    flights["t_on_chord"] = flights["x_on_chord"] = np.inf
+    flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
     for name, column in zip(State._fields, launches.T if isinstance(launches, np.ndarray) else launches, strict=True):
         flights[name] = column
 
