@@ -10,8 +10,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from sledenv.kernel.records import (
+    BURIED,
+    JAMMED,
+    NON_FINITE,
+    OUTCOME,
+    REBOUND,
+    STATUS_OF_CODE,
+    TIMEOUT,
+    TUMBLED,
+    Status,
+)
 from sledenv.kernel.records import FINISH as FINISHED
-from sledenv.kernel.records import NON_FINITE, OUTCOME, REBOUND, STATUS_OF_CODE, Status
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.jam import descent_jam, rebound_jam
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -37,11 +47,13 @@ def rebounds(**fields: Any) -> np.ndarray:
 
 
 def outcomes(**fields: Any) -> np.ndarray:
-    """Outcomes with the given columns, finished and at x = 10 m unless told otherwise."""
+    """Outcomes with the given columns, finished and at x = 10 m unless told otherwise; the line is where they end."""
     rows = np.zeros(max(np.size(values) for values in fields.values()), OUTCOME)
     rows["status"], rows["x"] = FINISHED, 10.0
     for name, values in fields.items():
         rows[name] = values
+    finished = rows["status"] == FINISHED
+    rows["t_line"], rows["u_line"] = np.where(finished, 1.0, np.inf), np.where(finished, rows["u"], 0.0)
     return rows
 
 
@@ -118,6 +130,22 @@ def test_a_descent_that_does_not_finish_earns_its_progress_alone(status: int) ->
     jam = descent_jam(outcomes(status=[status] * 4, x=[9.0, 0.0, -3.0, 12.0], u=50.0, supplied=1.0), 2.0, 10.0)
     assert jam.retention.tolist() == [0.0] * 4
     assert jam.reward == pytest.approx([0.45, 0.0, 0.0, 0.5])
+
+
+@pytest.mark.parametrize("status", [JAMMED, TIMEOUT, FINISHED])
+def test_what_happens_behind_the_line_does_not_count(status: int) -> None:
+    """Oracle: the speed at the line; the body may stop in the run-out, or be slow at its end."""
+    rows = outcomes(status=[status], x=12.0, u=1.0, supplied=36.0)
+    rows["t_line"], rows["u_line"] = 3.0, 6.0
+    assert descent_jam(rows, 2.0, 10.0).reward.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("status", [TUMBLED, BURIED])
+def test_a_crash_behind_the_line_keeps_nothing(status: int) -> None:
+    """Oracle: the way to the line alone, R = 1/2."""
+    rows = outcomes(status=[status], x=12.0, u=1.0, supplied=36.0)
+    rows["t_line"], rows["u_line"] = 3.0, 6.0
+    assert descent_jam(rows, 2.0, 10.0).reward.tolist() == [0.5]
 
 
 def test_a_descent_that_overflows_earns_nothing() -> None:

@@ -104,7 +104,8 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
     ValueError
         Naming row, field, value and allowed range.
     """
-    for column, field, (accepts, allowed) in zip(rows.T, kind._fields, kind.rules, strict=True):
+    fields = kind._fields[: len(kind.rules)]  # what comes behind has no rule, as the zones of a slope
+    for column, field, (accepts, allowed) in zip(rows.T, fields, kind.rules, strict=True):
         accepted = accepts(column)
         if not accepted.all():
             lane = int(np.argmin(accepted))
