@@ -250,7 +250,7 @@ class Task:
         for name, pair in bounds.items():
             i = Context._fields.index(name)
             most[i] = max(most[i], *np.abs(pair))
-        _, _, _, speed, drop, fall, _, spin = most.tolist()
+        _, _, _, speed, drop, fall, _, spin, *_ = most.tolist()
         angle, slope = self._context_high[0], self.scenario.slope_section
         height = drop + highest_support(self.body) + slope.length_m * max(0.0, np.sin(angle))
         gyration = self.body.inertia / self.body.mass  # [m^2]

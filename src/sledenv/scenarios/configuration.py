@@ -31,7 +31,7 @@ _WORDING = {
     "bool_type": "must be true or false",
     "string_type": "must be text",
     "string_pattern_mismatch": "must be lower-case letters, digits and underscores",
-    "tuple_type": "must be a list of words",
+    "tuple_type": "must be a list",
 }
 
 
@@ -166,7 +166,7 @@ class Section(BaseModel):
     def explain(cls, error: ErrorDetails) -> str:
         """Return what is wrong with a key, in one line: its dotted name, its value and what is allowed."""
         owner, names = cls._place(error["loc"])
-        path, key = ".".join(names), names[-1] if names else ""
+        path, key = ".".join(names), next((name for name in reversed(names) if not name.isdecimal()), "")
         fields, value = owner._fields(), reprlib.repr(error["input"])
         match error["type"]:
             case "missing":
@@ -175,12 +175,16 @@ class Section(BaseModel):
             case "extra_forbidden":
                 return f"{path} = {value}: unknown key{_hint(key, fields)}; known: {', '.join(fields)}"
             case "union_tag_not_found":
-                return f"{path}.kind: missing; must be one of {', '.join(_kinds(fields[key]))}"
+                return f"{path}.kind: missing; must be one of {', '.join(_kinds(fields[key].annotation))}"
             case "union_tag_invalid":
-                tag, known = str(error["ctx"]["tag"]), _kinds(fields[key])
+                tag, known = str(error["ctx"]["tag"]), _kinds(fields[key].annotation)
                 return f"{path}.kind = {tag!r}: must be one of {', '.join(known)}{_hint(tag, known)}"
             case "value_error":
                 text = str(error["ctx"]["error"])
+            case "too_short":
+                text = f"must have at least {error['ctx']['min_length']} entries"
+            case "too_long":
+                text = f"must have at most {error['ctx']['max_length']} entries"
             case other:
                 text = _WORDING.get(other, error["msg"])
         if isinstance(error["input"], dict) or not path:
@@ -197,9 +201,11 @@ class Section(BaseModel):
             if part in inner and len(inner) > 1:  # not a name of the file: which kind of section was read
                 inner = {part: inner[part]}
                 continue
-            owner = next(iter(inner.values()), owner)
-            inner = _kinds(owner._fields()[part]) if part in owner._fields() else {}
             names.append(part)
+            if part.isdecimal():  # of a list
+                continue
+            owner = next(iter(inner.values()), owner)
+            inner = _kinds(owner._fields()[part].annotation) if part in owner._fields() else {}
         return owner, names
 
     @classmethod
@@ -207,14 +213,12 @@ class Section(BaseModel):
         return {field.alias or name: field for name, field in cls.model_fields.items()}
 
 
-def _kinds(field: FieldInfo) -> dict[str, type[Section]]:
+def _kinds(annotation: Any) -> dict[str, type[Section]]:
     """Return the sections that a key may hold by their kind; one that has no kind is called by its class."""
-    found = {}
-    for kind in (field.annotation, *get_args(field.annotation)):
-        if isinstance(kind, type) and issubclass(kind, Section):
-            kinds = get_args(kind.model_fields["kind"].annotation) if "kind" in kind.model_fields else ()
-            found[str(next(iter(kinds), kind.__name__))] = kind
-    return found
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        kinds = get_args(annotation.model_fields["kind"].annotation) if "kind" in annotation.model_fields else ()
+        return {str(next(iter(kinds), annotation.__name__)): annotation}
+    return {name: kind for inner in get_args(annotation) for name, kind in _kinds(inner).items()}
 
 
 class Document(Section):

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from sledenv.kernel import params
+from sledenv.kernel.ground import MOST_ZONES
 from sledenv.scenarios.configuration import Document, Pair
 from sledenv.scenarios.sections import (
     AnyBody,
+    ChoiceBody,
     ContactSection,
     ControlSection,
     EndsSection,
@@ -25,10 +27,11 @@ from sledenv.scenarios.sections import (
     LimitsSection,
     RiderSection,
     SlopeSection,
+    ZoneSection,
 )
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, made
-from sledenv.simulation.scene import ContactLaw, Slope, State, asymmetry_of
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 
@@ -52,12 +55,16 @@ class _ContextFields(NamedTuple):
     fall: float  # [m/s] towards the slope
     orientation: float  # [rad] phi at launch
     spin: float  # [rad/s] omega at launch
+    # Of the zone of the slope that is drawn; of the first one if none is, and 0 without zones.
+    zone_begin: float  # [m] along the slope
+    zone_friction: float  # [-] f
+    shape: float  # [-] number of the body among those of the scenario, from 0 on
 
 
 class Context(_ContextFields):
     """One draw from the ranges of a scenario: all that differs between two of its descents.
 
-    Many contexts are an array of shape (N, 8) with these fields as columns. ``rules`` says what can be simulated,
+    Many contexts are an array of shape (N, 11) with these fields as columns. ``rules`` says what can be simulated,
     whatever the ranges of a scenario are; a context is checked where it is used.
     """
 
@@ -65,7 +72,11 @@ class Context(_ContextFields):
     rules: ClassVar[tuple[Rule, ...]] = (
         *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
         *(FINITE, NOT_NEGATIVE, FINITE, FINITE, FINITE),
+        *(NOT_NEGATIVE, NOT_NEGATIVE, (lambda v: (v >= 0.0) & (v == np.floor(v)), "a whole number >= 0")),
     )
+
+
+_ZONE, _SHAPE = Context._fields.index("zone_begin"), Context._fields.index("shape")
 
 
 class Scenario(Document):
@@ -87,6 +98,7 @@ class Scenario(Document):
     slope_section: Annotated[SlopeSection, Field(alias="slope")]
     body_section: Annotated[AnyBody, Field(alias="body", discriminator="kind")]
     contact: ContactSection
+    zones: Annotated[tuple[ZoneSection, ...], Field(max_length=MOST_ZONES)] = ()
     launch_section: Annotated[LaunchSection, Field(alias="launch")]
     control: ControlSection
     limits: LimitsSection
@@ -95,14 +107,35 @@ class Scenario(Document):
 
     @model_validator(mode="after")
     def _ends_at_a_part_of_the_body(self) -> Self:
-        name, parts = self.ends.touching, _build(self.body_section).parts
-        if name is not None and name not in parts:
-            raise ValueError(f"ends.touching = {name!r}: must be a part of the body: {', '.join(parts)}")
+        name = self.ends.touching
+        for body in self.all_bodies():
+            if name is not None and name not in body.parts:
+                raise ValueError(f"ends.touching = {name!r}: must be a part of the body: {', '.join(body.parts)}")
+        return self
+
+    @model_validator(mode="after")
+    def _zones_in_a_row(self) -> Self:
+        reached, length = 0.0, self.slope_section.length_m
+        for k, zone in enumerate(self.zones):
+            earliest, latest = zone.begin_m
+            if earliest < reached:
+                before = "that the zone before may end" if math.isfinite(reached) else "as the zone before has no end_m"
+                raise ValueError(f"zones.{k}.begin_m = {earliest:g}: must be in [{reached:g}, inf) m, {before}")
+            if latest >= length:
+                raise ValueError(f"zones.{k}.begin_m = {latest:g}: must be in [0, slope.length_m) = [0, {length:g}) m")
+            if zone.end_m is not None and zone.end_m > length:
+                allowed = f"(0, slope.length_m] = (0, {length:g}] m"
+                raise ValueError(f"zones.{k}.end_m = {zone.end_m:g}: must be in {allowed}")
+            reached = math.inf if zone.end_m is None else zone.end_m
+        drawn = [k for k, zone in enumerate(self.zones) if zone.varies]
+        if len(drawn) > 1:
+            given = f"those of zones.{drawn[0]} are"
+            raise ValueError(f"zones.{drawn[1]}: begin_m and friction of one zone alone may be ranges, and {given}")
         return self
 
     @property
     def ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest value of each field of ``Context``: two new arrays of shape (8,), in its units."""
+        """Lowest and highest value of each field of ``Context``: two new arrays of shape (11,), in its units."""
         low, high = np.array(self._pairs()).T.copy()
         return low, high
 
@@ -115,11 +148,13 @@ class Scenario(Document):
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
         content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
+        content["zones"] = content["zones"] or None
+        content["slope"] = {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def sample(self, rng: np.random.Generator, split: Split | None = None) -> Context:
-        """Draw a context, uniform in the ranges; every call takes eight doubles from ``rng``.
+        """Draw a context, uniform in the ranges; every call takes eleven doubles from ``rng``.
 
         Parameters
         ----------
@@ -130,15 +165,15 @@ class Scenario(Document):
         return Context(*self.contexts(rng.random(len(Context._fields)), split).tolist())
 
     def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:
-        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, both of shape (..., 8).
+        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, both of shape (..., 11).
 
         Parameters
         ----------
-        draws : ndarray, shape (..., 8)
+        draws : ndarray, shape (..., 11)
         split : {"train", "validation", "test"}, optional
             Take a context of this split. Whatever the draws, two splits never share a value of a field that varies,
-            and equal draws give contexts that differ by at least 0.23 of every range. Each split is dense in the ranges
-            to a millionth and uniform.
+            ``shape`` apart, and equal draws give contexts that differ by at least 0.23 of every range. Each split is
+            dense in the ranges to a millionth and uniform.
 
         Raises
         ------
@@ -146,11 +181,15 @@ class Scenario(Document):
             For an unknown split.
         """
         low, high = self.ranges
-        return np.minimum(low + (high - low) * (draws if split is None else _apart(draws, split)), high)
+        places = draws if split is None else _apart(draws, split)
+        contexts = np.minimum(low + (high - low) * places, high)
+        contexts[..., _SHAPE] = np.floor(len(self.all_bodies()) * places[..., _SHAPE])
+        return contexts
 
     def _pairs(self) -> tuple[Pair, ...]:
         """Range of each field of ``Context``."""
-        launch = self.launch_section
+        launch, drawn = self.launch_section, self._drawn_zone
+        zone = None if drawn is None else self.zones[drawn]
         return (
             _radians(self.slope_section.angle_deg),
             self.contact.friction,
@@ -160,16 +199,52 @@ class Scenario(Document):
             launch.fall_m_s,
             _radians(launch.orientation_deg),
             launch.spin_rad_s,
+            (0.0, 0.0) if zone is None else zone.begin_m,
+            (0.0, 0.0) if zone is None else zone.friction,
+            (0.0, float(len(self.all_bodies()) - 1)),
         )
+
+    @property
+    def _drawn_zone(self) -> int | None:
+        """Number of the zone that a context tells of, None without zones."""
+        drawn = [k for k, zone in enumerate(self.zones) if zone.varies]
+        return next(iter([*drawn, *range(len(self.zones))]), None)
 
     @property
     def control_bounds(self) -> dict[str, Pair]:
         """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
         return _given({control.name: getattr(self.control, key) for key, control in ControlSection.controls().items()})
 
-    def body(self) -> Body:
-        """Return the body of every context."""
+    def all_bodies(self) -> tuple[Body, ...]:
+        """Return the bodies of the scenario, one of which is that of a context."""
         return _build(self.body_section)
+
+    def body(self, context: Context | None = None) -> Body:
+        """Return the body of a context; without one, the first body.
+
+        Raises
+        ------
+        ValueError
+            If the scenario has no body of this number.
+        """
+        if context is None:
+            return self.all_bodies()[0]
+        (number,) = self._numbers(np.array([made("context", Context, context)])).tolist()
+        return self.all_bodies()[number]
+
+    def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
+        """Return the body of all contexts of shape (N, 11), or records of kernel.outline.BODY, one a context."""
+        bodies = self.all_bodies()
+        if len(bodies) == 1:
+            return bodies[0]
+        return np.concatenate([body.record for body in bodies])[self._numbers(contexts)]
+
+    def _numbers(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Numbers of the bodies of contexts."""
+        shapes, most = contexts[:, _SHAPE], len(self.all_bodies()) - 1
+        if (shapes > most).any():
+            raise ValueError(f"context.shape = {shapes.max():g}: must be in [0, {most}], the numbers of the bodies")
+        return shapes.astype(np.intp)
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
@@ -177,7 +252,7 @@ class Scenario(Document):
         return ContactLaw._make(map(float, self._law(context.friction, context.restitution)))
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact laws of contexts of shape (N, 8): columns are the fields of ContactLaw, shape (N, 5)."""
+        """Return the contact laws of contexts of shape (N, 11): columns are the fields of ContactLaw, shape (N, 5)."""
         return _rows(len(contexts), self._law(contexts[:, 1], contexts[:, 2]))
 
     def _law(self, friction: Any, restitution: Any) -> params.ContactLaw:
@@ -192,12 +267,33 @@ class Scenario(Document):
         )
 
     def slope(self, context: Context) -> Slope:
-        """Return the slope of a context."""
-        return Slope(*self._slope(made("context", Context, context).angle))
+        """Return the slope of a context, with its zones."""
+        context = made("context", Context, context)
+        zones = [Zone(*zone) for zone in self._zones(context.zone_begin, context.zone_friction)]
+        return Slope(*self._slope(context.angle), zones)
 
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the slopes of contexts of shape (N, 8): columns are the fields of Slope."""
-        return _rows(len(contexts), self._slope(contexts[:, 0]))
+        """Return the slopes of contexts of shape (N, 11): columns are the fields of Slope, then those of each zone."""
+        begin, friction = contexts[:, _ZONE], contexts[:, _ZONE + 1]
+        zones = [field for zone in self._zones(begin, friction) for field in zone]
+        return _rows(len(contexts), (*self._slope(contexts[:, 0]), *zones))
+
+    def _zones(self, begin: Any, friction: Any) -> list[tuple[Any, ...]]:
+        """Fields of the zones, of which the drawn one has a begin and a friction, numbers or columns."""
+        arm, corner_arm = self.contact.rolling_arm_m, self.contact.corner_rolling_arm_m
+        zones = []
+        for k, zone in enumerate(self.zones):
+            drawn = k == self._drawn_zone
+            zones.append(
+                (
+                    begin if drawn else zone.begin_m[0],
+                    math.inf if zone.end_m is None else zone.end_m,
+                    friction if drawn else zone.friction[0],
+                    arm if zone.rolling_arm_m is None else zone.rolling_arm_m,
+                    corner_arm if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m,
+                )
+            )
+        return zones
 
     def _slope(self, angle: Any) -> params.Slope:
         """Slope, of a number or of a column."""
@@ -212,6 +308,7 @@ class Scenario(Document):
             max_rebounds=self.limits.max_rebounds,
             end_on_chord=self.ends.on_chord,
             end_touching=self.ends.touching,
+            run_out=self.slope_section.run_out_m,
         )
 
     def launch(
@@ -248,16 +345,16 @@ class Scenario(Document):
         phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
         omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
         u = context.speed if speed is None else checked("State", "u", speed, FINITE)
-        y = context.drop + support_height(self.body(), float(within_a_turn(np.array(phi))))
+        y = context.drop + support_height(self.body(context), float(within_a_turn(np.array(phi))))
         return State(0.0, y, phi, u, 0.0 - context.fall, omega)
 
     def launches(self, contexts: NDArray[np.float64], bodies: Body | np.ndarray | None = None) -> NDArray[np.float64]:
-        """Return the states at launch of contexts of shape (N, 8): fields of State, shape (N, 6).
+        """Return the states at launch of contexts of shape (N, 11): fields of State, shape (N, 6).
 
         ``bodies`` takes the place of the scenario's body: one, or records of kernel.outline.BODY, one a context.
         """
-        *_, speed, drop, fall, orientation, spin = contexts.T
-        records = records_of(self.body() if bodies is None else bodies, len(contexts))
+        _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
+        records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))
         y = drop + support_heights(records, within_a_turn(orientation))
         return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
@@ -312,8 +409,8 @@ def _rows(rows: int, fields: Sequence[Any]) -> NDArray[np.float64]:
 
 
 @lru_cache
-def _build(section: AnyBody) -> Body:
-    return section.build()
+def _build(section: AnyBody) -> tuple[Body, ...]:
+    return tuple(one.build() for one in (section.of if isinstance(section, ChoiceBody) else (section,)))
 
 
 def _given(content: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from itertools import combinations
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
+from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.kernel.outline import MOST_ARCS
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
@@ -206,7 +206,17 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody
+OneBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody
+
+
+class ChoiceBody(Section):
+    """One of several bodies, drawn anew for each context."""
+
+    kind: Literal["choice"]
+    of: Annotated[tuple[Annotated[OneBody, Field(discriminator="kind")], ...], Field(min_length=2, max_length=12)]
+
+
+AnyBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody | ChoiceBody
 
 
 class SlopeSection(Section):
@@ -215,6 +225,30 @@ class SlopeSection(Section):
     angle_deg: Annotated[Pair, Range("(-90, 90) deg")]  # positive downhill
     length_m: Annotated[float, Quantity("(0, inf) m")]
     gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
+    run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the line, where a crash still counts
+
+
+class ZoneSection(Section):
+    """A part of the slope with friction and rolling arms of its own, along the places of the contact point."""
+
+    begin_m: Annotated[Pair, Range("[0, inf) m")]
+    end_m: Annotated[float | None, Quantity("(0, inf) m")] = None  # without one it goes on in the run-out
+    friction: Annotated[Pair, Range("[0, inf)")]
+    rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # that of the contact by default
+    corner_rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None
+
+    @field_validator("end_m")
+    @classmethod
+    def _behind_its_begin(cls, end: float | None, info: ValidationInfo) -> float | None:
+        _, latest = info.data.get("begin_m", (0.0, 0.0))
+        if end is not None and end <= latest:
+            raise ValueError(f"must be a number in ({latest:g}, inf) m, behind where the zone may begin")
+        return end
+
+    @property
+    def varies(self) -> bool:
+        """Whether its begin or its friction is drawn."""
+        return self.begin_m[0] < self.begin_m[1] or self.friction[0] < self.friction[1]
 
 
 class ContactSection(Section):
