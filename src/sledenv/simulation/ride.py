@@ -12,8 +12,17 @@ from sledenv.kernel import params
 from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.kernel.state import MOTION
-from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.checks import CheckedLanes, Laws, Slopes, checked_descent, checked_lanes, limits_of
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import (
+    Bodies,
+    CheckedLanes,
+    Laws,
+    Slopes,
+    checked_descent,
+    checked_lanes,
+    checked_table,
+    limits_of,
+)
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
@@ -160,15 +169,13 @@ class Ride:
 
 
 class RideBatch:
-    """Many descents of one body, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
+    """Many descents, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
 
     A lane can be launched anew whatever the others do. Pickles and copies go on independently and identically.
 
     Parameters
     ----------
-    body : Body
-        Shared by all lanes.
-    law, slope, launches, settings
+    body, law, slope, launches, settings
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
         Keep the logs, N * max_rebounds records of 176 bytes.
@@ -183,7 +190,7 @@ class RideBatch:
 
     def __init__(
         self,
-        body: Body,
+        body: Bodies,
         law: Laws,
         slope: Slopes,
         launches: ArrayLike,
@@ -193,14 +200,13 @@ class RideBatch:
         rotor_inertia: float | None = None,
     ) -> None:
         self.settings = checked_settings(settings)
-        self.body = made_body(body)
-        self._limits = limits_of(self.body, self.settings)
         self.rotor_inertia = None
         if rotor_inertia is not None:
             self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        given = checked_lanes(self.body, law, slope, launches, self.settings)
+        given = checked_lanes(body, law, slope, launches, self.settings)
+        self._limits = limits_of(body, self.settings)
         lanes = len(given.launches)
-        self._like, self._bodies = given.like(), given.bodies
+        self._like, self._bodies = given.like(), given.bodies.copy()  # one for all lanes, or one a lane
         self._laws = np.empty((lanes, given.laws.shape[1]))
         self._slopes = np.empty((lanes, 0))
         self._launches = np.empty_like(given.launches)
@@ -215,6 +221,7 @@ class RideBatch:
         law: Laws,
         slope: Slopes,
         launches: ArrayLike,
+        body: Bodies | None = None,
     ) -> None:
         """Begin new descents; their ledgers are empty until the first hop.
 
@@ -224,14 +231,28 @@ class RideBatch:
             In which lanes, in [0, N), no two alike.
         law, slope, launches
             As for :func:`sledenv.simulate_batch`, of n descents.
+        body : optional
+            As there; those that the lanes had by default.
 
         Raises
         ------
         TypeError, ValueError
             Naming the argument or the lane, counted in ``launches``; no lane has changed then.
         """
-        given = checked_lanes(self.body, law, slope, launches, self.settings)
-        self._begin(self._checked_numbers(lanes, len(given.launches)), given)
+        numbers = self._checked_numbers(lanes, len(checked_table("launches", launches, State._fields)))
+        if body is None:
+            bodies: Bodies = self._bodies if len(self._bodies) == 1 else self._bodies.take(numbers)
+        elif limits_of(body, self.settings) == self._limits:
+            bodies = body
+        else:
+            name = self.settings.end_touching
+            raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
+        given = checked_lanes(bodies, law, slope, launches, self.settings)
+        self._begin(numbers, given)
+        if body is not None and (len(self._bodies) > 1 or given.bodies.tobytes() != self._bodies.tobytes()):
+            if len(self._bodies) < len(self._flights):
+                self._bodies = np.repeat(self._bodies, len(self._flights))
+            self._bodies[numbers] = given.bodies
 
     def hop(self, trims: np.ndarray) -> None:
         """Follow one hop in every lane that has not ended.
@@ -276,7 +297,8 @@ class RideBatch:
         outcomes, rebounds = self.outcomes(lanes), self._rebounds
         if rebounds.size:
             rebounds = rebounds[chosen, : int(outcomes["rebounds"].max(initial=0))]
-        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, self.body.mass, self._slopes[chosen, 1]))
+        mass = self._bodies["mass"] if len(self._bodies) == 1 else self._bodies["mass"][chosen]
+        return DescentBatch(outcomes, rebounds, descent_jam(outcomes, mass, self._slopes[chosen, 1]))
 
     def _numbered(self, lanes: np.ndarray) -> np.ndarray:
         """Numbers of lanes that an index of numpy means."""
