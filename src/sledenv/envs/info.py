@@ -51,7 +51,7 @@ def episode_info(contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = 
 
     Parameters
     ----------
-    contexts : ndarray, shape (n, 8)
+    contexts : ndarray, shape (n, 11)
     batch : DescentBatch
         Of n descents; with their logs, if "rebounds" is among the keys.
     keys : iterable of str

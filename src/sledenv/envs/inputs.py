@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sledenv.scenarios.scenario import Context, Split, check_split
 from sledenv.simulation.rules import checked, checked_rows
 
-# (n, 8), columns as in Context; (n, 10) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
+# (n, 11), columns as in Context; (n, 13) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
 
 FIELDS: Final = len(Context._fields)
@@ -23,7 +23,7 @@ _SLACK = 1e-6  # by which an action may lie outside the box: a few units in the 
 class Given(NamedTuple):
     """What a user fixes of episodes that begin."""
 
-    fixed: NDArray[np.float64]  # (n, 8), columns as in Context; NaN where a field is to be drawn
+    fixed: NDArray[np.float64]  # (n, 11), columns as in Context; NaN where a field is to be drawn
     split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
 
     def of(self, rows: NDArray[np.intp]) -> Given:
@@ -78,7 +78,7 @@ def checked_actions(
 
 
 def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
-    """Fields of contexts that a user fixes, shape (lanes, 8), NaN where one is to be drawn."""
+    """Fields of contexts that a user fixes, shape (lanes, 11), NaN where one is to be drawn."""
     if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
         if len(context) != lanes:
             raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
@@ -126,7 +126,7 @@ def read_options(
     ----------
     options : mapping, optional
         ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-        an array of shape (lanes,), or a whole context or one a lane, shape (8,) or (lanes, 8); or a list of one a
+        an array of shape (lanes,), or a whole context or one a lane, shape (11,) or (lanes, 11); or a list of one a
         lane, each a mapping, a whole context or None.
         ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
     default : str, optional

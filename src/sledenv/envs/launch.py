@@ -53,8 +53,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A one-step environment: from the context of a launch to what an agent chooses of it.
 
     Observation
-        ``Box(-1, 1, (8,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation and spin of
-        the context, scaled by the ranges of the scenario. What does not vary and what the agent controls reads 0.
+        ``Box(-1, 1, (11,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation, spin, begin
+        and friction of the zone that is drawn, and number of the body of the context, scaled by the ranges of the
+        scenario. What does not vary and what the agent controls reads 0.
     Action
         ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward
@@ -147,6 +148,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             For an unknown option, or naming the field of a context that cannot be simulated; the episode goes on.
         """
         given = read_options(options, self.task.split)
+        self.task.check(given)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         context = self.task.begin(given, lambda drawn: self.np_random.random((len(drawn), self.task.draws)))
         self.enter(context)
@@ -259,8 +261,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer = None
 
     def _drawing(self) -> DescentRenderer:
+        assert self._context is not None
+        body = self.task.body(self._context)
         if self._renderer is None:
-            self._renderer = DescentRenderer(self.task.body, fps=self.metadata["render_fps"])
+            self._renderer = DescentRenderer(body, fps=self.metadata["render_fps"])
+        elif self._renderer.body != body:
+            self._renderer.draw(body)
         return self._renderer
 
     def _identity(self) -> tuple[Any, ...]:
@@ -273,7 +279,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _setting(self) -> str:
         scenario, context = self._given()
-        return setting(scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context))
+        return setting(scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context))
 
     def _given(self) -> tuple[Scenario, Context]:
         assert self._context is not None

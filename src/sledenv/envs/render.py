@@ -67,12 +67,16 @@ class DescentRenderer:
             raise ValueError(f"size = {size!r}: must be at least {_SMALLEST[0]} x {_SMALLEST[1]} px")
         if fps < 1:
             raise ValueError(f"fps = {fps!r}: must be >= 1")
-        self.body = body
         self.size = (int(size[0]), int(size[1]))
         self.fps = int(fps)
-        self._reach = max(reach(body), 1e-6)  # a point mass has none
+        self.draw(body)
         self._window: pygame.Surface | None = None
         self._dismissed = False
+
+    def draw(self, body: Body) -> None:
+        """Draw descents of another body from here on, in the same window."""
+        self.body = body
+        self._reach = max(reach(body), 1e-6)  # a point mass has none
 
     def frame(self, descent: Descent, time: float) -> np.ndarray:
         """Draw the sled at one time of a descent.

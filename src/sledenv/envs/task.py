@@ -15,10 +15,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sledenv.envs.inputs import FIELDS, Contexts, Given
-from sledenv.kernel.records import LOG_FULL, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
+from sledenv.kernel.records import LOG_FULL, OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked
@@ -30,6 +31,7 @@ from sledenv.simulation.support import directions, support_heights
 FLIGHT: Final = ("progress", "sine", "cosine", "u", "v", "omega", "trim", "time", "rebounds")
 
 _DISTURBED = [Context._fields.index(name) for name in NOISY]
+_SHAPE = Context._fields.index("shape")
 _TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
 
 
@@ -67,6 +69,8 @@ class Task:
         The first word for it, so that tasks with the same choice have the same.
     bounds : dict of ndarray, shape (2,)
         Lowest and highest value of all that an agent may choose here, in the units of a context.
+    bodies : tuple of Body
+        Those of the scenario; ``shape`` of a context is the place of its body among them.
     settings : Settings
         How descents are simulated, those of the scenario with the solver of the task.
     draws : int
@@ -77,7 +81,7 @@ class Task:
         Of a launch with the hops that follow: the flight is behind the context, the trim behind the launch.
     observation_names, ride_observation_names, action_names, ride_action_names : tuple of str
         What their entries are.
-    varies : ndarray of bool, shape (8,)
+    varies : ndarray of bool, shape (11,)
         Which fields of a context an agent sees: those that vary and that it does not choose.
 
     Raises
@@ -119,7 +123,7 @@ class Task:
         self.solver = solver
         self.split = split
         self.draws = FIELDS + 2 * bool(self.noise.any())
-        self.body = self.scenario.body()
+        self.bodies = self.scenario.all_bodies()
         self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
         self._chosen = [Context._fields.index(name) for name in self.controlled]
@@ -129,6 +133,7 @@ class Task:
         self._divisor = np.where(self.varies, self._width, 1.0)
         self._chosen_bounds = [bounds[name].tolist() for name in self.controlled]
         self._action_low, self._action_high = np.array(self._chosen_bounds).T.copy()
+        self._way = self.scenario.slope_section.length_m + self.settings.run_out  # [m]
         self._speed, self._spin = self._scales(bounds)
         self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
@@ -172,13 +177,56 @@ class Task:
             contexts[own] = self.scenario.contexts(draws[own], one)
         return contexts
 
+    def check(self, given: Given) -> None:
+        """Raise ValueError if episodes are to begin with a body that the scenario does not have."""
+        self.shapes(np.nan_to_num(given.fixed))
+
     @staticmethod
     def context(contexts: Contexts) -> Context:
         """Return the first of contexts."""
         return Context(*contexts[0, :FIELDS].tolist())
 
+    def shapes(self, contexts: Contexts) -> NDArray[np.intp]:
+        """Return the place of each context's body among ``bodies``, shape (n,), or raise ValueError."""
+        shapes, most = contexts[:, _SHAPE], len(self.bodies) - 1
+        wrong = ~((shapes >= 0.0) & (shapes <= most) & (shapes == np.floor(shapes)))
+        if wrong.any():
+            value = float(shapes[wrong][0])
+            raise ValueError(f"context.shape = {value!r}: must be a whole number in [0, {most}], that of a body")
+        return shapes.astype(np.intp)
+
+    def body(self, contexts: Contexts) -> Body:
+        """Return the body of the first of contexts."""
+        (number,) = self.shapes(contexts[:1]).tolist()
+        return self.bodies[number]
+
+    def bodies_of(self, contexts: Contexts) -> Body | list[Body]:
+        """Return the body of all contexts if the scenario has but one, or one a context."""
+        shapes = self.shapes(contexts).tolist()
+        return self.bodies[0] if len(self.bodies) == 1 else [self.bodies[i] for i in shapes]
+
+    def by_body(self, contexts: Contexts) -> list[tuple[Body, slice | NDArray[np.intp]]]:
+        """Return bodies, each with the rows of the contexts that have it: what a body is takes kilobytes a row."""
+        shapes = self.shapes(contexts)
+        rows = [np.flatnonzero(shapes == i) for i in range(len(self.bodies))]
+        found = [i for i, own in enumerate(rows) if own.size]
+        if len(found) < 2:
+            return [(self.bodies[found[0] if found else 0], slice(None))]
+        return [(self.bodies[i], rows[i]) for i in found]
+
+    def of_bodies(self, contexts: Contexts, quantity: Callable[[Body], float]) -> NDArray[np.float64]:
+        """Return a quantity of the body of each context, shape (n,)."""
+        return np.array([quantity(body) for body in self.bodies])[self.shapes(contexts)]
+
+    def support_heights(self, contexts: Contexts, phi: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the support height [m] of the body of each context at an orientation [rad], shapes (n,)."""
+        heights = np.empty(len(contexts))
+        for body, rows in self.by_body(contexts):
+            heights[rows] = support_heights(body, phi[rows])
+        return heights
+
     def observe(self, contexts: Contexts) -> NDArray[np.float32]:
-        """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 8).
+        """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 11).
 
         What does not vary and what the agent controls reads 0.
         """
@@ -186,12 +234,13 @@ class Task:
         return np.where(self.varies, np.minimum(np.maximum(centred, -1.0), 1.0), 0.0).astype(np.float32)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
-        """Return the contexts behind observations of shape (n, 8) or (n, 17), up to the rounding of float32.
+        """Return the contexts behind observations of shape (n, 11) or (n, 20), up to the rounding of float32.
 
         What the agent controls is NaN: it is nobody's choice yet.
         """
         scaled = 0.5 * (observations[:, :FIELDS].astype(np.float64) + 1.0)
         contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
+        contexts[:, _SHAPE] = np.rint(contexts[:, _SHAPE])
         contexts[:, self._chosen] = np.nan
         return contexts
 
@@ -205,7 +254,7 @@ class Task:
         scenario = self.scenario
         cosine, sine = directions(np.ascontiguousarray(flights["phi"]))
         columns = (
-            flights["x"] / scenario.slope_section.length_m,
+            flights["x"] / self._way,
             sine,
             cosine,
             flights["u"] / self._speed,
@@ -222,7 +271,7 @@ class Task:
         return scaled
 
     def flights_seen(self, observations: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where descents stand at a rebound, from observations of shape (n, 17), up to the rounding of float32.
+        """Return where descents stand at a rebound, from observations of shape (n, 20), up to the rounding of float32.
 
         Returns
         -------
@@ -235,8 +284,8 @@ class Task:
         progress, sine, cosine, u, v, omega, trim, _, _ = observations[:, FIELDS:].astype(np.float64).T
         phi = np.arctan2(sine, cosine)
         columns = (
-            progress * self.scenario.slope_section.length_m,
-            support_heights(self.body.record, phi),
+            progress * self._way,
+            self.support_heights(self.contexts_seen(observations), phi),
             phi,
             u * self._speed,
             v * self._speed,
@@ -245,21 +294,28 @@ class Task:
         return np.stack(columns, axis=-1), self.trims(trim)
 
     def _scales(self, bounds: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
-        """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch."""
+        """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch.
+
+        Of several bodies they are the largest.
+        """
         most = np.maximum(np.abs(self._context_low), np.abs(self._context_high))
         for name, pair in bounds.items():
             i = Context._fields.index(name)
             most[i] = max(most[i], *np.abs(pair))
         _, _, _, speed, drop, fall, _, spin, *_ = most.tolist()
-        angle, slope = self._context_high[0], self.scenario.slope_section
-        height = drop + highest_support(self.body) + slope.length_m * max(0.0, np.sin(angle))
-        gyration = self.body.inertia / self.body.mass  # [m^2]
-        square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * slope.gravity_m_s2 * height
-        fastest = float(np.sqrt(square)) or 1.0
-        return fastest, fastest / float(np.sqrt(gyration))
+        below, gravity = self._way * max(0.0, np.sin(self._context_high[0])), self.scenario.slope_section.gravity_m_s2
+        scales = []
+        for body in self.bodies:
+            height = drop + highest_support(body) + below
+            gyration = body.inertia / body.mass  # [m^2]
+            square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * gravity * height
+            fastest = float(np.sqrt(square)) or 1.0
+            scales.append((fastest, fastest / float(np.sqrt(gyration))))
+        speeds, spins = zip(*scales, strict=True)
+        return max(speeds), max(spins)
 
     def chosen(self, contexts: Contexts, actions: NDArray[np.float64]) -> Contexts:
-        """Return contexts, shape (n, 8), with what actions of shape (n, k) choose in its place, without noise."""
+        """Return contexts, shape (n, 11), with what actions of shape (n, k) choose in its place, without noise."""
         chosen = contexts[:, :FIELDS].copy()
         chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
         return chosen
@@ -269,7 +325,7 @@ class Task:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 8) or (n, 10)
+        contexts : ndarray, shape (n, 11) or (n, 13)
         actions : ndarray, shape (n, k)
             Out of :func:`sledenv.envs.inputs.checked_actions`, scaled to the control bounds of the scenario: a column
             for each of ``controlled``.
@@ -277,7 +333,10 @@ class Task:
         chosen = self.chosen(contexts, actions)
         if contexts.shape[1] > FIELDS:
             chosen[:, _DISTURBED] += contexts[:, FIELDS:]
-        return self.scenario.launches(chosen)
+        launches = np.empty((len(chosen), len(State._fields)))
+        for body, rows in self.by_body(chosen):
+            launches[rows] = self.scenario.launches(chosen[rows], body)
+        return launches
 
     def launch(self, contexts: Contexts, actions: NDArray[np.float64]) -> State:
         """Return the state at launch of the one row of contexts and actions, that of :meth:`launches` bit for bit."""
@@ -301,26 +360,29 @@ class Task:
     def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
         """Return what the first row of contexts is a descent of."""
         context = self.context(contexts)
-        return self.body, self.scenario.law(context), self.scenario.slope(context)
+        return self.body(contexts), self.scenario.law(context), self.scenario.slope(context)
 
     def descend_batch(
         self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False
     ) -> DescentBatch:
         """Simulate one descent a row, on all cores; row i equals :meth:`descend` of row i bit for bit."""
-        return simulate_batch(
-            self.body,
-            self.scenario.laws(contexts),
-            self.scenario.slopes(contexts),
-            launches,
-            self.settings,
-            keep_rebounds=keep_rebounds,
-        )
+        laws, slopes = self.scenario.laws(contexts), self.scenario.slopes(contexts)
+        parts = [
+            (
+                rows,
+                simulate_batch(
+                    body, laws[rows], slopes[rows], launches[rows], self.settings, keep_rebounds=keep_rebounds
+                ),
+            )
+            for body, rows in self.by_body(contexts)
+        ]
+        return parts[0][1] if len(parts) == 1 else _joined(parts, len(contexts))
 
     def rides(self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False) -> RideBatch:
         """Return the descents of :meth:`descend_batch` at their launch; lane i equals :meth:`ride` of row i."""
         rider = self.scenario.rider
         return RideBatch(
-            self.body,
+            self.bodies_of(contexts),
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
             launches,
@@ -344,6 +406,18 @@ class Task:
         ended = status != RUNNING
         truncated = _TRUNCATED[status]
         return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
+
+
+def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], count: int) -> DescentBatch:
+    """Return batches as one, each in the rows that are its own."""
+    _, first = parts[0]
+    outcomes, jam = np.empty(count, OUTCOME), np.empty((len(DescentJam._fields), count))
+    rebounds = np.empty((count if first.rebounds.size else 0, first.rebounds.shape[1]), REBOUND)
+    for rows, part in parts:
+        outcomes[rows], jam[:, rows] = part.outcomes, part.jam
+        if rebounds.size:
+            rebounds[rows] = part.rebounds
+    return DescentBatch(outcomes, rebounds, DescentJam(*jam))
 
 
 def highest_support(body: Body) -> float:

@@ -178,10 +178,11 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self._contexts is None and len(lanes) < self.num_envs:
             raise ResetNeeded("the first reset must be one of all lanes")
         seeds = self._checked_seeds(seed, lanes)
-        fixed = read_options(given, self.task.split, self.num_envs, ("reset_mask",))
+        fixed = read_options(given, self.task.split, self.num_envs, ("reset_mask",)).of(lanes)
+        self.task.check(fixed)
         self._streams.seed(lanes, seeds)
         info: dict[str, Any] = {}
-        self._restart(lanes, info, fixed.of(lanes))
+        self._restart(lanes, info, fixed)
         return self._seen.copy(), info
 
     def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
@@ -417,8 +418,8 @@ class SledDescentVector(SledVectorEnv):
         if self._rides is None:
             self._rides = self.task.rides(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
         elif lanes.size:
-            scenario = self.task.scenario
-            self._rides.launch(lanes, scenario.laws(contexts), scenario.slopes(contexts), launches)
+            scenario, bodies = self.task.scenario, self.task.bodies_of(contexts)
+            self._rides.launch(lanes, scenario.laws(contexts), scenario.slopes(contexts), launches, bodies)
         return self._rides
 
 
