@@ -80,7 +80,7 @@ class Critic(nn.Module):
         return logits
 
     def inputs(self, observations: Floats, landings: Floats) -> Floats:
-        """Put together what the network sees, from arrays of shape (n, 8) and (n, k); an angle by its directions."""
+        """Put together what the network sees, from arrays of shape (n, 11) and (n, k); an angle by its directions."""
         columns = [observations]
         for i, turning in enumerate(self._turns):
             entry = landings[:, i : i + 1]
@@ -99,7 +99,7 @@ class Critic(nn.Module):
 
     @torch.no_grad()
     def rate(self, observations: Floats, landings: Floats) -> Floats:
-        """Return the expected rewards of landings of shape (n, m, k) in contexts seen, shape (n, 8); shape (n, m)."""
+        """Return the expected rewards of landings of shape (n, m, k) in contexts seen, shape (n, 11); shape (n, m)."""
         many = landings.shape[1]
         inputs = self.inputs(np.repeat(observations, many, axis=0), landings.reshape(-1, landings.shape[2]))
         parts = [self(part).softmax(dim=1) @ self.middles for part in torch.split(torch.from_numpy(inputs), _BLOCK)]
@@ -205,7 +205,7 @@ def searched(
     ----------
     problem : Problem
     critic : Critic
-    observations : ndarray, shape (n, 8)
+    observations : ndarray, shape (n, 11)
     anywhere : ndarray, shape (n, m, k)
         Landings to begin with.
     search : Search

@@ -27,7 +27,7 @@ ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
 
 
 def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, path: Path) -> None:
-    """Draw the descents that two agents choose for the same context, shape (1, 8), one above the other."""
+    """Draw the descents that two agents choose for the same context, shape (1, 11), one above the other."""
     task = problem.task
 
     def descend(agent: Agent) -> Descent:
@@ -39,7 +39,7 @@ def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, pat
 
 
 def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
-    """Return the held-out context, shape (1, 8), of median gain among those that did not finish before."""
+    """Return the held-out context, shape (1, 11), of median gain among those that did not finish before."""
     gain = after.rewards - before.rewards
     failed = np.flatnonzero(before.status != "finish")
     candidates = failed if failed.size else np.arange(gain.size)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
-from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
 
@@ -46,12 +45,12 @@ class Agent:
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         task = self._task
-        body, names = task.body, task.controlled
+        names = task.controlled
         actions = np.zeros((len(observations), len(names)))
         contexts = task.chosen(task.contexts_seen(observations), actions)  # all that is chosen in the middle
-        angle, friction, _, speed, drop, fall, orientation, spin = contexts.T
+        angle, friction, _, speed, drop, fall, orientation, spin, *_ = contexts.T
         spins = task.bounds["spin"]
-        upright = support_height(body, 0.0)
+        upright = task.support_heights(contexts, np.zeros_like(drop))
         along = self._gravity * np.sin(angle)
 
         def wanted(time: Floats) -> Floats:
@@ -65,7 +64,7 @@ class Agent:
             time = self._landing.flight_time(contexts, np.zeros_like(drop), spun)
             solved = {"orientation": _turned(-spun(time) * time, task.bounds["orientation"]), "spin": spun(time)}
         elif "spin" in names:
-            height = drop + support_heights(body.record, np.ascontiguousarray(orientation)) - upright
+            height = drop + task.support_heights(contexts, orientation) - upright
             time = fall_time(height, fall, self._gravity * np.cos(angle))
             solved = {"spin": _spin(orientation, time, wanted(time), spins)}
         for name in names:

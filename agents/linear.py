@@ -35,7 +35,7 @@ def actions(task: Task, weights: Floats, observations: NDArray[np.float32]) -> F
     task : Task
     weights : ndarray, shape (m, size)
         Of m policies.
-    observations : ndarray, shape (n, 8)
+    observations : ndarray, shape (n, 11)
 
     Returns
     -------
@@ -68,7 +68,7 @@ class Judge:
         Parameters
         ----------
         weights : ndarray, shape (m, size)
-        contexts : ndarray, shape (n, 8)
+        contexts : ndarray, shape (n, 11)
             The same for all policies; where launches are noisy, each has one draw of the noise.
 
         Returns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Self
 
@@ -86,7 +87,8 @@ class Agent:
         task, scenario = self._model.task, self._model.scenario
         middle = np.zeros((len(contexts), len(task.controlled)))
         angle, _, _, speed, drop, fall, *_ = task.chosen(contexts, middle).T
-        mass, inertia, gravity = task.body.mass, task.body.inertia, scenario.slope_section.gravity_m_s2
+        mass, inertia = (task.of_bodies(contexts, attrgetter(name)) for name in ("mass", "inertia"))
+        gravity = scenario.slope_section.gravity_m_s2
         states[:, -1] += spins - lent
         outcomes = task.descend_batch(contexts, states).outcomes
         self.descents += len(outcomes)

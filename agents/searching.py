@@ -48,7 +48,7 @@ class _Searching(BasePolicy):
 
         Parameters
         ----------
-        observation : Tensor, shape (n, 8)
+        observation : Tensor, shape (n, 11)
         proposed : Tensor, shape (n, k)
 
         Returns

@@ -12,7 +12,6 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
 from sledenv.envs.task import highest_support
 from sledenv.scenarios.scenario import Context
-from sledenv.simulation.support import support_heights
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ class Landing:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 8)
+        contexts : ndarray, shape (n, 11)
         landings : ndarray, shape (n, k)
             As actions, scaled to the control bounds of the scenario, but with the orientation at the first touch.
 
@@ -67,7 +66,7 @@ class Landing:
         return launches
 
     def actions(self, observations: NDArray[np.float32], landings: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return :meth:`launches` from what an agent sees, observations of shape (n, 8)."""
+        """Return :meth:`launches` from what an agent sees, observations of shape (n, 11)."""
         contexts = self._task.contexts_seen(observations)
         return np.asarray(self.launches(contexts, np.asarray(landings, np.float64)), np.float32)
 
@@ -76,7 +75,7 @@ class Landing:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 8)
+        contexts : ndarray, shape (n, 11)
         pose : ndarray, shape (n,)
             Orientation [rad] at the first touch.
         spin : callable
@@ -86,14 +85,15 @@ class Landing:
         -------
         ndarray, shape (n,)
         """
-        body = self._task.body
+        task = self._task
         angle, drop, fall = (contexts[:, Context._fields.index(name)] for name in ("angle", "drop", "fall"))
         normal = self._gravity * np.cos(angle)
-        touching = support_heights(body.record, np.ascontiguousarray(pose))
-        low, high = np.zeros_like(drop), fall_time(drop + highest_support(body), fall, normal)
+        touching = task.support_heights(contexts, pose)
+        highest = drop + task.of_bodies(contexts, highest_support)
+        low, high = np.zeros_like(drop), fall_time(highest, fall, normal)
         for _ in range(_HALVINGS):
             time = 0.5 * (low + high)
-            height = drop + support_heights(body.record, pose - spin(time) * time) - touching
+            height = drop + task.support_heights(contexts, pose - spin(time) * time) - touching
             late = fall_time(height, fall, normal) > time
             low, high = np.where(late, time, low), np.where(late, high, time)
         return 0.5 * (low + high)

@@ -129,7 +129,7 @@ def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:
 
 
 def marked(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> tuple[pd.Series, pd.DataFrame]:
-    """Return what a map of a context, shape (1, 8), marks.
+    """Return what a map of a context, shape (1, 11), marks.
 
     Returns
     -------

@@ -28,6 +28,7 @@ from sledenv.pages.keyframes import TOLERANCE, Steps, encoded, keyframes, packed
 from sledenv.plot.shapes import body_outline, heavy_side, reach
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import State
 
 MOST_SEEDS: Final = 24  # contexts of a page
@@ -60,7 +61,7 @@ def map_page(
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
     seeds : sequence of int
-        Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different.
+        Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different, of one body.
     runs : sequence of Path, optional
         Folders of trained agents, whose choices are marked; the shipped ones by default, if torch is installed.
 
@@ -79,6 +80,9 @@ def map_page(
         if chooser.problem.environment != "launch":
             raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
     drawn = np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
+    numbers = problem.task.shapes(drawn).tolist()
+    if len(set(numbers)) > 1:
+        raise ValueError(f"seeds = {list(seeds)}: must be contexts of one body, but theirs have the numbers {numbers}")
     axes = _axes(problem, drawn)
     told, marks, contexts = [], [], []
     launches = len(seeds) * (math.prod(map(len, axes)) + 1 + len(choosers))
@@ -90,7 +94,8 @@ def map_page(
             contexts.append(_context(problem, context, axes, best, results, seed, bar))
             marks.append(plain_marks(problem, seed, best, results))
             told.append((f"context of seed {seed}\n" if len(seeds) > 1 else "") + words(problem, best, results))
-    return MapPage(filled("map.html", data=_content(problem, axes, contexts)), "\n\n".join(told), marks)
+    content = _content(problem, problem.task.body(drawn), axes, contexts)
+    return MapPage(filled("map.html", data=content), "\n\n".join(told), marks)
 
 
 def _shipped_runs(problem: Problem) -> list[Path]:
@@ -115,10 +120,11 @@ def _axes(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], ..
     return (*axes[: len(names)], *(np.zeros(1) for _ in others))
 
 
-def _content(problem: Problem, axes: tuple[NDArray[np.float64], ...], contexts: list[dict[str, Any]]) -> dict[str, Any]:
+def _content(
+    problem: Problem, body: Body, axes: tuple[NDArray[np.float64], ...], contexts: list[dict[str, Any]]
+) -> dict[str, Any]:
     """What the script of the page draws."""
-    scenario, body = problem.scenario, problem.scenario.body()
-    controls = []
+    scenario, controls = problem.scenario, []
     for name, values, turning in zip(problem.task.controlled, axes, problem.turns, strict=True):
         digits = int(CONTROLS[name].printed.rstrip("f").partition(".")[2])
         unit = CONTROLS[name].unit.replace("deg", "°")
@@ -133,7 +139,7 @@ def _content(problem: Problem, axes: tuple[NDArray[np.float64], ...], contexts: 
         "colours": [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _COLOURS))],
         "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
         "size": max(reach(body), 1e-6),  # a point mass has none
-        "steps": _exactly(_steps(problem)),
+        "steps": _exactly(_steps(problem, body)),
         "counts": _COUNTS,
         "numbers": ["expected", *_NUMBERS],
         "tolerance": f"{2e3 * TOLERANCE * reach(body):.1f} mm and {math.degrees(2.0 * TOLERANCE):.1f}°",
@@ -209,12 +215,13 @@ def _text(
     columns: Sequence[np.ndarray] = (),
 ) -> str:
     """Return columns of descents, and their keyframes, as text."""
-    return encoded([*columns, *packed(frames, _gravity(problem, Context(*context)), _steps(problem))])
+    steps = _steps(problem, problem.task.body(context[np.newaxis]))
+    return encoded([*columns, *packed(frames, _gravity(problem, Context(*context)), steps)])
 
 
-def _steps(problem: Problem) -> Steps:
+def _steps(problem: Problem, body: Body) -> Steps:
     scenario = problem.scenario
-    return steps_for(scenario.body(), scenario.slope_section.length_m, scenario.limits.max_time_s)
+    return steps_for(body, scenario.slope_section.length_m, scenario.limits.max_time_s)
 
 
 def _gravity(problem: Problem, context: Context) -> tuple[float, float]:

@@ -50,7 +50,7 @@ class JamMap(NamedTuple):
 def jam_map(
     problem: Problem, contexts: Contexts, grid: Mapping[str, int] = GRID, split: Split = "test"
 ) -> list[JamMap]:
-    """Try a grid of launches in each context of an array of shape (n, 8).
+    """Try a grid of launches in each context of an array of shape (n, 11).
 
     ``grid`` says how many values are tried of each control that is chosen, both bounds among them, but of orientations
     a full turn apart only one. Launch noise is that of a split.
@@ -62,7 +62,7 @@ def jam_map(
 
 
 def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
-    """Search the best launch of each context of an array of shape (n, 8).
+    """Search the best launch of each context of an array of shape (n, 11).
 
     Returns
     -------

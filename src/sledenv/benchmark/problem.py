@@ -57,7 +57,7 @@ class Agent(Protocol):
         ...
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 8) or (n, 17)."""
+        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 11) or (n, 20)."""
         ...
 
 
@@ -117,13 +117,13 @@ class Problem:
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
-        """Draw ``count`` contexts of a split, shape (count, 8); context i does not depend on ``count``."""
+        """Draw ``count`` contexts of a split, shape (count, 11); context i does not depend on ``count``."""
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
 
     def trials(self, contexts: Contexts, split: Split) -> Contexts:
-        """Repeat contexts of shape (n, 8) as often as they are judged, shape (n, t, 8) or (n, t, 10).
+        """Repeat contexts of shape (n, 11) as often as they are judged, shape (n, t, 11) or (n, t, 13).
 
         Where the launch is noisy, t is ``TRIALS`` and every context gets the same quasi-random normal noise, so that a
         mean over the trials is the expected value, of agents and of the oracle alike. Each split has noise of its own:
@@ -135,14 +135,14 @@ class Problem:
         return _repeated(contexts, self.task.noise, TRIALS, split)
 
     def trembling(self, contexts: Contexts, split: Split) -> Contexts:
-        """Repeat contexts of shape (n, 8) with launches that miss what is chosen by a tremble, shape (n, t, 10).
+        """Repeat contexts of shape (n, 11) with launches that miss what is chosen by a tremble, shape (n, t, 13).
 
         As :meth:`trials`, but with t = ``TREMBLES`` and the noise of ``tremble``.
         """
         return _repeated(contexts, self.tremble, TREMBLES, split)
 
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
-        """Give each of contexts of shape (n, 8) one draw of the noise of a split, shape (n, 8) or (n, 10).
+        """Give each of contexts of shape (n, 11) one draw of the noise of a split, shape (n, 11) or (n, 13).
 
         These are the trials of :meth:`trials` in turn, one a context.
         """
@@ -151,17 +151,17 @@ class Problem:
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
 
     def disturbed(self, contexts: Contexts, level: float) -> Contexts:
-        """Add normal noise to what the agent chooses of ``NOISY``, once for each of contexts of shape (n, 8).
+        """Add normal noise to what the agent chooses of ``NOISY``, once for each of contexts of shape (n, 11).
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 8)
+        contexts : ndarray, shape (n, 11)
         level : float
             Standard deviation as a share of half the control range, added to the noise of the scenario.
 
         Returns
         -------
-        ndarray, shape (n, 10)
+        ndarray, shape (n, 13)
             The same whatever the agent.
         """
         task = self.task
@@ -189,7 +189,7 @@ class Problem:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 8)
+        contexts : ndarray, shape (n, 11)
         actions : ndarray, shape (n, m, k)
             Launches to try in each context.
         split : {"train", "validation", "test"}
@@ -216,7 +216,7 @@ class Problem:
         Parameters
         ----------
         agent : Agent
-        contexts : ndarray, shape (n, 8) or (n, 10)
+        contexts : ndarray, shape (n, 11) or (n, 13)
 
         Returns
         -------
@@ -266,7 +266,7 @@ class Problem:
 
 
 def _repeated(contexts: Contexts, sigma: NDArray[np.float64], count: int, split: Split) -> Contexts:
-    """Give each of contexts of shape (n, 8) the same quasi-random normal noise of a split, shape (n, count, 10)."""
+    """Give each of contexts of shape (n, 11) the same quasi-random normal noise of a split, shape (n, count, 13)."""
     noise = sigma * qmc.MultivariateNormalQMC([0.0, 0.0], rng=np.random.default_rng(_number(split))).random(count)
     shape = len(contexts), count
     repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))

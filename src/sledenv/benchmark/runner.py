@@ -160,7 +160,7 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
 
 
 def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
-    """Return one row a judged descent, for contexts of shape (n, t, 8) or (n, t, 10)."""
+    """Return one row a judged descent, for contexts of shape (n, t, 11) or (n, t, 13)."""
     batch, actions = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
     outcomes, jam = batch.outcomes, batch.jam
     context, trial = np.indices(trials.shape[:2]).reshape(2, -1)

@@ -225,7 +225,7 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
     launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
     return _Asked(
         {"scenario": scenario.id, "seed": chosen.seed, "solver": solver},
-        (scenario.body(), scenario.law(context), scenario.slope(context), launch),
+        (scenario.body(context), scenario.law(context), scenario.slope(context), launch),
         scenario.settings(solver),
     )
 
