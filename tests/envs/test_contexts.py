@@ -11,6 +11,7 @@ from scipy.stats import kstest
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.inputs import FIELDS
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.simulation.support import support_heights
 
@@ -27,8 +28,8 @@ places = st.one_of(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 2**20 -
 @settings(max_examples=500, deadline=None)
 def test_no_value_of_one_split_is_ever_one_of_another_and_equal_draws_lie_far_apart(one, other):
     """Oracle: the claim itself, at arbitrary draws and at the borders of the cells."""
-    first = {split: BRAKE.contexts(np.full(8, one), split) for split in SPLITS}
-    second = {split: BRAKE.contexts(np.full(8, other), split) for split in SPLITS}
+    first = {split: BRAKE.contexts(np.full(len(LOW), one), split) for split in SPLITS}
+    second = {split: BRAKE.contexts(np.full(len(LOW), other), split) for split in SPLITS}
     for a in SPLITS:
         assert (first[a] >= LOW).all()
         assert (first[a] <= HIGH).all()
@@ -41,7 +42,7 @@ def test_no_value_of_one_split_is_ever_one_of_another_and_equal_draws_lie_far_ap
 @pytest.mark.parametrize("split", SPLITS)
 def test_every_split_is_uniform_in_the_ranges(split):
     """Oracle: Kolmogorov and Smirnov against the uniform distribution."""
-    contexts = BRAKE.contexts(np.random.default_rng(0).random((20_000, 8)), split)
+    contexts = BRAKE.contexts(np.random.default_rng(0).random((20_000, len(LOW))), split)
     for column, low, high in zip(contexts.T[VARIES], LOW[VARIES], HIGH[VARIES], strict=True):
         assert kstest((column - low) / (high - low), "uniform").pvalue > 1e-3
 
@@ -81,14 +82,16 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     noisy.reset(seed=0)
     contexts = noisy._contexts
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, len(quiet.task.controlled)))
-    exact, disturbed = (env.task.launches(contexts[:, :n], actions) for env, n in ((quiet, 8), (noisy, 10)))
+    exact, disturbed = (
+        env.task.launches(contexts[:, :n], actions) for env, n in ((quiet, FIELDS), (noisy, FIELDS + 2))
+    )
     noise = (disturbed - exact)[:, [2, 5]] / sigma
     for column in noise.T:
         assert kstest(column, "norm").pvalue > 1e-3
     assert abs(np.corrcoef(noise.T)[0, 1]) < 0.05
     same = [0, 3, 4]  # x, u, v
     assert np.array_equal(disturbed[:, same], exact[:, same])
-    body = noisy.task.body
+    body = noisy.task.bodies[0]
     clearance = [y - support_heights(body.record, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
     assert clearance == pytest.approx(contexts[:200, 4], abs=1e-12)
 

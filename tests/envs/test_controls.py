@@ -72,7 +72,7 @@ def test_a_word_is_a_combination_in_the_order_of_the_actions():
 
 @given(
     control=st.sampled_from(WORDS),
-    draws=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=8, max_size=8),
+    draws=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=11, max_size=11),
     action=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3),
 )
 @settings(max_examples=200, deadline=None)
@@ -128,7 +128,7 @@ def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
     content = PACK.model_dump(mode="json", by_alias=True)
     content["slope"]["angle_deg"] = 0.0
     task = Task(Scenario.model_validate(content), control)
-    contexts = task.scenario.contexts(np.full((2, 8), 0.5))
+    contexts = task.scenario.contexts(np.full((2, 11), 0.5))
     actions = np.full((2, len(task.controlled)), 0.2)
     if "speed" in task.controlled:
         actions[:, task.controlled.index("speed")] = -1.0, 1.0
@@ -138,7 +138,7 @@ def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
     launches = task.launches(contexts, actions)
     assert launches[:, 3].tolist() == speeds.tolist()
     supplied = task.descend_batch(contexts, launches).outcomes["supplied"]
-    assert np.diff(supplied) == pytest.approx(0.5 * task.body.mass * np.diff(speeds**2), rel=1e-9)
+    assert np.diff(supplied) == pytest.approx(0.5 * task.bodies[0].mass * np.diff(speeds**2), rel=1e-9)
 
 
 @every_word

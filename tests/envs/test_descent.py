@@ -21,6 +21,7 @@ import sledenv
 from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
 from sledenv.envs.descent import SledDescent
+from sledenv.envs.inputs import FIELDS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
 from sledenv.simulation.support import support_height
@@ -71,7 +72,7 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
         action = random_action(launch, rng)
         context, _ = launch.reset()
         observation, _ = descent.reset()
-        assert np.array_equal(observation[:8], context)
+        assert np.array_equal(observation[:FIELDS], context)
         assert not observation[8:].any()
         _, reward, _, _, info = launch.step(action)
         total, ended, steps = 0.0, False, 0
@@ -107,7 +108,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
         for observation, reward, terminated, truncated, info in play(env, rng):
             energy = sledenv.Energy(**info["descent"]["energy"])
             assert abs(energy.residual) <= 1e-12 * energy.turnover
-            bound = (env.task.body.inertia * rider.trim_rad_s) ** 2 / (2.0 * rider.rotor_inertia_kg_m2)
+            bound = (env.task.bodies[0].inertia * rider.trim_rad_s) ** 2 / (2.0 * rider.rotor_inertia_kg_m2)
             assert 0.0 <= energy.rotor <= bound * (1.0 + 1e-6)
             assert abs(observation[14]) <= 1.0
             worked |= energy.work > 0.0
@@ -117,7 +118,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
         assert reward == 0.5 * jam["progress"] + 0.5 * np.sqrt(jam["retention"])
         if terminated and info["is_success"]:
             outcome = env._ride.descent()
-            kept = 0.5 * env.task.body.mass * max(outcome.state.u, 0.0) ** 2
+            kept = 0.5 * env.task.bodies[0].mass * max(outcome.state.u, 0.0) ** 2
             launch, slope, body = outcome.launch, outcome.slope, outcome.body
             lowest = min(body.radius - body.eccentricity, body.eccentricity - body.radius * np.cos(body.half_angle))
             supplied = (
@@ -137,7 +138,7 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
     rng = np.random.default_rng(1)
     scenario = env.task.scenario
     speed, spin = env.task._speed, env.task._spin
-    body = env.task.body
+    body = env.task.bodies[0]
     height = 1.5 + body.radius + body.eccentricity + 10.0 * np.sin(np.radians(12.0))
     assert speed == pytest.approx(np.sqrt(6.0**2 + body.inertia / body.mass * 8.0**2 + 2.0 * 9.81 * height), rel=1e-12)
     assert spin == pytest.approx(speed * np.sqrt(body.mass / body.inertia), rel=1e-12)
@@ -183,7 +184,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
                 assert states[0, [0, 3, 4, 5]] == pytest.approx(expected, abs=1e-4)
                 turned = states[0, 2] - last["phi"]
                 assert turned - TURN * np.rint(turned / TURN) == pytest.approx(0.0, abs=1e-6)
-                assert states[0, 1] == pytest.approx(support_height(env.task.body, states[0, 2]))
+                assert states[0, 1] == pytest.approx(support_height(env.task.bodies[0], states[0, 2]))
                 seen += 1
     assert seen > 20
 

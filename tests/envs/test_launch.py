@@ -192,7 +192,7 @@ def test_a_snapshot_restores_what_was_shown(name):
         ({"episode": {}}, "must hold _context, _launch, _seen"),
         ({"episode": None}, "must hold _context, _launch, _seen"),
         ({"episode": {"_context": 3, "_launch": None, "_seen": 0.0}}, r"snapshot.episode\['_context'\] = 3"),
-        ({"episode": {"_context": np.zeros((2, 8)), "_launch": None, "_seen": 0.0}}, r"_context has shape \(2, 8\)"),
+        ({"episode": {"_context": np.zeros((2, 11)), "_launch": None, "_seen": 0.0}}, r"_context has shape \(2, 11\)"),
         ({"stream": None}, "snapshot.stream = None"),
         ({"task": None}, "of another task"),
     ],
@@ -277,7 +277,7 @@ def test_entries_of_observations_and_actions_have_names():
         assert len(one.observation_names) == one.observation_space.shape[0]
         assert len(one.action_names) == one.action_space.shape[0]
         assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
-        assert one.observation_names[:8] == sledenv.Context._fields
+        assert one.observation_names[:11] == sledenv.Context._fields
         assert one.action_names[0] == "spin"
 
 
@@ -305,7 +305,7 @@ def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(c
     context = sledenv.load_scenario("brake_mat").sample(np.random.default_rng(0))
     with pytest.raises(ValueError, match=message):
         env.reset(seed=9, options={"context": context._replace(**change)})
-    with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(8,\)"):
+    with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(11,\)"):
         env.reset(options={"context": [0.0, 0.0, 0.0]})
     action = np.array([0.2, 0.3], np.float32)
     assert env.step(action)[1] == twin.step(action)[1]

@@ -10,7 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sledenv import Ride, RideBatch, ScenarioError, Settings, State, Status, load_scenario, simulate, simulate_batch
+from sledenv import (
+    Body,
+    Ride,
+    RideBatch,
+    ScenarioError,
+    Settings,
+    State,
+    Status,
+    load_scenario,
+    polygon,
+    segment,
+    simulate,
+    simulate_batch,
+)
 from sledenv.kernel.records import RUNNING
 
 SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
@@ -218,6 +231,70 @@ def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
             found, expected = rides.descents(lanes), twin.descents(lanes)
             assert np.array_equal(found.outcomes, expected.outcomes)
             assert np.array_equal(found.rebounds, expected.rebounds)
+
+
+BODIES = (
+    load_scenario("ice_drop").body(),
+    polygon(40.0, [(-0.6, 0.0), (0.6, 0.0), (0.3, 0.4), (-0.4, 0.3)]),
+    segment(90.0, 0.5, 0.1, 9.0),
+)
+
+
+def lifted(bodies, seeds) -> list[tuple]:
+    """Problems of several bodies, all launched from a height at which none touches."""
+    problems = [problem("ice_drop", seed) for seed in seeds]
+    return [
+        (body, law, slope, launch._replace(y=2.0))
+        for body, (_, law, slope, launch) in zip(bodies, problems, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("shared", [True, False])
+@pytest.mark.parametrize("lanes", [1, 9])
+def test_lanes_have_bodies_of_their_own_and_get_others_with_a_launch(shared, lanes):
+    """Oracle: rides of their own; what was given is left alone."""
+    own = [BODIES[0]] * lanes if shared else [BODIES[i % 3] for i in range(lanes)]
+    problems = lifted(own, range(lanes))
+    given = BODIES[0] if shared else np.concatenate([body.record for body in own])
+    kept = None if shared else given.copy()
+    rides = RideBatch(given, *columns(problems), rotor_inertia=ROTOR)
+    for step in range(6):
+        rides.hop(np.zeros(lanes))
+        new = np.arange(0, lanes, 2)
+        if step == 2:  # as they were
+            again = lifted([problems[i][0] for i in new], new + 50)
+            rides.launch(new, *columns(again))
+        if step == 3:  # with others
+            again = lifted([BODIES[(i + 1) % 3] for i in new], new + 70)
+            rides.launch(new, *columns(again), [body for body, *_ in again])
+        if step in (2, 3):
+            for i, one in zip(new.tolist(), again, strict=True):
+                problems[i] = one
+            rides = pickle.loads(pickle.dumps(rides))
+    while (rides.outcomes()["status"] == RUNNING).any():
+        rides.hop(np.zeros(lanes))
+    found = rides.descents()
+    for i, one in enumerate(problems):
+        alone = simulate(*one)
+        assert found.outcomes[i] == alone.outcome
+        assert found.jam.reward[i] == rides.descents(np.array([i])).jam.reward[0] == alone.jam.reward
+    assert shared or np.array_equal(given, kept)
+
+
+def test_bodies_that_end_at_a_part_have_it_at_the_same_place():
+    """Oracle: the message; a batch that was not misused."""
+    settings, (first, other) = Settings(end_touching="chord"), (segment(1, 1, 0.95, 0.3, alpha) for alpha in (0.4, 0.5))
+    (_, law, slope, launch), bodies = problem("ice_drop", 0), (first, other)
+    launches = [launch._replace(y=2.0)] * 2
+    rides, twin = (RideBatch(bodies, law, slope, launches, settings) for _ in range(2))
+    with pytest.raises(ValueError, match=r"end_touching = 'chord': must be a part of the body"):
+        rides.launch(np.arange(2), law, slope, launches, BODIES[1])
+    moved = Body(first.mass, first.inertia, [arc._replace(part="arc") for arc in first.arcs])
+    with pytest.raises(ValueError, match=r"end_touching = 'chord': must have the same place in the parts of all"):
+        rides.launch(np.arange(1), law, slope, launches[:1], moved)
+    for each in (rides, twin):
+        each.hop(np.zeros(2))
+    assert np.array_equal(rides.outcomes(), twin.outcomes())
 
 
 def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():

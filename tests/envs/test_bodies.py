@@ -1,0 +1,196 @@
+"""Several bodies in one scenario: each lane of whatever batch is the descent of its own body, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import sledenv
+from sledenv.benchmark.landing import Landing
+from sledenv.benchmark.map_page import map_page
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.descent import SledDescent
+from sledenv.envs.inputs import FIELDS
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.task import Task, highest_support
+from sledenv.envs.vector import SledDescentVector, SledLaunchVector
+from sledenv.kernel.records import OUTCOME, RUNNING
+from sledenv.simulation.support import support_height
+
+POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [0.3, 0.4], [-0.4, 0.3]]}
+DISC = {"kind": "disc", "mass_kg": 90, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 9.0}
+CONTENT = sledenv.load_scenario("ice_drop").model_dump(mode="json", by_alias=True)
+BODIES = [CONTENT["body"], POLYGON, DISC]
+KINDS = [(SledLaunch, SledLaunchVector), (SledDescent, SledDescentVector)]
+SHAPE = sledenv.Context._fields.index("shape")
+
+
+def scenario(body: dict) -> sledenv.Scenario:
+    """A shipped scenario with another body, on a short slope with a zone and a run-out."""
+    slope = CONTENT["slope"] | {"length_m": 4.0, "run_out_m": 2.0}
+    zones = [{"begin_m": [1.0, 2.0], "end_m": 3.0, "friction": [0.3, 0.6]}]
+    return sledenv.Scenario.model_validate(CONTENT | {"slope": slope, "zones": zones, "body": body})
+
+
+SEVERAL = scenario({"kind": "choice", "of": BODIES})
+
+
+def actions(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
+    return rng.uniform(-1.0, 1.0, (count, width)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("one", "many"), KINDS)
+def test_lanes_are_scalar_environments_whatever_bodies_they_have_one_after_the_other(one, many):
+    """Oracle: SyncVectorEnv of the scalar environment in all it returns."""
+    lanes, rng = 7, np.random.default_rng(0)
+    env = many(lanes, SEVERAL, autoreset_mode=AutoresetMode.SAME_STEP, info=sledenv.envs.info.INFO_KEYS)
+    sync = SyncVectorEnv([lambda: one(SEVERAL)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
+    assert data_equivalence(env.reset(seed=3), sync.reset(seed=3), exact=True)
+    seen = set()
+    for _ in range(60):
+        action = actions(rng, lanes, env.single_action_space.shape[0])
+        step = env.step(action)
+        assert data_equivalence(step, sync.step(action), exact=True)
+        seen |= set(step[0][:, SHAPE].tolist())
+    assert seen == {-1.0, 0.0, 1.0}
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize("keep_rebounds", [False, True])
+def test_batches_and_rides_are_the_descents_of_the_bodies(solver, keep_rebounds):
+    """Oracle: simulate() of the body, the law, the slope and the launch of each context."""
+    task = Task(SEVERAL, solver=solver)
+    rng = np.random.default_rng(1)
+    contexts = SEVERAL.contexts(rng.random((40, FIELDS)))
+    chosen = actions(rng, 40, len(task.controlled)).astype(float)
+    launches = task.launches(contexts, chosen)
+    batch = task.descend_batch(contexts, launches, keep_rebounds=keep_rebounds)
+    rides = task.rides(contexts, launches, keep_rebounds=keep_rebounds)
+    while (rides.outcomes()["status"] == RUNNING).any():
+        rides.hop(np.zeros(40))
+    followed = rides.descents()
+    assert len(batch.rebounds) == (40 if keep_rebounds else 0)
+    for i in range(40):
+        context = sledenv.Context(*contexts[i].tolist())
+        launch = task.launch(contexts[i : i + 1], chosen[i : i + 1])
+        assert launch == sledenv.State(*launches[i])
+        given = SEVERAL.all_bodies()[int(context.shape)], SEVERAL.law(context), SEVERAL.slope(context), launch
+        alone = sledenv.simulate(*given, SEVERAL.settings(solver))
+        for found in (batch, followed):
+            assert found.outcomes[i] == alone.outcome
+            assert [column[i] for column in found.jam] == list(alone.jam)
+            if keep_rebounds:
+                assert np.array_equal(found.rebounds[i, : len(alone.rebounds)], alone.rebounds)
+
+
+def test_contexts_go_by_their_bodies():
+    task = Task(SEVERAL)
+    contexts = SEVERAL.contexts(np.random.default_rng(2).random((30, FIELDS)))
+    parts = task.by_body(contexts)
+    assert [body for body, _ in parts] == list(task.bodies)
+    assert sorted(np.concatenate([rows for _, rows in parts]).tolist()) == list(range(30))
+    for i, (body, rows) in enumerate(parts):
+        assert (contexts[rows, SHAPE] == i).all()
+        assert task.by_body(contexts[rows]) == [(body, slice(None))]
+    assert task.launches(contexts[:0], np.zeros((0, len(task.controlled)))).shape == (0, 6)
+
+
+def test_a_body_that_the_scenario_does_not_have_is_refused_and_the_episode_goes_on():
+    """Oracle: a twin that was never given it."""
+    for one, many in KINDS:
+        env, twin, batch = one(SEVERAL), one(SEVERAL), many(2, SEVERAL)
+        env.reset(seed=1)
+        twin.reset(seed=1)
+        batch.reset(seed=1)
+        for refuse in (env, batch):
+            with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
+                refuse.reset(options={"context": {"shape": 3}})
+        action = np.zeros(env.action_space.shape, np.float32)
+        assert data_equivalence(env.step(action), twin.step(action), exact=True)
+        with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
+            one("ice_drop").reset(options={"context": {"shape": 1}})
+
+
+def test_a_body_can_be_asked_for():
+    env, batch = SledLaunch(SEVERAL), SledLaunchVector(3, SEVERAL)
+    for shape in (0, 1, 2):
+        assert env.reset(options={"context": {"shape": shape}})[0][SHAPE] == shape - 1.0
+    assert batch.reset(options={"context": {"shape": [2, 0, 1]}})[0][:, SHAPE].tolist() == [1.0, -1.0, 0.0]
+
+
+def test_contexts_and_flights_are_seen_with_their_body():
+    """Oracle: the states at the rebounds; the number of the body exactly."""
+    task = Task(SEVERAL, "orientation")
+    contexts = SEVERAL.contexts(np.random.default_rng(3).random((60, FIELDS)))
+    rides = task.rides(contexts, task.launches(contexts, np.zeros((60, 1))))
+    rides.hop(np.zeros(60))
+    flights = rides.outcomes()
+    observed = np.hstack([task.observe(contexts), task.observe_flights(flights)])
+    assert np.array_equal(task.contexts_seen(observed)[:, SHAPE], contexts[:, SHAPE])
+    states, _ = task.flights_seen(observed)
+    running = flights["status"] == RUNNING
+    assert running.sum() > 20
+    for i, name in enumerate(sledenv.State._fields):
+        if name != "phi":
+            assert states[running, i] == pytest.approx(flights[name][running], abs=2e-5)
+
+
+def test_the_scales_of_a_flight_are_those_of_the_fastest_body():
+    """Oracle: tasks with each body alone."""
+    alone = [Task(scenario(body)) for body in BODIES]
+    task = Task(SEVERAL)
+    assert task._speed == max(one._speed for one in alone)
+    assert task._spin == max(one._spin for one in alone)
+
+
+def test_a_flight_in_the_run_out_is_seen_there():
+    task = Task(SEVERAL)
+    flights = np.zeros(3, OUTCOME)
+    flights["x"] = 3.0, 4.5, 6.0
+    assert task.observe_flights(flights)[:, 0].tolist() == [0.5, 0.75, 1.0]
+
+
+def test_landings_are_those_of_each_body():
+    """Oracle: problems with each body alone; the height by hand."""
+    problem = Problem(SEVERAL, control="orientation")
+    contexts = problem.contexts("test", 30)
+    landings = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 1))
+    found = Landing(problem).launches(contexts, landings)
+    assert problem.task.of_bodies(contexts, highest_support).tolist() == [
+        highest_support(problem.task.body(contexts[i : i + 1])) for i in range(30)
+    ]
+    heights = problem.task.support_heights(contexts, np.full(30, 0.3))
+    assert heights.tolist() == [support_height(SEVERAL.body(sledenv.Context(*row)), 0.3) for row in contexts.tolist()]
+    for i, section in enumerate(BODIES):
+        own = contexts[:, SHAPE] == i
+        alone = contexts[own].copy()
+        alone[:, SHAPE] = 0.0
+        other = Landing(Problem(scenario(section), control="orientation"))
+        assert np.array_equal(other.launches(alone, landings[own]), found[own])
+
+
+def test_pictures_show_the_body_of_the_episode():
+    """Oracle: environments with each body alone."""
+    env = SledLaunch(SEVERAL, render_mode="rgb_array")
+    fixed = {
+        name: value for name, value in SEVERAL.sample(np.random.default_rng(0))._asdict().items() if name != "shape"
+    }
+    for i, section in enumerate(BODIES):
+        alone = SledLaunch(scenario(section), render_mode="rgb_array")
+        env.reset(options={"context": fixed | {"shape": i}})
+        alone.reset(options={"context": fixed | {"shape": 0}})
+        assert np.array_equal(env.render(), alone.render())
+        for one in (env, alone):
+            one.step(np.zeros(one.action_space.shape, np.float32))
+        assert np.array_equal(env.render(), alone.render())
+        alone.close()
+    env.close()
+
+
+def test_a_page_of_maps_is_of_one_body():
+    shapes = [int(SEVERAL.sample(np.random.default_rng(seed)).shape) for seed in range(4)]
+    assert len(set(shapes)) > 1
+    with pytest.raises(ValueError, match=r"seeds = \[0, 1, 2, 3\]: must be contexts of one body"):
+        map_page(SEVERAL, range(4), [])
