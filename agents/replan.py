@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.envs.inputs import FIELDS, Contexts
+from sledenv.envs.task import FLIGHT
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import descent_jam
 
@@ -74,13 +75,15 @@ class Agent:
         return np.array(best)
 
     def _best_trims(self, contexts: Contexts, observations: NDArray[np.float32]) -> Floats:
-        """Return the trims that the model rewards most, shape (n,)."""
+        """Return the trims that the model rewards most, shape (n,); in the run-out they stay as they are."""
         tried = len(self._trims)
         states, lent = self._model.task.flights_seen(np.repeat(observations, tried, axis=0))
         repeated = np.repeat(contexts, tried, axis=0)
         spins = np.tile(self._model.task.trims(self._trims), len(contexts))
-        rewards = self._predicted(repeated, states, lent, spins).reshape(-1, tried)
-        return np.asarray(self._trims[rewards.argmax(axis=1)])
+        ahead, rewards = states[:, 0] < self._model.scenario.slope_section.length_m, np.zeros(len(states))
+        rewards[ahead] = self._predicted(*(each[ahead] for each in (repeated, states, lent, spins)))
+        best = self._trims[rewards.reshape(-1, tried).argmax(axis=1)]
+        return np.where(ahead[::tried], best, observations[:, FIELDS + FLIGHT.index("trim")])
 
     def _predicted(self, contexts: Contexts, states: Floats, lent: Floats, spins: Floats) -> Floats:
         """Return the rewards of descents that go on from rebounds with other trims, shape (n,)."""

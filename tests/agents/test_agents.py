@@ -116,7 +116,7 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
     mean = problem.judge(agent, problem.contexts("validation", 128))[0].jam.reward.mean()
     assert mean == pytest.approx(curve[:, 2].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
-    assert Sac.load_untrained(Problem("brake_mat"), folder).act(np.zeros((2, 8), np.float32)).shape == (2, 2)
+    assert Sac.load_untrained(Problem("brake_mat"), folder).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
 
 
 def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):

@@ -35,7 +35,7 @@ def test_a_target_is_the_reward_that_it_stands_for():
 
 def test_a_full_turn_has_no_seam():
     critic = Critic((True, False), [8], 11)
-    seen = np.zeros((1, 8), np.float32)
+    seen = np.zeros((1, 11), np.float32)
     ends = np.array([[[-1.0, 0.3], [1.0, 0.3], [0.0, 0.3]]], np.float32)
     low, high, other = critic.rate(seen, ends)[0]
     assert low == pytest.approx(high, abs=1e-6)
@@ -55,7 +55,7 @@ def test_samples_are_what_the_landings_earn(scenario, trembling):
         inputs, rewards = sampler.sample(critic, guided)
         assert inputs.shape == (60, critic.width)
         assert rewards.shape == (60,)
-        seen, columns = inputs[:, :8], inputs[:, 8:]
+        seen, columns = inputs[:, :11], inputs[:, 11:]
         landings = []
         for turning in problem.turns:
             landings.append(np.arctan2(columns[:, 0], columns[:, 4]) / np.pi if turning else columns[:, 0])
@@ -112,7 +112,7 @@ def test_weights_are_plain_numbers(tmp_path):
     keep(critic, tmp_path / "critic.npz")
     with np.load(tmp_path / "critic.npz", allow_pickle=False) as arrays:
         assert {arrays[name].dtype for name in arrays.files} == {np.dtype(np.float16)}
-    seen = np.zeros((1, 8), np.float32)
+    seen = np.zeros((1, 11), np.float32)
     landings = np.linspace(-1.0, 1.0, 9, dtype=np.float32).reshape(1, 9, 1)
     np.testing.assert_allclose(
         kept(problem, tmp_path / "critic.npz").rate(seen, landings), critic.rate(seen, landings), atol=1e-3

@@ -50,11 +50,11 @@ def turned(angle: np.ndarray) -> np.ndarray:
 def test_contexts_come_back_from_what_is_seen_of_them(name, control):
     """Oracle: the contexts that were observed, up to the rounding of float32; a choice is not known."""
     task = Task(name, control)
-    contexts = task.scenario.contexts(np.random.default_rng(0).random((50, 8)))
+    contexts = task.scenario.contexts(np.random.default_rng(0).random((50, 11)))
     seen = task.contexts_seen(task.observe(contexts))
     chosen = [i for i, field in enumerate(("orientation", "spin"), 6) if field in task.controlled]
     assert np.isnan(seen[:, chosen]).all()
-    known = np.delete(np.arange(8), chosen)
+    known = np.delete(np.arange(11), chosen)
     low, high = task.scenario.ranges
     assert (np.abs(seen - contexts)[:, known] <= 1e-7 * (high - low)[known]).all()
 
@@ -62,14 +62,14 @@ def test_contexts_come_back_from_what_is_seen_of_them(name, control):
 def test_flights_come_back_from_what_is_seen_of_them():
     """Oracle: the rides themselves, at their rebounds; the height follows from touching."""
     task = Task("ice_drop")
-    contexts = task.scenario.contexts(np.random.default_rng(1).random((40, 8)))
+    contexts = task.scenario.contexts(np.random.default_rng(1).random((40, 11)))
     rides = task.rides(contexts, task.launches(contexts, np.random.default_rng(2).uniform(-1, 1, (40, 2))))
     rides.hop(np.zeros(40))
     rides.hop(np.full(40, 1.5))
     flights = rides.outcomes()
     flights = flights[flights["status"] == 0]
     assert len(flights) > 20
-    observed = np.hstack([np.zeros((len(flights), 8), np.float32), task.observe_flights(flights)])
+    observed = np.hstack([np.zeros((len(flights), 11), np.float32), task.observe_flights(flights)])
     states, lent = task.flights_seen(observed)
     for i, name in enumerate(("x", "y", "phi", "u", "v", "omega")):
         meant = turned(flights["phi"]) if name == "phi" else flights[name]
@@ -85,7 +85,7 @@ def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
     agent = land_flat.Agent(problem)
     launches = problem.task.launches(contexts, agent.act(problem.task.observe(contexts)).astype(float))
     first = first_touch(problem, contexts, launches)
-    body = problem.task.body
+    body = problem.task.bodies[0]
     slip = first["u_before"] + (body.radius - body.eccentricity) * first["omega_before"]
     assert (first["omega_before"] < -1.0).all()
     assert np.abs(slip).max() < 1e-4
@@ -130,7 +130,7 @@ def test_land_flat_without_fall_or_gravity_still_acts():
 def test_a_linear_policy_reaches_all_orientations_and_stays_in_the_box(control):
     task = Problem("brake_mat", control=control).task
     weights = np.random.default_rng(0).normal(0.0, 3.0, (400, linear.size(task)))
-    observations = np.random.default_rng(1).uniform(-1, 1, (20, 8)).astype(np.float32)
+    observations = np.random.default_rng(1).uniform(-1, 1, (20, 11)).astype(np.float32)
     actions = linear.actions(task, weights, observations)
     assert actions.shape == (400, 20, len(task.controlled))
     assert (np.abs(actions) <= 1.0).all()
@@ -213,8 +213,8 @@ def test_the_likelihood_of_ppo_counts_only_what_acts(tmp_path):
     """Oracle: before the launch the trim, and afterwards the launch, may be anything."""
     settings = {"n_timesteps": 64, "policy": "MlpPolicy", "n_envs": 8, "n_steps": 8, "batch_size": 64, "n_epochs": 1}
     agent = ppo.Agent.train(Problem("brake_mat", "descent"), settings, 0, tmp_path)
-    before = torch.zeros(2, 17)
-    after = before + torch.eye(17)[10]  # a cosine of 1
+    before = torch.zeros(2, 20)
+    after = before + torch.eye(20)[13]  # a cosine of 1
     launches, trims = torch.tensor([[0.5, 0.2, 0.1], [0.1, 0.3, 0.1]]), torch.tensor([[0.5, 0.2, 0.1], [0.5, 0.2, 0.6]])
     for observed, same, other in ((before, trims, launches), (after, launches, trims)):
         (one, two), (three, four) = (agent.model.policy.evaluate_actions(observed, acts)[1] for acts in (same, other))

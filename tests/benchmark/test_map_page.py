@@ -182,7 +182,7 @@ def test_a_click_plays_the_descent_of_its_cell(made: MapPage, chromium: Browser,
         assert float(told[1]) == pytest.approx(state[0], abs=0.02)
     assert len(endings) > 1
     assert page.run("return document.documentElement.scrollWidth") <= width
-    assert f"shown to {2e3 * TOLERANCE * reach(problem.task.body):.1f} mm and 0.2°" in page.text("#about")
+    assert f"shown to {2e3 * TOLERANCE * reach(problem.task.bodies[0]):.1f} mm and 0.2°" in page.text("#about")
     assert page.run("return performance.getEntriesByType('resource').length") == 0
     assert page.log() == []
 
@@ -191,7 +191,7 @@ def test_a_click_plays_the_descent_of_its_cell(made: MapPage, chromium: Browser,
 def test_positions_in_the_page_are_those_of_the_simulator(made: MapPage, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the trajectories; the thinning and the rounding are allowed ``TOLERANCE`` each."""
     page, problem = shown(chromium, made.html, tmp_path), Problem(PACK)
-    allowed = 2.0 * TOLERANCE * np.array([reach(problem.task.body), reach(problem.task.body), 1.0])
+    allowed = 2.0 * TOLERANCE * np.array([reach(problem.task.bodies[0]), reach(problem.task.bodies[0]), 1.0])
     for index in np.linspace(0, page.run("return L.n - 1"), 40).astype(int).tolist():
         descent = descended(problem, SEEDS[0], launch_of(page, index))
         times = np.linspace(0.0, descent.time, 50)

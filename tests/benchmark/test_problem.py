@@ -69,7 +69,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     contexts = problem.contexts("train", 3)
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
-    assert trials.shape == (3, TRIALS, 10)
+    assert trials.shape == (3, TRIALS, 13)
     assert np.array_equal(trials[0, :, 8:], trials[2, :, 8:])
     assert not np.isclose(trials[0, :, 8:], problem.trials(contexts, "test")[0, :, 8:]).any()  # nobody knows the test
     assert trials[0, :, 8:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
@@ -78,7 +78,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
         for i, row in enumerate(actions)
     ]
     assert problem.expect(contexts, actions, "train") == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem("ice_drop").trials(contexts, "test").shape == (3, 1, 8)
+    assert Problem("ice_drop").trials(contexts, "test").shape == (3, 1, 11)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
     assert np.array_equal(drawn[:TRIALS, 8:], trials[0, :, 8:])
     assert np.array_equal(drawn[TRIALS:, 8:], trials[0, :, 8:])
@@ -88,12 +88,12 @@ def test_extra_noise_disturbs_what_is_chosen_alone(noisy):
     """Oracle: standard deviations by hand; a disturbance that the agent does not choose stays as it is."""
     quiet = noisy.model_copy(update={"control": load_scenario("brake_mat").control})
     contexts = Problem(quiet).contexts("test", 2000)
-    both = Problem(quiet, control="both").disturbed(contexts, 0.05)[:, 8:]
+    both = Problem(quiet, control="both").disturbed(contexts, 0.05)[:, 11:]
     assert both.std(axis=0) == pytest.approx([0.05 * np.pi, 0.05 * 8.0], rel=0.06)
-    one = Problem(quiet, control="orientation").disturbed(contexts, 0.05)[:, 8:]
+    one = Problem(quiet, control="orientation").disturbed(contexts, 0.05)[:, 11:]
     assert np.array_equal(one[:, 0], both[:, 0])
     assert not one[:, 1].any()
-    more = Problem(noisy).disturbed(contexts, 0.05)[:, 8:]
+    more = Problem(noisy).disturbed(contexts, 0.05)[:, 11:]
     assert more.std(axis=0) == pytest.approx([np.hypot(0.05 * np.pi, np.radians(4.0)), 0.5], rel=0.06)
 
 

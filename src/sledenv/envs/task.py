@@ -197,8 +197,7 @@ class Task:
 
     def body(self, contexts: Contexts) -> Body:
         """Return the body of the first of contexts."""
-        (number,) = self.shapes(contexts[:1]).tolist()
-        return self.bodies[number]
+        return self.bodies[int(self.shapes(contexts[:1])[0])]
 
     def bodies_of(self, contexts: Contexts) -> Body | list[Body]:
         """Return the body of all contexts if the scenario has but one, or one a context."""
