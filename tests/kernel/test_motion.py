@@ -11,13 +11,12 @@ from scipy.integrate import solve_ivp
 
 from sledenv.kernel import motion
 from sledenv.kernel.outline import incline_of
-from sledenv.kernel.params import Incline
+from sledenv.kernel.params import Incline, Slope
 from sledenv.kernel.records import FLIGHT_LOSSES
-from sledenv.simulation.scene import Slope
 from tests.compiled import compiled
 
 incline = compiled(incline_of)
-SLOPES = [Slope(0.3), Slope(-0.2, gravity=1.6), Slope(0.0), Slope(0.1, gravity=0.0)]
+SLOPES = [Slope(angle, math.inf, gravity) for angle, gravity in ((0.3, 9.81), (-0.2, 1.6), (0.0, 9.81), (0.1, 0.0))]
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # where a program divides by zero and drops that
 TIMES = np.linspace(0.0, 2.0, 41)
 

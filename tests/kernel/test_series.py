@@ -41,7 +41,7 @@ def expanded(branch: tuple[int, int, int]) -> np.ndarray:
     point["h"], point["r"] = H, R
     point["gap_rate"], point["slip"], contact["spin"] = branch
     point["mu"], point["rho"] = -slip * FRICTION, -spin * ARM
-    contact["friction"], point["arm"] = FRICTION, ARM
+    point["friction"], point["arm"] = FRICTION, ARM
     point["stiffness"], contact["inward"], contact["downhill"] = STIFFNESS, INWARD, DOWNHILL
     contact["phi"] = step["theta"] = 0.8
     step["sine"], step["cosine"] = math.sin(0.8), math.cos(0.8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,12 +55,14 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
             speed[:, 0] = np.hypot(u, v)
             kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
             continue
-        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), settings)
+        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), replace(settings, run_out=0.0))
         going = going[outcomes["status"][going] == FINISH]
         there = going[lengths[going] >= station]
         speed[there, k] = np.hypot(outcomes["u"][there], outcomes["v"][there])
         kinetic[there, k] = outcomes["kinetic"][there]
         going = going[lengths[going] > station]
+    if settings.run_out > 0.0:  # who has come to the line may still crash behind it
+        going = np.flatnonzero((outcomes["status"] == FINISH) | np.isin(np.arange(count), going))
     outcomes[going] = _descend(lanes, going, lengths[going], settings)
     return Passages(outcomes, descent_jam(outcomes, _of_bodies(lanes.bodies, "mass"), lengths), speed, kinetic)
 

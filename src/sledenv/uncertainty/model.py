@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
@@ -17,18 +17,20 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, mo
 from sledenv.kernel.entries import LIBRARY
 from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
-from sledenv.scenarios.sections import ContactSection, LaunchSection, SlopeSection
+from sledenv.scenarios.sections import ChoiceBody, ContactSection, LaunchSection, SlopeSection, ZoneSection
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
 
-PARTS: Final = ("slope", "body", "contact", "launch")  # sections whose numbers may be uncertain
+PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
 # Which field of what the simulator takes a key stands for; those of a body are told by its section.
 _CONTEXT: Final = {
     "slope.angle_deg": "angle",
     "contact.friction": "friction",
     "contact.restitution": "restitution",
+    "zone.begin_m": "zone_begin",
+    "zone.friction": "zone_friction",
     "launch.speed_m_s": "speed",
     "launch.drop_m": "drop",
     "launch.fall_m_s": "fall",
@@ -79,7 +81,8 @@ class Study(Document):
     """What of a scenario is uncertain, and by how much.
 
     The keys are those of the YAML file. ``slope``, ``body``, ``contact`` and ``launch`` have the keys of a scenario and
-    stand in for its own; each is a number or a distribution. Instances are immutable and picklable.
+    stand in for its own; each is a number or a distribution. So has ``zone``, for the zone that the scenario draws, or
+    else its first one. Instances are immutable and picklable.
     """
 
     called: ClassVar[str] = "study"
@@ -98,6 +101,7 @@ class Study(Document):
     slope: Given = Field(default_factory=dict)
     body: Given = Field(default_factory=dict)
     contact: Given = Field(default_factory=dict)
+    zone: Given = Field(default_factory=dict)  # begin_m and friction of the zone that the scenario draws
     launch: Given = Field(default_factory=dict)
     limits: dict[str, Any] = Field(default_factory=dict)
     ends: dict[str, Any] = Field(default_factory=dict)
@@ -114,6 +118,8 @@ class Study(Document):
         """Check all that can be before anything is drawn."""
         problems = [self._misfit(name, distribution) for name, distribution in self.parameters.items()]
         problems += self._left_open()
+        if isinstance(self.base.body_section, ChoiceBody):
+            problems.append("body.kind = 'choice': a study is of one body")
         if not self.parameters:
             problems.append("nothing is uncertain: give a key of slope, body, contact or launch a distribution")
         apart = np.diff(self.stations_m, prepend=0.0)
@@ -131,16 +137,30 @@ class Study(Document):
             content = load_scenario(self.scenario).model_dump(by_alias=True)
         content |= {"id": self.id, "title": self.title, "rider": None}
         for part in (*PARTS, "limits", "ends"):
+            if part == "zone":
+                continue
             given = {key: _central(value) for key, value in getattr(self, part).items()}
             inherited = {} if "kind" in given else dict(content.get(part, {}))
             if given.keys() & {"restitution", "asymmetry"}:  # one stands for the other
                 inherited |= {"restitution": None, "asymmetry": None}
             if given or inherited:
                 content[part] = inherited | given
+        content["zones"] = self._zones(content.get("zones", ()))
         try:
             return Scenario.model_validate(content)
         except ScenarioError as error:
             raise ValueError(str(error).replace(f"scenario {self.id}: ", "")) from error
+
+    def _zones(self, inherited: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """Zones of the scenario, the drawn one with what is given here."""
+        zones = [dict(zone) for zone in inherited]
+        given = {key: _central(value) for key, value in self.zone.items()}
+        if given and not zones:
+            raise ValueError("zone: the scenario has no zones")
+        if given:
+            drawn = [k for k, zone in enumerate(inherited) if ZoneSection.model_validate(zone).varies]
+            zones[next(iter(drawn), 0)] |= given
+        return zones
 
     @cached_property
     def parameters(self) -> dict[str, Distribution]:
@@ -205,6 +225,7 @@ class Study(Document):
     def _bodies(self, values: NDArray[np.float64]) -> Iterator[Body]:
         """Body of each row of values that makes one; afterwards an error if some do not."""
         section, at = self.base.body_section, self._of_bodies
+        assert not isinstance(section, ChoiceBody)  # by _can_be_simulated
         kind, certain = type(section), section.model_dump()
         wrong = []
         for row in values[:, list(at)].tolist():
@@ -235,6 +256,7 @@ class Study(Document):
             "slope": SlopeSection,
             "body": type(self.base.body_section),
             "contact": ContactSection,
+            "zone": ZoneSection,
             "launch": LaunchSection,
         }
 
