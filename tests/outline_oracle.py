@@ -21,10 +21,14 @@ With the penetration x_i = -g_i, set-valued where a velocity is zero:
     t_i:    F_i = -f N_i sgn t_i,                   |F_i| <= f N_i at t_i = 0
     omega:  M = -sgn omega sum d_i N_i,             |M| <= sum d_i N_i at omega = 0      (d_i is the rolling arm)
 
-A branch names the arcs that touch and, for each velocity, its sign, or 0 where it is locked. As n_1 - n_2 and t_1 - t_2
-are multiples of omega, two gap rates or two slips stay zero only with omega; how the points then share a force is open.
-The motion does not depend on it: a lock holds as long as any share obeys every bound. Every combination of signs that
-the velocities permit is tried out for a short time, and the one that obeys all laws is followed to its first event.
+Friction f and rolling arms are those of the law, or those of the zone in which the place x - a_i of the point lies.
+
+A branch names the arcs that touch, the zone of each, and, for each velocity, its sign, or 0 where it is locked. As
+n_1 - n_2 and t_1 - t_2 are multiples of omega, two gap rates or two slips stay zero only with omega; how the points
+then share a force is open. The motion does not depend on it: a lock holds as long as any share obeys every bound. Where
+points in different zones slide, friction depends on how they share the normal force: it is then shared so that as
+little of the moment as possible is left to rolling resistance. Every combination of signs that the velocities permit is
+tried out for a short time, and the one that obeys all laws is followed to its first event.
 
 Rigid surfaces. An impact of one point is followed in normal impulse, phase by phase. Contacts that last, and two points
 at once, are not: `Unsupported`.
@@ -88,11 +92,22 @@ class Law(NamedTuple):
     corner_rolling_arm: float  # [m] of a corner
 
 
+class Zone(NamedTuple):
+    """The fields of sledenv.Zone."""
+
+    begin: float  # [m]
+    end: float
+    friction: float  # [-]
+    rolling_arm: float  # [m] of an arc
+    corner_rolling_arm: float  # [m] of a corner
+
+
 class Slope(NamedTuple):
     """Without an end."""
 
     angle: float  # [rad]
     gravity: float  # [m/s^2]
+    zones: tuple[Zone, ...] = ()  # in order
 
 
 class State(NamedTuple):
@@ -270,6 +285,31 @@ def mirrored(body: Body) -> Body:
     return body._replace(arcs=tuple(sorted(found, key=lambda arc: arc.begin)))
 
 
+# --- the ground ------------------------------------------------------------------------------------------------------
+
+
+def everywhere(law: Law, slope: Slope) -> tuple[Zone, ...]:
+    """The slope as zones that leave nothing out."""
+    found, reached = [], -math.inf
+    for zone in (*slope.zones, Zone(math.inf, math.inf, 0.0, 0.0, 0.0)):
+        if reached < zone.begin:
+            found.append(Zone(reached, zone.begin, *law[2:]))
+        if zone.begin < math.inf:
+            found.append(zone)
+        reached = zone.end
+    return tuple(found)
+
+
+def zone_at(zones: tuple[Zone, ...], place: float) -> int:
+    """The zone of a place [m], of zones that leave nothing out."""
+    return max(k for k, zone in enumerate(zones) if zone.begin <= place)
+
+
+def arm_in(zone: Zone, arc: Arc) -> float:
+    """Rolling arm [m] of an arc in a zone."""
+    return zone.corner_rolling_arm if arc.corner else zone.rolling_arm
+
+
 # --- flight ----------------------------------------------------------------------------------------------------------
 
 
@@ -347,6 +387,7 @@ class Point(NamedTuple):
     arc: int
     low: float
     high: float
+    zone: int = 0  # in which it touches
 
 
 class Branch(NamedTuple):
@@ -391,14 +432,29 @@ class Surface:
         self.outline, self.arcs, self.start = Outline(body), body.arcs, start
         self.mass, self.inertia, self.size = body.mass, body.inertia, self.outline.size
         self.closing, self.opening = law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry)
-        self.friction = law.friction
-        self.rolls = [law.corner_rolling_arm if one.corner else law.rolling_arm for one in body.arcs]
+        self.zones = everywhere(law, slope)
         self.along, self.into = slope.gravity * math.sin(slope.angle), slope.gravity * math.cos(slope.angle)
         self.unit = 1.0 / math.sqrt(2.0 * self.closing * (1.0 / self.mass + self.size**2 / self.inertia))  # [s]
         lowest = arms(body.arcs[arc], start.phi)[1]
         self.first_gaps = [lowest - arms(one, start.phi)[1] for one in body.arcs]
         velocities = [start.u, start.v, self.size * start.omega]
         self.speed = max(*map(abs, velocities), 1e-3 * math.sqrt(self.size * self.into), 1e-9)  # [m/s] scale
+
+    # --- the ground
+
+    def friction(self, point: Point) -> float:
+        return self.zones[point.zone].friction
+
+    def roll(self, point: Point) -> float:
+        return arm_in(self.zones[point.zone], self.arcs[point.arc])
+
+    def spot(self, arc: int, q: np.ndarray) -> float:
+        """Where an arc touches, along the slope [m]."""
+        return self.start.x + float(q[X]) - arms(self.arcs[arc], self.start.phi + float(q[PHI]))[0]
+
+    def on_ground(self, point: Point, q: np.ndarray) -> Point:
+        """A point that starts to touch, in its zone."""
+        return point._replace(zone=zone_at(self.zones, self.spot(point.arc, q)))
 
     # --- kinematics
 
@@ -447,12 +503,12 @@ class Surface:
 
     def _spinning(self, branch: Branch, at: Place) -> Forces:
         """Of a body free to spin, so that at most one gap rate and one slip are locked, by N and F of those points."""
-        m, j, f, w2 = self.mass, self.inertia, self.friction, at.spin * at.spin
+        m, j, w2 = self.mass, self.inertia, at.spin * at.spin
         every = range(len(branch.points))
-        rolls = [self.rolls[point.arc] for point in branch.points]
+        f, rolls = [self.friction(point) for point in branch.points], [self.roll(point) for point in branch.points]
         n_lock = branch.gaps.index(0) if 0 in branch.gaps else -1
         f_lock = branch.slips.index(0) if 0 in branch.slips else -1
-        drag = [-f * sign for sign in branch.slips]  # F over N; 0 where locked
+        drag = [-f[i] * branch.slips[i] for i in every]  # F over N; 0 where locked
 
         def under(normal: list[float], extra: float) -> tuple[float, float, float]:
             """Accelerations without gravity: normal forces with their friction, and a force at the locked slip."""
@@ -495,14 +551,14 @@ class Surface:
             x = at.x[n_lock]
             slacks += [normal[n_lock] - self.opening * x, self.closing * x - normal[n_lock]]
         if f_lock >= 0:
-            slacks.append(f * normal[f_lock] - abs(pull))
+            slacks.append(f[f_lock] * normal[f_lock] - abs(pull))
         moment = -branch.spin * sum(rolls[i] * normal[i] for i in every)
         return Forces((du, dv, dw), tuple(normal), tuple(tangential), moment, tuple(slacks))
 
     def _held(self, branch: Branch, at: Place) -> Forces:
         """Of a body that does not spin: gap rates are equal, slips too, and M balances the moment of some share."""
-        m, f, every = self.mass, self.friction, range(len(branch.points))
-        rolls = [self.rolls[point.arc] for point in branch.points]
+        m, every = self.mass, range(len(branch.points))
+        f, rolls = [self.friction(point) for point in branch.points], [self.roll(point) for point in branch.points]
         gap_sign, slip_sign = branch.gaps[0], branch.slips[0]
         slacks: list[float] = []
         total = m * self.into
@@ -513,9 +569,7 @@ class Surface:
         else:
             shares = [[self.stiffness(gap_sign) * x for x in at.x]]
             total = sum(shares[0])
-        pull = -m * self.along if slip_sign == 0 else -f * slip_sign * total
-        if slip_sign == 0:
-            slacks.append(f * total - abs(pull))
+        pull = -m * self.along
         # The moment is linear in the shares of N and of F, and so is what rolling resistance can bear. Both are extreme
         # where the share of N is: arms along the slope are longer than the difference of the arms b.
         ends = [(n, force) for n in shares for force in _pulls(n, pull, f, slip_sign)]
@@ -528,6 +582,10 @@ class Surface:
         part = min(max(-moments[lo] / span, 0.0), 1.0) if span > 0.0 else 0.5  # the share with the least moment
         n, force = ([(1.0 - part) * ends[lo][k][i] + part * ends[hi][k][i] for i in every] for k in (0, 1))
         moment = (1.0 - part) * moments[lo] + part * moments[hi]
+        if slip_sign == 0:
+            slacks.append(sum(f[i] * n[i] for i in every) - abs(pull))
+        else:
+            pull = sum(force)
         rates = (self.along + pull / m, 0.0 if gap_sign == 0 else total / m - self.into, 0.0)
         return Forces(rates, tuple(n), tuple(force), moment, tuple(slacks))
 
@@ -541,8 +599,8 @@ class Surface:
             normal = forces.normal[i]
             if branch.gaps[i] > 0:
                 hysteresis += (self.closing - self.opening) * at.x[i] * at.rates[i]
-            sliding += self.friction * normal * branch.slips[i] * at.slips[i]
-            rolling += self.rolls[point.arc] * normal * branch.spin * at.spin
+            sliding += self.friction(point) * normal * branch.slips[i] * at.slips[i]
+            rolling += self.roll(point) * normal * branch.spin * at.spin
         losses = (hysteresis, sliding, rolling)
         impulses = (sum(forces.normal), sum(forces.tangential), forces.moment)
         return np.array([float(q[U]), float(q[V]), at.spin, *forces.rates, *losses, *impulses])
@@ -563,7 +621,7 @@ class Surface:
         for i in range(len(branch.points)):
             if branch.gaps[i]:
                 values[f"n{i}"] = branch.gaps[i] * at.rates[i] / self.speed
-            if branch.slips[i] and self.friction:
+            if branch.slips[i] and self.rubs(branch.points):
                 values[f"t{i}"] = branch.slips[i] * at.slips[i] / self.speed
         if branch.spin and self.resists(branch.points):
             values["w"] = branch.spin * at.spin * self.size / self.speed
@@ -571,7 +629,11 @@ class Surface:
 
     def resists(self, points: tuple[Point, ...]) -> bool:
         """Whether there is rolling resistance."""
-        return any(self.rolls[point.arc] > 0.0 for point in points)
+        return any(self.roll(point) > 0.0 for point in points)
+
+    def rubs(self, points: tuple[Point, ...]) -> bool:
+        """Whether there is friction."""
+        return any(self.friction(point) > 0.0 for point in points)
 
     def _load(self, forces: Forces, at: Place) -> float:
         return max(map(abs, (*forces.normal, *(self.closing * max(x, 0.0) for x in at.x))), default=0.0)
@@ -591,6 +653,13 @@ class Surface:
                 values[f"low{i}"] = phi - point.low + 1e-15
             if point.high < math.inf:
                 values[f"high{i}"] = point.high - phi + 1e-15
+            if branch.slips[i] or self.arcs[point.arc].radius > 0.0:  # a corner that sticks stays where it is
+                zone, place = self.zones[point.zone], self.spot(point.arc, q)
+                rounding = 1e-15 * (self.size + abs(place))
+                if zone.begin > -math.inf:
+                    values[f"back{i}"] = place - zone.begin + rounding
+                if zone.end < math.inf:
+                    values[f"ahead{i}"] = zone.end - place + rounding
         for arc in self.outline.across([point.arc for point in branch.points], phi):
             values[f"down{arc}"] = self.gap(arc, q) + slack
         return values
@@ -624,13 +693,14 @@ def _filled(first: int, total: float, least: list[float], most: list[float]) -> 
     return loads
 
 
-def _pulls(loads: list[float], pull: float, f: float, slip: int) -> list[list[float]]:
+def _pulls(loads: list[float], pull: float, f: list[float], slip: int) -> list[list[float]]:
     """Friction of the points, ``pull`` in all and each within its bounds: the one share, or the two extreme ones."""
     if slip:
-        return [[-f * slip * load for load in loads]]
+        return [[-f[i] * slip * load for i, load in enumerate(loads)]]
     if len(loads) == 1:
         return [[pull]]
-    low, high = max(-f * loads[0], pull - f * loads[1]), min(f * loads[0], pull + f * loads[1])
+    most, other = f[0] * loads[0], f[1] * loads[1]
+    low, high = max(-most, pull - other), min(most, pull + other)
     if low > high:  # not enough friction: that is told by the slack
         low = high = 0.5 * (low + high)
     return [[low, pull - low], [high, pull - high]]
@@ -658,8 +728,9 @@ def _candidates(surface: Surface, points: tuple[Point, ...], q: np.ndarray) -> I
         spins = (0, 1)
     for kept in product(*((True, False) if grazing else (True,) for grazing in grazes)):
         chosen = [i for i in range(len(points)) if kept[i]]
+        rubs = surface.rubs(tuple(points[i] for i in chosen))
         gaps = product(*(signs(at.rates[i], True) for i in chosen))
-        slips = product(*(signs(at.slips[i], surface.friction > 0.0) for i in chosen))
+        slips = product(*(signs(at.slips[i], rubs) for i in chosen))
         zero = {"w"} if still else set()
         zero |= {f"n{k}" for k, i in enumerate(chosen) if abs(at.rates[i]) <= limit}
         zero |= {f"t{k}" for k, i in enumerate(chosen) if abs(at.slips[i]) <= limit}
@@ -836,7 +907,7 @@ def _follow_contact(surface: Surface, points: tuple[Point, ...], q: np.ndarray, 
         q, points = surface.project(branch, q), branch.points
         branches.append(branch)
         both = both or len(points) == 2
-        smooth = surface.friction == 0.0 and abs(q[U]) <= limit and surface.along == 0.0
+        smooth = not surface.rubs(points) and abs(q[U]) <= limit and surface.along == 0.0
         held = branch.spin == 0 and not any(branch.gaps) and (smooth or not any(branch.slips))
         end = "separated" if not points else "rest" if held else "max_time" if time >= max_time else ""
         if end:
@@ -856,16 +927,19 @@ def _points_after(surface: Surface, branch: Branch, q: np.ndarray, name: str) ->
         if name == f"up{i}" or (branch.gaps[i] > 0 and at.x[i] <= limit):
             continue
         if name in (f"low{i}", f"high{i}"):
-            found.append(surface.outline.beyond(point, 1 if name == f"high{i}" else -1))
+            found.append(surface.outline.beyond(point, 1 if name == f"high{i}" else -1)._replace(zone=point.zone))
+        elif name in (f"back{i}", f"ahead{i}"):
+            found.append(point._replace(zone=point.zone + (1 if name == f"ahead{i}" else -1)))
         elif surface.outline.nearest(point.arc, phi) != point.arc:
-            found.append(surface.outline.point(surface.outline.nearest(point.arc, phi), phi))
+            nearest = surface.outline.point(surface.outline.nearest(point.arc, phi), phi)
+            found.append(nearest._replace(zone=point.zone))
         else:
             found.append(point)
     for arc in surface.outline.across([point.arc for point in branch.points], phi):
         a, _ = arms(surface.arcs[arc], phi)
         closing = float(q[V]) - a * at.spin < 0.0
         if name == f"down{arc}" or (surface.gap(arc, q) <= limit and closing):
-            found.append(surface.outline.point(arc, phi))
+            found.append(surface.on_ground(surface.outline.point(arc, phi), q))
     if len(found) > 2 or len({point.arc for point in found}) < len(found):
         raise Unsupported("three points at the same time: the body is pressed in too deep")
     return tuple(found)
@@ -891,12 +965,12 @@ def follow_compliant(case: Case, *, max_rebounds: int = 1, max_time: float = 10.
         time += flight
         surface = Surface(case, before, arc)
         q = np.array([0.0, 0.0, 0.0, before.u, before.v, before.omega, *[0.0] * 6])
-        points = [outline.point(arc, before.phi)]
+        points = [surface.on_ground(outline.point(arc, before.phi), q)]
         for other in outline.across([arc], before.phi):
             a, _ = arms(body.arcs[other], before.phi)
             closing = before.v - a * before.omega <= NOISE * surface.speed
             if surface.gap(other, q) <= AT_SURFACE * surface.size and closing:
-                points.append(outline.point(other, before.phi))
+                points.append(surface.on_ground(outline.point(other, before.phi), q))
         if len(points) > 2:
             raise Unsupported("three points at the same time")
         contact = _follow_contact(surface, tuple(points), q, max_time - time)
@@ -1052,7 +1126,7 @@ def follow_rigid(case: Case, *, max_rebounds: int = 1, max_time: float = 10.0, s
     """
     body, law, slope, state = case
     e = math.sqrt((1.0 - law.asymmetry) / (1.0 + law.asymmetry))
-    outline, time = Outline(body), 0.0
+    outline, zones, time = Outline(body), everywhere(law, slope), 0.0
     rebounds: list[Rebound] = []
     while True:
         flight = touchdown(outline, slope, state, max_time - time)
@@ -1066,8 +1140,8 @@ def follow_rigid(case: Case, *, max_rebounds: int = 1, max_time: float = 10.0, s
             raise Unsupported("two points at once")
         if before.v - a * before.omega > -settle_speed:
             raise Unsupported("a slow impact")
-        rolls = law.corner_rolling_arm if arc.corner else law.rolling_arm
-        impact = follow_rigid_impact(body.mass, body.inertia, a, b, e, law.friction, rolls, before)
+        zone = zones[zone_at(zones, before.x - a)]
+        impact = follow_rigid_impact(body.mass, body.inertia, a, b, e, zone.friction, arm_in(zone, arc), before)
         if impact.v_n <= 0.0:
             raise Unsupported("a rigid contact that lasts")
         state = impact.state
@@ -1240,6 +1314,18 @@ def random_body(rng: np.random.Generator, kind: str) -> Body:
     factor = reach / outline.size
     arcs = tuple(Arc(arc.x * factor, arc.y * factor, arc.radius * factor, *arc[3:]) for arc in arcs)
     return Body(mass, mass * reach**2 * rng.uniform(0.15, 0.6), arcs)
+
+
+def random_zones(rng: np.random.Generator, edges: list[float], size: float) -> tuple[Zone, ...]:
+    """Zones between edges [m], some of which touch and some of which do not; the last one may have no end."""
+    edges = sorted(set(edges))
+    found = []
+    for begin, end in pairwise([*edges, math.inf]):
+        if rng.random() < 0.8:
+            friction = rng.uniform(0.0, 0.8) if rng.random() < 0.9 else 0.0
+            rolls = (float(rng.uniform(0.0, 0.05) * size * (rng.random() < 0.7)) for _ in range(2))
+            found.append(Zone(begin, end, float(friction), *rolls))
+    return tuple(found)
 
 
 def random_case(seed: int) -> Case:

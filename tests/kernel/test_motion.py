@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sledenv.kernel import motion
+from sledenv.kernel import motion, params
 from sledenv.kernel.outline import incline_of
 from sledenv.kernel.params import Incline, Slope
 from sledenv.kernel.records import FLIGHT_LOSSES
@@ -26,7 +26,7 @@ def thrown(slope: Slope, seed: int) -> Any:
     rng = np.random.default_rng(seed)
     names = ("x", "y", "phi", "u", "v", "omega")
     start = dict(zip(names, rng.normal(0.0, 5.0, len(names)), strict=True))
-    return {**incline(slope)._asdict(), **start, "size": 0.5}
+    return {**incline(params.Slope(*slope[:3]))._asdict(), **start, "size": 0.5}
 
 
 @pytest.mark.parametrize("slope", SLOPES)

@@ -38,8 +38,9 @@ def body_of(body: oracle.Body) -> sledenv.Body:
 
 def given(case: oracle.Case) -> tuple[Any, ...]:
     """Body, law, slope and launch."""
-    law, slope = sledenv.ContactLaw(*case.law), sledenv.Slope(case.slope.angle, gravity=case.slope.gravity)
-    return body_of(case.body), law, slope, sledenv.State(*case.launch)
+    zones = [sledenv.Zone(*zone) for zone in case.slope.zones]
+    slope = sledenv.Slope(case.slope.angle, gravity=case.slope.gravity, zones=zones)
+    return body_of(case.body), sledenv.ContactLaw(*case.law), slope, sledenv.State(*case.launch)
 
 
 def simulated(case: oracle.Case, solver: BatchSolver, **options: Any) -> sledenv.Descent:
@@ -173,7 +174,8 @@ def test_a_flat_arc_across_a_side_does_not_reach_beyond_its_end(tilt: float) -> 
 
 def mirror(case: oracle.Case) -> oracle.Case:
     x, y, phi, u, v, omega = case.launch
-    slope = case.slope._replace(angle=-case.slope.angle)
+    zones = tuple(zone._replace(begin=-zone.end, end=-zone.begin) for zone in reversed(case.slope.zones))
+    slope = case.slope._replace(angle=-case.slope.angle, zones=zones)
     return oracle.Case(oracle.mirrored(case.body), case.law, slope, oracle.State(-x, y, -phi, -u, v, -omega))
 
 

@@ -68,10 +68,11 @@ def _begin(body: np.void, slope: Incline, space: np.void) -> None:
     contact["inward"], contact["downhill"] = slope.inward, slope.downhill
     progress.forget_branch(contact, points)
     point["at_edge"], point["other_left"], contact["undecided"] = 0.0, 0.0, 1.0
-    point["piece"] = 0.0
-    if ground["count"] > 1.0:
-        a, _ = arms(body, int(point["arc"]), contact["phi"])
-        point["piece"] = piece_at(ground, contact["x"] - a)
+    if contact["rigid"] == 0.0:  # rigid surfaces have hit each other before, see rigid.py
+        point["piece"] = 0.0
+        if ground["count"] > 1.0:
+            a, _ = arms(body, int(point["arc"]), contact["phi"])
+            point["piece"] = piece_at(ground, contact["x"] - a)
     progress.write_arc(body, ground, 0.0, contact, point)
 
 

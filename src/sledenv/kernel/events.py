@@ -224,6 +224,15 @@ def _slope_event(contact: np.void, length: float, step: np.void) -> None:
 
 
 @kernel
+def _place_zeros(contact: np.void, point: np.void) -> int:
+    """Leading coefficients that are zero by construction of the rate of the place of a point, v_t - r omega."""
+    slides, rolls = point["slip"] != 0.0, point["r"] != 0.0 and contact["spin"] != 0.0
+    if slides and rolls:
+        return int(min(point["slip_zeros"], contact["spin_zeros"]))
+    return int(contact["spin_zeros"] if rolls else point["slip_zeros"])
+
+
+@kernel
 def _piece_events(contact: np.void, point: np.void, step: np.void, ground: np.void) -> None:
     """Look for where a point passes on to the next piece of the ground, or to the one before.
 
@@ -238,8 +247,9 @@ def _piece_events(contact: np.void, point: np.void, step: np.void, ground: np.vo
         ahead = sign * (edge - place)
         if ahead > within:
             continue
-        passed = 1 if abs(ahead) <= PLACE_ROUNDING * (abs(edge) + abs(x) + abs(h)) else 0
-        at = sum_root(step["x"], -sign, step["sines"], sign * h, sign * edge, passed, 0.0, step)
+        passed = abs(ahead) <= PLACE_ROUNDING * (abs(edge) + abs(x) + abs(h))
+        vanishing = 1 + _place_zeros(contact, point) if passed else 0
+        at = sum_root(step["x"], -sign, step["sines"], sign * h, sign * edge, vanishing, 0.0, step)
         if happens(at, PIECE_ENDS, step):
             step["released"] = sign
 

@@ -57,7 +57,7 @@ def _hit(body: np.void, a: float, b: float, restitution: float, space: np.void) 
     """Follow one impact of the arc that touches, whose arms are given. Return the number of phases."""
     contact, point, hop = space["contact"], space["points"][0], space["hop"]
     hop["a"], hop["b"] = a, b
-    piece = piece_at(space["ground"], contact["x"] - a)
+    piece = int(point["piece"])
     hop["friction"], hop["restitution"] = space["ground"]["friction"][piece], restitution
     hop["arm"] = arm_on(body, int(point["arc"]), space["ground"], piece)
     _hand_over(contact, point, hop)
@@ -117,7 +117,7 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
         _lie_down(body, v, b, space)
     elif min(point["v_n"], there) < 0.0:
         ground = space["ground"]
-        piece_1, piece_2 = piece_at(ground, contact["x"] - a_1), piece_at(ground, contact["x"] - a_2)
+        piece_1, piece_2 = int(point["piece"]), piece_at(ground, contact["x"] - a_2)
         side = Side(
             body["mass"],
             1.0 / body["inertia"],
@@ -142,7 +142,7 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
             contact["count"] = 2.0
         else:
             change_point(body, other, contact, point)
-            point["v_n"] = 0.0
+            point["piece"], point["v_n"] = piece_at(space["ground"], contact["x"] - a_2), 0.0
     return RUNNING if point["v_n"] == 0.0 else SEPARATED
 
 
@@ -208,7 +208,8 @@ def strike(body: np.void, law: RigidLaw, slope: Incline, left: int, space: np.vo
         write_rigid(body, slope, contact, point)
         contact["peak_force"] = math.inf
         space["strikes"] = 0.0
-    else:
+        point["piece"] = piece_at(space["ground"], contact["x"] - a)
+    else:  # it keeps its piece of the ground: rounding may have left it short of the boundary that it has just passed
         a, b = arms_now(body, int(point["arc"]), contact)
     space["strikes"] += 1.0
     if space["strikes"] > MOST_STRIKES:

@@ -179,13 +179,14 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     if isinstance(given, Slope):
         return np.array([given.row])
     _check_rows("slope", Slope, given, lanes)
-    if not isinstance(given, np.ndarray):
-        given = [one.row if isinstance(one, Slope) else one for one in given]
-        widest = max(map(np.size, given))
-        if any(np.size(one) != widest for one in given):
-            given = [(*one, *[math.nan] * (widest - len(one))) for one in given]
     fields = params.Slope._fields
-    zones = max((np.shape(given)[-1] - len(fields)) // len(Zone._fields), 0) if np.ndim(given) == 2 else 0
+    if isinstance(given, np.ndarray):
+        widest = given.shape[1] if given.ndim == 2 else 0
+    else:
+        given = [one.row if isinstance(one, Slope) else one for one in given]
+        widest = max(map(_width, given))
+        given = [(*one, *[math.nan] * (widest - _width(one))) if _width(one) >= len(fields) else one for one in given]
+    zones = max((widest - len(fields)) // len(Zone._fields), 0)
     names = [f"zones[{k}].{name}" for k in range(zones) for name in Zone._fields]
     rows = checked_table("slope", given, (*fields, *names))
     checked_rows("slope[{lane}]", Slope, rows[:, : len(fields)])
@@ -193,6 +194,11 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
     _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)))
     return rows
+
+
+def _width(row: Any) -> int:
+    """Columns of a row of numbers; 0 of anything else."""
+    return len(row) if isinstance(row, tuple | list) or (isinstance(row, np.ndarray) and row.ndim == 1) else 0
 
 
 def _check_zones(zones: np.ndarray) -> None:

@@ -193,7 +193,7 @@ class Slope(Checked, _SlopeFields):
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
     """Return the zones of a slope of some length [m], each checked, or raise TypeError or ValueError."""
-    if zones == ():
+    if isinstance(zones, tuple) and not zones:
         return ()
     if isinstance(zones, str | Zone) or not isinstance(zones, Iterable):
         raise TypeError(f"Slope.zones = {zones!r}: must be a sequence of Zone")
