@@ -15,12 +15,12 @@ from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.shapes import circular_segment, sled
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
-from tests.bodies import rod
+from tests.bodies import bowl, rod
 
-SLED = sled(120.0, 1.2, 1.0, 0.14, 0.38)
+SLED = bowl(120.0, 1.2, 1.0, 0.14, 0.38)
 SEGMENT = circular_segment(100.0, 0.5, math.radians(110.0))
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 SNOW = ContactLaw.from_restitution(0.2, stiffness=1e7, friction=0.4, rolling_arm=0.002)

@@ -16,20 +16,22 @@ from sledenv.machine.files import replacing
 from sledenv.pages import html
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.pages.words import mode_name
+from sledenv.plot.riders import pieces
 from sledenv.plot.shapes import film_times, pace, push_at, states_at
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
-from tests.plot.outlined import descent_of
+from tests.plot.outlined import RIDDEN, descent_of
 
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
 ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
 HILL = Slope(0.15, 10.0)
+ZONED = Slope(0.15, 10.0, zones=(Zone(1.0, 3.0, 0.3, 0.02), Zone(6.0, math.inf, 0.01, 0.0)))
 TEMPLATES = Path(html.__file__).parent / "templates"
 
 
@@ -84,6 +86,9 @@ UGLY = {
     "point": lambda: dropped(segment(1.0, 0.0, 0.0, 1.0), max_time=1.0),
     "boulder": lambda: descent_of("boulder", "compliant"),
     "rider": lambda: descent_of("rider", "compliant"),
+    "ridden": lambda: descent_of("ridden", "rigid"),
+    "zones": lambda: dropped(slope=Slope(0.2, zones=ZONED.zones), max_time=2.0),
+    "long zones": lambda: dropped(slope=Slope(0.15, 3000.0, zones=ZONED.zones), max_time=4.0),
     "line": lambda: descent_of("line", "rigid"),
     "overflow": lambda: broken(dropped()),
 }
@@ -122,6 +127,27 @@ def test_a_page_shows_any_body_and_names_its_parts(name: str, solver: str) -> No
         lowest = (outline @ (math.sin(phi), math.cos(phi))).min()
         assert -lowest == pytest.approx(support_height(body, phi), abs=2e-3 * body.size)
     assert heavy[:, 1].max() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_page_holds_the_zones_and_the_friction_of_each_place() -> None:
+    """Oracle: the slope of the descent."""
+    data = data_of(replay_page(dropped(slope=ZONED), "zones"))
+    assert [(zone["begin"], zone["end"]) for zone in data["slope"]["zones"]] == [(1.0, 3.0), (6.0, None)]
+    expected = {True: 0.3, False: ICE.friction}
+    for place, friction in zip(data["rows"]["place"], data["rows"]["friction"], strict=True):
+        assert friction == (0.01 if place >= 6.0 else expected[1.0 <= place < 3.0])
+    for contact in data["contacts"]:
+        assert contact["friction"] == (0.01 if contact["place"] >= 6.0 else expected[1.0 <= contact["place"] < 3.0])
+    plain = data_of(replay_page(dropped(), "none"))
+    assert plain["slope"]["zones"] == []
+    assert "pieces" not in plain["body"]
+
+
+def test_a_page_holds_the_rider() -> None:
+    """Oracle: the pieces that figures show."""
+    drawn = data_of(replay_page(descent_of("ridden", "compliant"), "rider"))["body"]
+    assert [piece["part"] for piece in drawn["pieces"]] == [piece.part for piece in pieces(RIDDEN)]
+    assert drawn["pieces"][0]["points"] == pytest.approx(pieces(RIDDEN)[0].points, abs=1e-8)
 
 
 def test_a_descent_without_trajectory_is_refused_and_nothing_is_written(descent: Descent, tmp_path: Path) -> None:
@@ -271,6 +297,54 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
     page.click("#previous")
     assert shown_time(page) == 0.0
     assert page.run("return document.querySelectorAll('#cone, #force').length") == 0
+
+
+@needs_chromium
+def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the places of the zones, which the scene projects; their words are in the picture."""
+    file = tmp_path / "zones.html"
+    write_replay(dropped(slope=ZONED), file, "zones")
+    chromium.open(file)
+    assert chromium.log() == []
+    corners = chromium.run(
+        "return [...document.querySelectorAll('.zone')].map(one => [...one.points].map(p => [p.x, p.y]))"
+    )
+    assert len(corners) == 2
+    for (begin, end, *below), place in zip(corners, (1.0, 6.0), strict=True):
+        assert begin == pytest.approx(chromium.run("return scene.pixel(arguments[0], 0)", place), abs=0.02)
+        assert end[0] > begin[0]
+        assert min(row for _, row in below) > begin[1]
+    assert corners[0][1] == pytest.approx(chromium.run("return scene.pixel(3, 0)"), abs=0.02)
+    said = chromium.run(
+        "return [...document.querySelectorAll('#world text')].filter(one => one.textContent.startsWith('friction '))"
+        ".map(one => [one.textContent, one.getBoundingClientRect().bottom])"
+    )
+    bottom = chromium.run("return $('scene').getBoundingClientRect().bottom")
+    assert [text for text, _ in said] == ["friction 0.3", "friction 0.01"]
+    assert max(place for _, place in said) < bottom
+
+
+@needs_chromium
+def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the trajectory at each touchdown; a body that lies on two parts may be told to touch with either."""
+    descent = descent_of("ridden", "compliant")
+    file = tmp_path / "rider.html"
+    write_replay(descent, file, "rider")
+    chromium.open(file)
+    marked = (
+        "return [...new Set([...document.querySelectorAll('#sled polygon')]"
+        ".filter(one => one.getAttribute('fill') === D.body.touched).map(one => one.dataset.part))]"
+    )
+    assert chromium.run(marked) == []
+    for i, rebound in enumerate(descent.rebounds):
+        chromium.run("show(film[2 * arguments[0] + 1] + 1e-6)", i)
+        push = push_at(descent, float(rebound["t_touchdown"]))
+        assert push is not None
+        part = RIDDEN.parts[push.feature - 1]
+        assert chromium.run(marked) == [part]
+        assert chromium.text("#contact").startswith(f"contact {i + 1}, {part}: ")
+    assert chromium.run("return document.querySelectorAll('.pose').length") > 2
+    assert chromium.log() == []
 
 
 @needs_chromium

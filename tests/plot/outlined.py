@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Final
 
+from sledenv.simulation import sleds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import bulged
@@ -13,7 +14,7 @@ from sledenv.simulation.shapes import hull, polygon, rod
 from tests.bodies import run
 
 
-def sled_with_rider() -> Body:
+def runner_and_head() -> Body:
     """A slightly bent runner between two round ends, with the head of a rider above it."""
     circles = [(0.62, -0.17, 0.06), (-0.62, -0.17, 0.06), (-0.15, 0.62, 0.12)]
     body = hull(110.0, 18.0, circles, ["nose", "tail", "head"], ["runner", "back", "front"])
@@ -23,7 +24,8 @@ def sled_with_rider() -> Body:
 
 CRATE: Final = polygon(40.0, [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)])
 BOULDER: Final = polygon(900.0, [(0.0, 0.0), (0.9, -0.1), (1.3, 0.5), (0.8, 1.1), (0.1, 0.9)], 0.08)
-RIDER: Final = sled_with_rider()
+RIDER: Final = runner_and_head()
+RIDDEN: Final = sleds.sled()
 LINE: Final = rod(5.0, 1.2)
 
 _ROCK = ContactLaw.from_restitution(0.4, stiffness=1e7, friction=0.5, rolling_arm=0.005)
@@ -32,6 +34,7 @@ _WOOD = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_ar
 SETTINGS: Final = {
     "boulder": (BOULDER, _ROCK, Slope(0.5, 12.0), (0.0, 0.6, 0.3, 2.0, 0.0, -2.0)),
     "rider": (RIDER, _SNOW, Slope(0.25, 15.0), (0.0, 0.4, 0.15, 4.0, 0.0, -1.0)),
+    "ridden": (RIDDEN, _SNOW, Slope(0.25, 15.0), (0.0, 0.4, -1.3, 4.0, 0.0, -3.0)),
     "line": (LINE, _WOOD, Slope(0.3, 8.0), (0.0, 0.4, 0.5, 2.0, 0.0, -3.0)),
 }
 

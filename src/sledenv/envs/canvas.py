@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sledenv.plot.shapes import Push, body_outline, heavy_side, spoke, to_world
+from sledenv.plot.grounds import LINE, bands
+from sledenv.plot.riders import HULL, TOUCHED, pieces
+from sledenv.plot.shapes import Push, body_outline, heavy_side, placed, spoke, to_world
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import Slope, State
 
@@ -30,6 +32,8 @@ FORCE: Colour = (160, 30, 110)
 
 _SHARPNESS = 2  # shapes are drawn this many times larger and smoothed down
 _PANEL = 0.1  # of the height: the panel with the numbers, below the picture
+_BAND, _WORDS = 13.0, 50.0  # [px] depth of a zone below the surface, and of its words
+_LETTER = 6.5  # [px] width
 _FAR = 20_000.0  # [px] from the middle of a picture
 _CONE_HEIGHT = 0.3  # of the height of the picture; the largest force of a contact is as long
 
@@ -110,6 +114,35 @@ class Canvas:
                 post = np.array([(slope.length, 0.5 * size * i), (slope.length, 0.5 * size * (i + 1))])
                 self.line(post, INK if i % 2 == 0 else SNOW, 4.0)
 
+    def zones(self, slope: Slope, friction: float) -> None:
+        """Draw the zones of a slope as bands below its surface; ``friction`` is that of the ground around them."""
+        import pygame
+
+        camera = self.camera
+        depth = _BAND / camera.scale
+        for band in bands(slope, friction, *self.sight()):
+            corners = np.array([(band.begin, 0.0), (band.end, 0.0), (band.end, -depth), (band.begin, -depth)])
+            pygame.draw.polygon(self.surface, _rgb(band.colour), self.points(corners))
+            self.line(np.concatenate([corners, corners[:1]]), _rgb(LINE), 1.0)
+        # Words stand in the middle of what can be seen of a zone.
+        left, right = self._within()
+        for band in bands(slope, friction, left, min(right, slope.length)):
+            column, row = camera.pixels(np.array([0.5 * (band.begin + band.end), -_WORDS / camera.scale])).tolist()
+            said = band.label((band.end - band.begin) * camera.scale / _LETTER)
+            if said and 0.0 < row < camera.height:
+                self.labels.append((said, column, row))
+
+    def _within(self) -> tuple[float, float]:
+        """Ends [m] of the part of the surface that is in the picture; the first is the larger one if there is none."""
+        camera = self.camera
+        low, high = -math.inf, math.inf
+        at, along = camera.pixels(np.array([(camera.x, 0.0), (camera.x + 1.0, 0.0)]))
+        for start, step, size in zip(at.tolist(), (along - at).tolist(), (camera.width, camera.height), strict=True):
+            if abs(step) > 1e-9:
+                ends = sorted((camera.x - start / step, camera.x + (size - start) / step))
+                low, high = max(low, ends[0]), min(high, ends[1])
+        return low, high
+
     def path(self, points: np.ndarray) -> None:
         """Draw the path of the mass centre."""
         self.line(points, PATH, 1.5)
@@ -168,12 +201,15 @@ class Canvas:
         """Write lines in the upper right corner, where the slope leaves room."""
         self.notes = lines
 
-    def sled(self, body: Body, state: State, strength: float) -> None:
-        """Draw the sled; ``strength`` in [0, 1] fades it into the sky."""
+    def sled(self, body: Body, state: State, strength: float, feature: int = 0) -> None:
+        """Draw the sled; ``strength`` in [0, 1] fades it into the sky, and ``feature`` is the part that touches."""
         import pygame
 
         x, y, phi = state.x, state.y, state.phi
         ink = _mix(INK, strength)
+        if pieces(body):
+            self._rider(body, state, strength, feature)
+            return
         for outline, colour in ((body_outline, SHELL), (heavy_side, HEAVY)):
             points = self.points(outline(body, x, y, phi))
             if body.size > 0.0 and len(points) > 2:
@@ -181,6 +217,23 @@ class Canvas:
         self.line(body_outline(body, x, y, phi), ink, 1.5)
         self.line(spoke(body, x, y, phi), ink, 1.5)
         self.dot(x, y, ink, 3.0)
+
+    def _rider(self, body: Body, state: State, strength: float, feature: int) -> None:
+        """Draw a sled and its rider, who lies on it."""
+        import pygame
+
+        place, ink = (state.x, state.y, state.phi), _mix(INK, strength)
+        whole = body_outline(body, *place)
+        pygame.draw.polygon(self.surface, _mix(_rgb(HULL), strength), self.points(whole))
+        self.line(whole, _mix(PALE, strength), 1.0)
+        touching = body.parts[feature - 1] if feature else ""
+        for piece in pieces(body):
+            outline = placed(piece.points, *place)
+            colour = _rgb(TOUCHED if piece.part == touching else piece.colour)
+            pygame.draw.polygon(self.surface, _mix(colour, strength), self.points(outline))
+            self.line(outline, ink, 0.8)
+        self.line(spoke(body, *place), ink, 1.5)
+        self.dot(state.x, state.y, ink, 3.0)
 
     def picture(self, numbers: dict[str, str]) -> np.ndarray:
         """Smooth what was drawn, write the labels and the panel of numbers; uint8, shape (height, width, 3)."""
@@ -224,6 +277,12 @@ class Canvas:
 def panel_height(size: tuple[int, int]) -> int:
     """Return the height [px] of the panel with the numbers in a picture of this size [px]."""
     return round(_PANEL * size[1])
+
+
+def _rgb(colour: str) -> Colour:
+    """Red, green and blue of "#rrggbb"."""
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
 
 
 def _mix(colour: Colour, strength: float) -> Colour:

@@ -275,7 +275,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _launch_frame(self) -> NDArray[np.uint8]:
         scenario, context = self._given()
-        return self._drawing().launch_frame(scenario.slope(context), scenario.launch(context))
+        return self._drawing().launch_frame(scenario.slope(context), scenario.launch(context), context.friction)
 
     def _setting(self) -> str:
         scenario, context = self._given()

@@ -13,6 +13,8 @@ from gymnasium.error import DependencyNotInstalled
 from sledenv.envs.canvas import Camera, Canvas, panel_height
 from sledenv.kernel.records import Status
 from sledenv.pages.words import mode_name, motion_words, part_name, quantity
+from sledenv.plot.grounds import frictions
+from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import (
     Push,
     contact_spans,
@@ -21,7 +23,6 @@ from sledenv.plot.shapes import (
     push_at,
     reach,
     states_at,
-    strobe_states,
     to_world,
 )
 from sledenv.simulation.bodies import Body
@@ -100,15 +101,16 @@ class DescentRenderer:
         camera = self.camera(descent, now)
         canvas = Canvas(self.size, camera)
         canvas.slope(descent.slope, self._reach)
+        canvas.zones(descent.slope, descent.law.friction)
         past = rows[rows["t"] <= now]
         canvas.path(np.stack([np.append(past["x"], state.x), np.append(past["y"], state.y)], axis=-1))
         canvas.contacts(contact_spans(descent, now))
         push = push_at(descent, now)
         if push is not None:
-            canvas.cone(push.place, descent.law.friction)
-        canvas.sled(self.body, state, 1.0)
+            canvas.cone(push.place, _friction(descent, push))
+        canvas.sled(self.body, state, 1.0, 0 if push is None else push.feature)
         if push is not None:
-            canvas.push(push, descent.law.friction, self._reach)
+            canvas.push(push, _friction(descent, push), self._reach)
             canvas.note(*_push_words(descent, push))
         return canvas.picture(_numbers(descent, now, state))
 
@@ -149,15 +151,16 @@ class DescentRenderer:
         rows = drawable_rows(descent)
         canvas = Canvas(self.size, self._whole(descent.slope, rows))
         canvas.slope(descent.slope, self._reach)
+        canvas.zones(descent.slope, descent.law.friction)
         interval = float(rows["t"][-1]) / (_STROBE_POSES - 1)
-        states = strobe_states(self.body, rows, interval if interval > 0.0 else 1.0)
+        states = strobe_poses(self.body, rows, interval if interval > 0.0 else 1.0)
         for i, state in enumerate(states.tolist(), start=1):
             canvas.sled(self.body, State.found(state), 0.25 + 0.75 * (i / len(states)) ** 2)
         canvas.path(np.stack([rows["x"], rows["y"]], axis=-1))
         canvas.contacts(contact_spans(descent))
         return canvas.picture(_numbers(descent, descent.time, State.found(states[-1].tolist())))
 
-    def launch_frame(self, slope: Slope, state: State) -> np.ndarray:
+    def launch_frame(self, slope: Slope, state: State, friction: float = 0.0) -> np.ndarray:
         """Draw the sled as it is about to be let go, before anything is simulated.
 
         Parameters
@@ -166,6 +169,8 @@ class DescentRenderer:
             Where.
         state : State
             At launch.
+        friction : float
+            Of the ground around the zones of the slope [-].
 
         Returns
         -------
@@ -174,6 +179,7 @@ class DescentRenderer:
         rows = np.array([(0.0, *state)], dtype=[(name, "f8") for name in ("t", *State._fields)])
         canvas = Canvas(self.size, self._camera(slope, rows, state))
         canvas.slope(slope, self._reach)
+        canvas.zones(slope, friction)
         canvas.sled(self.body, state, 1.0)
         return canvas.picture(_motion(0.0, state) | {"status": "launch", "reward": "-"})
 
@@ -281,10 +287,15 @@ def _number(value: float, unit: str) -> str:
     return f"{value:z.2f}{unit}" if abs(value) < 1e4 else f"{value:.1e}{unit}"
 
 
+def _friction(descent: Descent, push: Push) -> float:
+    """Coulomb coefficient where the body touches."""
+    return float(frictions(descent.law, descent.slope, push.place))
+
+
 def _push_words(descent: Descent, push: Push) -> tuple[str, ...]:
     """How the contact will end, what it does now and with which force."""
     name = f"contact {push.number + 1}, {part_name(descent.body, push.feature)}: "
-    available = descent.law.friction * push.normal
+    available = _friction(descent, push) * push.normal
     grip = f"   grip {abs(push.tangential) / available:.2f}" if available > 0.0 else ""
     mode = mode_name(int(descent.rebounds[push.number]["mode"]))
     if push.instantaneous:

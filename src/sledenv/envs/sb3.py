@@ -40,7 +40,7 @@ def make_vec_env(
     seed : int, optional
         Lane i is seeded with ``seed + i`` at the first reset.
     env_kwargs : dict, optional
-        Arguments of the environment, such as ``{"scenario": "ice_drop"}``.
+        Arguments of the environment, such as ``{"scenario": "sled_brow"}``.
     info : sequence of str
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
     """

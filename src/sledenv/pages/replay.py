@@ -9,6 +9,7 @@ import numpy as np
 
 from sledenv.machine.files import replacing
 from sledenv.pages.html import filled
+from sledenv.pages.scenes import drawn_body, drawn_slope
 from sledenv.pages.words import (
     REBOUND_COLUMNS,
     metric_name,
@@ -19,16 +20,15 @@ from sledenv.pages.words import (
     setting,
 )
 from sledenv.plot import energy_layers
+from sledenv.plot.grounds import frictions
+from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import (
-    body_outline,
     contact_arms,
     contact_spans,
     drawable_rows,
-    heavy_side,
     pace,
     push_at,
     reach,
-    strobe_states,
 )
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
@@ -98,8 +98,9 @@ def _content(descent: Descent, title: str) -> dict[str, Any]:
     film = pace(descent)
     columns = {name: rows[name] for name in _COLUMNS}
     columns["place"] = rows["x"] - contact_arms(body, rows["phi"], rows["feature"])[:, 0]
+    columns["friction"] = frictions(descent.law, descent.slope, columns["place"])
     interval = float(rows["t"][-1]) / _POSES
-    poses = strobe_states(body, rows, interval if interval > 0.0 else 1.0)
+    poses = strobe_poses(body, rows, interval if interval > 0.0 else 1.0)
     return {
         "title": title,
         "setting": setting(body, descent.law, descent.slope, descent.launch),
@@ -111,10 +112,10 @@ def _content(descent: Descent, title: str) -> dict[str, Any]:
             *((metric_name(name), f"{float(getattr(jam, name)):.3f}") for name in SHOWN),
             ("jam index", f"{float(jam.jam_index):.3f}"),
         ],
-        "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
+        "body": drawn_body(body),
         "size": max(reach(body), 1e-6),  # a point mass has none
-        "slope": {"angle": descent.slope.angle, "length": descent.slope.length},  # null without end
-        "friction": descent.law.friction,
+        "slope": drawn_slope(descent.slope, descent.law.friction),
+        "parts": body.parts,
         "motions": [motion_words(slip, spin) for slip in (0, 1) for spin in (0, 1)],
         "rows": columns,
         "energy": energy_layers(descent, rows),
@@ -131,13 +132,15 @@ def _contacts(descent: Descent, film: np.ndarray) -> list[dict[str, Any]]:
     for i, row in enumerate(descent.rebounds):
         begin, end = film[2 * i + 1 : 2 * i + 3, 1].tolist()
         push = push_at(descent, end)
+        place = spans[i, 0] if push is None else push.place
         contacts.append(
             {
                 "begin": begin,
                 "end": end if row["duration"] > 0.0 else begin,
                 "from": spans[i, 0],
                 "to": spans[i, 1],
-                "place": spans[i, 0] if push is None else push.place,
+                "place": place,
+                "friction": frictions(descent.law, descent.slope, place),
                 "tangential": row["tangential_impulse"],
                 "normal": row["normal_impulse"],
                 "largest": 0.0 if push is None else push.largest,

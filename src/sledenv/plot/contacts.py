@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sledenv.plot.grounds import frictions
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, RED, WIDTH, contact_key, shade_contacts, styled
 from sledenv.plot.trajectories import (
     contact_rows,
@@ -103,7 +104,8 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     if not touching.any():
         raise ValueError(f"start = {start!r}, stop = {stop!r}: the body flies all the time")
     scale, unit = _time_scale(rows)
-    bound = descent.law.friction * rows["normal"]
+    places = rows["x"] - touching_arms(descent, rows)[0]
+    bound = frictions(descent.law, descent.slope, places) * rows["normal"]
     loaded = touching & (bound > 0.0)
     used = np.divide(rows["tangential"], bound, out=np.full(len(rows), np.nan), where=loaded)
     slip = np.where(touching, slip_velocity(descent, rows), np.nan)

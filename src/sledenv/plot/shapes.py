@@ -19,7 +19,7 @@ from sledenv.simulation.support import lowest_arms, whole_turns
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
-_DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one
+_DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
 _HOLD = 0.6  # [s] that an impact stays on the screen at least
 _HARD = (
     0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
@@ -62,7 +62,7 @@ def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -
     """
     if isinstance(body, Segment):
         return _segment_outline(body, body.half_angle, x, y, phi, points)
-    return _placed(_own_outline(body, points), x, y, phi)
+    return placed(_own_outline(body, points), x, y, phi)
 
 
 def heavy_side(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
@@ -73,7 +73,7 @@ def heavy_side(body: Body, x: float, y: float, phi: float, points: int = 64) -> 
     """
     if isinstance(body, Segment):
         return _segment_outline(body, min(body.half_angle, math.pi / 2), x, y, phi, points)
-    return _placed(_lower_part(_own_outline(body, points)), x, y, phi)
+    return placed(_lower_part(_own_outline(body, points)), x, y, phi)
 
 
 def _segment_outline(body: Segment, half_angle: float, x: float, y: float, phi: float, points: int) -> np.ndarray:
@@ -116,11 +116,11 @@ def _lower_part(outline: np.ndarray) -> np.ndarray:
     return np.array([*kept, kept[0]])
 
 
-def _placed(points: np.ndarray, x: float, y: float, phi: float) -> np.ndarray:
+def placed(points: np.ndarray, x: float, y: float, phi: float) -> np.ndarray:
     """Return points of the frame of a body in the slope frame."""
     cosine, sine = math.cos(phi), math.sin(phi)
-    placed: np.ndarray = points @ np.array([(cosine, sine), (-sine, cosine)]) + np.array([x, y])
-    return placed
+    there: np.ndarray = points @ np.array([(cosine, sine), (-sine, cosine)]) + np.array([x, y])
+    return there
 
 
 def arc_centre(body: Segment, x: float, y: float, phi: float) -> tuple[float, float]:
@@ -141,7 +141,7 @@ def spoke(body: Body, x: float, y: float, phi: float) -> np.ndarray:
         Columns x, y [m].
     """
     if not isinstance(body, Segment):
-        return _placed(np.array([_middle(body), (0.0, 0.0)]), x, y, phi)
+        return placed(np.array([_middle(body), (0.0, 0.0)]), x, y, phi)
     below = max(body.radius * math.cos(body.half_angle), 0.0)
     x0, y0 = arc_centre(body, x, y, phi)
     return np.array([(x0 + below * math.sin(phi), y0 - below * math.cos(phi)), (x, y)])
@@ -247,7 +247,7 @@ def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:
     return np.stack(columns, axis=-1)
 
 
-def strobe_states(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
+def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float = _DISTINCT) -> np.ndarray:
     """Return the states of a strobe picture: at equal intervals of time and at the end.
 
     Parameters
@@ -258,6 +258,8 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
         At least one row.
     interval : float
         Between two poses [s], > 0.
+    distinct : float
+        Poses that differ by less, over the size of the body, are drawn as one.
 
     Returns
     -------
@@ -272,7 +274,7 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
     kept = [len(states) - 1]
     for i in range(len(states) - 2, -1, -1):
         shift = np.abs(states[kept, :3] - states[i, :3]) @ weights
-        if shift.min() > _DISTINCT:
+        if shift.min() > distinct:
             kept.append(i)
     return states[kept[::-1]]
 

@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sledenv.plot.grounds import LINE, bands
+from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, strobe_poses
 from sledenv.plot.shapes import (
     body_outline,
     contact_spans,
     drawable_rows,
     heavy_side,
+    placed,
     reach,
     spoke,
-    strobe_states,
     to_world,
 )
-from sledenv.plot.style import DASHES, GROUND, INK, RED, WIDTH, outcome, styled
+from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, styled
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+
+_PARTS: Final = {RUNNER: BLUE, FRAME: GREEN, LEGS: ORANGE, RIDER: RED}  # where each part of a sled touched
+_ALPHAS: Final = {SUIT: 0.75, TROUSERS: 0.5, SLEEVE: 0.35, HELMET: 1.0}  # of pieces in the colour of the speed
+_BAND, _LETTERS = 0.014, 0.013  # depth of a zone and height of its words, of the width of the picture
 
 
 def plot_strobe(
@@ -38,7 +45,9 @@ def plot_strobe(
     """Draw descents as strobe pictures, one panel each, all to one scale.
 
     The sled is drawn at equal intervals of time, the same in all panels, coloured by its speed; its darker half holds
-    the mass centre of a segment, and of any other body is the one that is down at phi = 0.
+    the mass centre of a segment, and of any other body is the one that is down at phi = 0. A sled with its rider shows
+    both, and the marks of its touchdowns which part it was. A zone of the slope is a band below the surface, darker
+    than the others if its friction is higher, light blue if it is lower than that around it.
 
     Parameters
     ----------
@@ -94,13 +103,14 @@ def plot_strobe(
             ax.set_ylabel("height [m]")
             ax.set_title(outcome(descent) if labels is None else f"{labels[i]}: {outcome(descent)}", loc="left")
             _draw_slope(ax, descent)
+            _draw_zones(ax, descent)
             _draw_contacts(ax, descent)
             _draw_poses(ax, descent, rows, interval, speed)
         axes[-1].set_xlabel("horizontal distance [m]")
         figure.colorbar(speed, ax=axes, label="speed [m/s]", shrink=0.9 if len(axes) == 1 else 0.6, aspect=24, pad=0.02)
         handles: list[Artist] = [
             Line2D([], [], color=INK, lw=1.0, label="path of the mass centre"),
-            Line2D([], [], color=RED, marker="^", ls="", label="touchdown"),
+            *_touchdown_keys(descents),
             Line2D([], [], color=RED, lw=4.0, label="contact"),
             Line2D([], [], marker="o", mfc="none", mec=INK, ms=9, ls="", label=f"pose every {interval:g} s"),
         ]
@@ -129,8 +139,9 @@ def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
     world = to_world(np.concatenate([path, below, ends]), descent.slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
     sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
-    # Below the surface there is room for the marks of the contacts.
-    return np.stack([low - (sides, 0.4 * size + 0.02 * (high[0] - low[0])), high + sides])
+    # Below the surface there is room for the marks of the contacts, and for the words of zones.
+    below_it = 0.05 if descent.slope.zones else 0.02
+    return np.stack([low - (sides, 0.4 * size + below_it * (high[0] - low[0])), high + sides])
 
 
 def _draw_slope(ax: Axes, descent: Descent) -> None:
@@ -144,29 +155,91 @@ def _draw_slope(ax: Axes, descent: Descent) -> None:
         ax.plot(*np.stack([foot, top], axis=-1), color=INK, lw=1.2, ls=DASHES, zorder=1, scalex=False, scaley=False)
 
 
+def _draw_zones(ax: Axes, descent: Descent) -> None:
+    low, high = np.array(ax.get_xlim())
+    angle, wide = descent.slope.angle, float(high - low)
+    depth, letter = _BAND * wide, 0.55 * _LETTERS * wide
+    shown = np.array([low, high]) / math.cos(angle)
+    if angle != 0.0:  # as far as the surface is in the panel
+        heights = np.array(ax.get_ylim()) / -math.sin(angle)
+        shown = np.clip(shown, heights.min(), heights.max())
+    for band in bands(descent.slope, descent.law.friction, *shown.tolist()):
+        corners = [(band.begin, 0.0), (band.end, 0.0), (band.end, -depth), (band.begin, -depth)]
+        ax.fill(*to_world(corners, angle).T, facecolor=band.colour, edgecolor=LINE, lw=0.6, zorder=0.5)
+        before_finish = max(min(band.end, descent.slope.length), band.begin)
+        x, y = to_world([(0.5 * (band.begin + before_finish), -depth - 0.9 * _LETTERS * wide)], angle)[0]
+        turn: dict[str, Any] = {
+            "rotation": -math.degrees(angle),
+            "rotation_mode": "anchor",
+            "ha": "center",
+            "va": "center",
+        }
+        said = band.label((before_finish - band.begin) / letter)
+        ax.text(x, y, said, fontsize=8.5, color=INK, clip_on=True, zorder=3, **turn)
+
+
+def _touchdown_keys(descents: Sequence[Descent]) -> list[Artist]:
+    """Entries of the legend for the marks of touchdowns: one of a colour."""
+    from matplotlib.lines import Line2D
+
+    found: dict[str, str] = {}
+    for descent in descents:
+        for colour, _, part in _touchdowns(descent):
+            found.setdefault(f"touchdown, {part}" if part else "touchdown", colour)
+    return [Line2D([], [], color=colour, marker="^", ls="", label=said) for said, colour in found.items()]
+
+
+def _touchdowns(descent: Descent) -> list[tuple[str, np.ndarray, str]]:
+    """Colour, rows of the rebounds and part of the body for each colour of marks: parts of a sled with its rider."""
+    features = descent.rebounds["feature"]
+    if not pieces(descent.body):
+        return [(RED, np.full(len(features), True), "")]
+    named = [(_PARTS[part], features == code, part) for code, part in enumerate(descent.body.parts, 1)]
+    return [(colour, rows, part) for colour, rows, part in named if rows.any()]
+
+
 def _draw_contacts(ax: Axes, descent: Descent) -> None:
     spans = contact_spans(descent)
     segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
     world = to_world(segments, descent.slope.angle)
     for begin_end in world:
         ax.plot(*begin_end.T, color=RED, lw=4.0, solid_capstyle="butt", zorder=10)
-    ax.plot(*world[:, 0].T, color=RED, marker=6, ms=7.0, ls="", zorder=10)  # 6: a triangle that points at its place
+    for colour, rows, _ in _touchdowns(descent):  # 6: a triangle that points at its place
+        ax.plot(*world[rows, 0].T, color=colour, marker=6, ms=7.0, ls="", zorder=10)
 
 
 def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, speed: ScalarMappable) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     body, angle = descent.body, descent.slope.angle
-    states = strobe_states(body, rows, interval)
+    states = strobe_poses(body, rows, interval)
     colours = speed.to_rgba(np.hypot(states[:, 3], states[:, 4]))
     places = states[:, :3].tolist()
     outlines = [to_world(body_outline(body, *place), angle) for place in places]
-    heavy = [to_world(heavy_side(body, *place), angle) for place in places]
     spokes = [to_world(spoke(body, *place), angle) for place in places]
     ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.15, zorder=4))
-    ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
-    ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=1.3, zorder=6))
+    if pieces(body):
+        _draw_riders(ax, descent, states, colours)
+    else:
+        heavy = [to_world(heavy_side(body, *place), angle) for place in places]
+        ax.add_collection(PolyCollection(heavy, facecolors=colours, edgecolors="none", alpha=0.45, zorder=5))
+    width = 0.7 if pieces(body) else 1.3
+    ax.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colours, linewidths=width, zorder=6))
     ax.add_collection(LineCollection(spokes, colors=INK, linewidths=1.0, zorder=7))
     path = to_world(np.stack([rows["x"], rows["y"]], axis=-1), angle)
     ax.plot(*path.T, color=INK, lw=0.8, zorder=8)
     ax.plot(*to_world(states[:, :2], angle).T, color=INK, marker="o", ms=2.5, ls="", zorder=9)
+
+
+def _draw_riders(ax: Axes, descent: Descent, states: np.ndarray, colours: np.ndarray) -> None:
+    """Draw the sled and its rider in each pose: the rider in the colour of the speed, what is steel or leather dark."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgba
+
+    for place, colour in zip(states[:, :3].tolist(), colours, strict=True):
+        drawn, faces = [], []
+        for piece in pieces(descent.body):
+            drawn.append(to_world(placed(piece.points, *place), descent.slope.angle))
+            alpha = _ALPHAS.get(piece.colour)
+            faces.append(to_rgba(piece.colour, 0.9) if alpha is None else (*colour[:3], alpha))
+        ax.add_collection(PolyCollection(drawn, facecolors=faces, edgecolors=INK, linewidths=0.35, zorder=5))

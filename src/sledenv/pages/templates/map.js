@@ -417,7 +417,10 @@ function story() {
       `after ${after} and ${met}, at ${fixed(R.end_u, 2, "m/s")} along the slope: ${share(R.retention)} of all energy supplied is left in that motion.`,
     ],
     jammed: ["Jammed", `after ${after} and ${met}: it came to rest for good, ${where}.`],
-    tumbled: ["Tumbled", `after ${after} and ${met}: it lay on its chord and its rider fell, ${where}.`],
+    tumbled: [
+      "Tumbled",
+      `after ${after} and ${met}, ${where}: the body lay on its chord, or a part of it touched where the descent was to end.`,
+    ],
     timeout: ["Out of time", `after ${after} and ${met}, ${where}.`],
   }[status] ?? [status.replace("_", " "), `after ${after} and ${met}, ${where}.`];
   $("story").innerHTML = `<b class="${status}">${escaped(word)}</b> ${escaped(said)}`;

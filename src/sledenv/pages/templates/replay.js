@@ -31,10 +31,10 @@ function contactAt(t) {
 
 function pushAt(i, t) {
   const c = D.contacts[i];
-  if (c.end === c.begin)
-    return { tangential: c.tangential, normal: c.normal, largest: c.normal, place: c.place, unit: "N s" };
-  const push = { largest: c.largest, unit: "N" };
+  if (c.end === c.begin) return { ...c, largest: c.normal, unit: "N s" };
   const row = before(R.t, t);
+  const push = { largest: c.largest, unit: "N", friction: R.friction[row] };
+  push.feature = R.feature[row] ? D.parts[R.feature[row] - 1] : c.feature;
   for (const name of ["tangential", "normal", "place"]) push[name] = interpolate(R.t, R[name], t);
   push.words = R.feature[row] ? D.motions[(R.slip[row] !== 0 ? 2 : 0) + (R.spin[row] !== 0 ? 1 : 0)] : "";
   return push;
@@ -94,8 +94,8 @@ function drawScene(state, push, t) {
   const length = (0.3 * H) / scale;
   let arrow = "";
   if (push) {
-    const norm = Math.hypot(1, D.friction);
-    const edges = [-1, 1].map((side) => scene.at(push.place + (side * length * D.friction) / norm, length / norm));
+    const norm = Math.hypot(1, push.friction);
+    const edges = [-1, 1].map((side) => scene.at(push.place + (side * length * push.friction) / norm, length / norm));
     parts.push(`<polygon id="cone" points="${scene.at(push.place, 0)} ${edges.join(" ")}" fill="#f8ee8c"/>`);
     const label = scene.pixel(push.place, (1.07 * length) / norm);
     arrow =
@@ -124,7 +124,7 @@ function drawScene(state, push, t) {
       }
     }
   }
-  parts.push(scene.sled(state.x, state.y, state.phi, 'id="sled"'), ghostAt(t), arrow);
+  parts.push(scene.sled(state.x, state.y, state.phi, 'id="sled"', push?.feature), ghostAt(t), arrow);
   $("live").innerHTML = parts.join("");
   $("world").setAttribute("transform", scene.shift(state.x, state.y));
 }
@@ -356,13 +356,14 @@ function drawCloseup(i) {
   const times = [];
   const normal = [];
   const tangential = [];
+  const up = [];
   for (let k = first; k <= last && R.t[k] <= c.end; k++)
     if (R.t[k] >= c.begin && R.feature[k]) {
       times.push(R.t[k]);
       normal.push(R.normal[k]);
       tangential.push(R.tangential[k]);
+      up.push(R.friction[k] * R.normal[k]);
     }
-  const up = normal.map((value) => D.friction * value);
   const down = up.map((value) => -value);
   const brief = c.end - c.begin < 0.5;
   const unitTime = brief ? 1e3 : 1;
@@ -434,9 +435,9 @@ function show(where, fromSlider) {
   let said = "in flight";
   if (push) {
     const c = D.contacts[i];
-    const most = D.friction * push.normal;
+    const most = push.friction * push.normal;
     said =
-      `contact ${i + 1}, ${c.feature}: ${c.mode}\n${push.words ? push.words + "; " : ""}` +
+      `contact ${i + 1}, ${push.feature}: ${c.mode}\n${push.words ? push.words + "; " : ""}` +
       `${push.unit === "N" ? "force" : "impulse"} ${quantity(push.normal, push.unit)}${most > 0 ? `, grip ${(Math.abs(push.tangential) / most).toFixed(2)}` : ""}`;
   } else if (t >= end) said = `the end: ${D.status}`;
   $("contact").textContent = said;

@@ -56,6 +56,7 @@ class Scene {
     const low = [Infinity, Infinity];
     const top = [-Infinity, -Infinity];
     const ends = slope.length === null ? [0] : [0, slope.length];
+    this.last = Math.max(...ends, ...points.map(([x]) => x)); // place that is surely in sight
     for (const point of [
       ...points,
       ...ends.flatMap((x) => [
@@ -73,7 +74,8 @@ class Scene {
     this.scale = Math.min(width / wide, highest / high, 90 / size);
     this.follow = this.scale * size < 10; // the sled would be too small to see
     if (this.follow) this.scale = 45 / size;
-    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + 24, lowest, highest); // room for what is written below the slope
+    const written = slope.zones?.length ? 50 : 24; // room for what is written below the slope
+    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + written, lowest, highest);
     this.middle = this.follow ? this.world(...points[0]) : [0.5 * (low[0] + top[0]), 0.5 * (low[1] + top[1])];
   }
 
@@ -96,9 +98,23 @@ class Scene {
     return shape.map(([a, b]) => this.at(x + a * c - b * s, y + a * s + b * c)).join(" ");
   }
 
-  sled(x, y, phi, attributes) {
+  sled(x, y, phi, attributes, touching = "") {
+    // touching: the part of a sled with its rider that is marked
     const [column, row] = this.pixel(x, y);
     const whole = this.outline(this.body.outline, x, y, phi);
+    if (this.body.pieces) {
+      const { hull, touched, pieces } = this.body;
+      const fine = this.scale * this.size < 40 ? 0.5 : 1;
+      const inside = pieces.map(
+        ({ part, colour, points }) =>
+          `<polygon data-part="${escaped(part)}" points="${this.outline(points, x, y, phi)}" ` +
+          `fill="${part === touching ? touched : colour}" stroke="#2d343c" stroke-width="${fine}" stroke-linejoin="round"/>`,
+      );
+      return (
+        `<g ${attributes}><polygon points="${whole}" fill="${hull}" stroke="#62707e" stroke-width="${fine}"/>${inside.join("")}` +
+        `<circle cx="${column.toFixed(2)}" cy="${row.toFixed(2)}" r="${3 * fine}" fill="#2d343c"/></g>`
+      );
+    }
     return (
       `<g ${attributes}><polygon points="${whole}" fill="#f6c7a3" stroke="#2d343c" stroke-width="1.3"/>` +
       `<polygon points="${this.outline(this.body.heavy, x, y, phi)}" fill="#d55e00"/>` +
@@ -121,6 +137,7 @@ class Scene {
     parts.push(
       `<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="#fcfdff"/>`,
     );
+    parts.push(...this.zones(left, right));
     const least = 70 / scale;
     const power = 10 ** Math.floor(Math.log10(least));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= least);
@@ -144,6 +161,34 @@ class Scene {
       );
     }
     return parts.join("");
+  }
+
+  zones(left, right) {
+    // bands below the surface; their words are repeated where a zone is longer than the picture
+    const { scale, W, slope } = this;
+    const depth = 12 / scale;
+    const parts = [];
+    for (const zone of slope.zones ?? []) {
+      const begin = Math.max(zone.begin, left);
+      const end = Math.min(zone.end ?? Infinity, right);
+      if (!(begin < end)) continue;
+      parts.push(
+        `<polygon class="zone" points="${this.at(begin, 0)} ${this.at(end, 0)} ${this.at(end, -depth)} ${this.at(begin, -depth)}" ` +
+          `fill="${zone.colour}" stroke="#788a9c"/>`,
+      );
+      const last = Math.min(end, slope.length ?? Infinity, this.follow ? Infinity : this.last);
+      const room = (last - begin) * scale;
+      const said = [zone.words, zone.brief].find((text) => 7 * (text.length + 1) < room);
+      if (!said) continue;
+      const count = clamp(Math.floor(((last - begin) * scale) / (0.7 * W)), 1, 2000);
+      for (let i = 0; i < count; i++) {
+        const [column, row] = this.pixel(begin + ((i + 0.5) / count) * (last - begin), -44 / scale);
+        parts.push(
+          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="#2d343c">${escaped(said)}</text>`,
+        );
+      }
+    }
+    return parts;
   }
 
   contact(from, to) {

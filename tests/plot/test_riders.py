@@ -1,0 +1,117 @@
+"""The sled with its rider in pictures: pieces within the outline, where the arcs say; other bodies have none."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv import plot
+from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, strobe_poses
+from sledenv.plot.shapes import body_outline, drawable_rows, strobe_states
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outlines import arms_of
+from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER, sled
+from sledenv.simulation.support import support_height
+from tests.bodies import DISC, SLED
+from tests.plot.outlined import BOULDER, CRATE, LINE, RIDDEN, SETTINGS, descent_of
+from tests.plot.outlined import RIDER as HAT
+
+SIZES: dict[str, dict[str, Any]] = {
+    "usual": {},
+    "high": {"height": 0.2},
+    "low": {"height": 0.05},
+    "child": {"rider_height": 1.2, "length": 1.2},
+    "bent": {"bow_radius": 5.0, "balance": 0.5},
+    "rearward": {"balance": -0.9},
+    "tiny": {"length": 0.3, "rider_height": 0.4},
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_sled_and_rider_are_drawn_within_their_outline(name: str) -> None:
+    """Oracle: the support height of the kernel, in all directions; each part of the body has a piece."""
+    body = sled(**SIZES[name])
+    drawn = pieces(body)
+    assert {piece.part for piece in drawn} == {RUNNER, FRAME, LEGS, RIDER}
+    for piece in drawn:
+        assert piece.points[0].tolist() == piece.points[-1].tolist()
+        for phi in np.linspace(-3.0, 3.0, 61).tolist():
+            lowest = (piece.points @ (math.sin(phi), math.cos(phi))).min()
+            assert -lowest <= support_height(body, phi) + 1e-6
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_what_touches_is_drawn_where_it_touches(name: str) -> None:
+    """Oracle: the arcs of the body: the crown of the head, the soles and the ends of the runners are on the outline."""
+    body = sled(**SIZES[name])
+    lowest = {RUNNER: [STEEL], LEGS: [DARK], RIDER: [HELMET]}
+    for k, arc in enumerate(body.arcs):
+        head = arc.part == RIDER and arc.x < max(one.x for one in body.arcs if one.part == RIDER)
+        if arc.part not in lowest or head or (name == "tiny" and arc.part == LEGS):
+            continue
+        after = body.arcs[(k + 1) % len(body.arcs)].begin
+        phi = 0.5 * (arc.begin + after + (2.0 * math.pi if after <= arc.begin else 0.0))
+        a, b = arms_of(arc, phi)
+        points = np.concatenate(
+            [one.points for one in pieces(body) if one.part == arc.part and one.colour in lowest[arc.part]]
+        )
+        deepest = -(points @ (math.sin(phi), math.cos(phi))).min()
+        assert deepest == pytest.approx(b, abs=3e-3), (arc, a)
+
+
+def test_the_head_is_ahead_and_the_runners_are_below() -> None:
+    """Oracle: a rider lies head first on a sled: docs/physics.md, section 8."""
+    middles = {piece.colour: piece.points[:-1].mean(axis=0) for piece in pieces(sled()) if piece.colour != DARK}
+    assert max(middles, key=lambda colour: middles[colour][0]) == HELMET
+    assert min(middles, key=lambda colour: middles[colour][1]) == STEEL
+    (shoe,) = (piece for piece in pieces(sled()) if piece.part == LEGS and piece.colour == DARK)
+    assert shoe.points[:, 0].max() < min(middle[0] for middle in middles.values())
+
+
+def test_no_other_body_has_a_rider() -> None:
+    for body in (DISC, SLED, BOULDER, CRATE, LINE, HAT):
+        assert pieces(body) == ()
+    arcs = [arc._replace(part=RIDER, side=RIDER) for arc in RIDDEN.arcs]
+    assert pieces(Body(1.0, 1.0, arcs)) == ()
+    swapped = {RIDER: LEGS, LEGS: RUNNER, RUNNER: RIDER}  # parts of the same names elsewhere
+    arcs = [arc._replace(part=swapped.get(arc.part, arc.part), side=FRAME) for arc in RIDDEN.arcs]
+    assert pieces(Body(1.0, 1.0, arcs)) == ()
+
+
+def test_poses_of_a_strobe_picture_are_apart() -> None:
+    """Oracle: those of any body, of which some are left out."""
+    descent = descent_of("ridden", "compliant")
+    rows = drawable_rows(descent)
+    apart, all_of_them = strobe_poses(RIDDEN, rows, 0.1), strobe_states(RIDDEN, rows, 0.1)
+    assert 2 < len(apart) < len(all_of_them)
+    assert np.isin(apart[:, 0], all_of_them[:, 0]).all()
+    other = drawable_rows(descent_of("rider", "compliant"))
+    assert (strobe_poses(HAT, other, 0.1) == strobe_states(HAT, other, 0.1)).all()
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_strobe_figure_shows_the_rider_and_names_the_parts_that_touched(solver: str) -> None:
+    """Oracles: the number of poses and of pieces; the log of the descent."""
+    descent = descent_of("ridden", solver)
+    figure = plot.plot_strobe(descent)
+    shown = [len(collection.get_paths()) for collection in figure.axes[0].collections]
+    poses = max(shown[i] for i in (0, -1))
+    assert shown.count(len(pieces(RIDDEN))) >= poses > 3
+    said = {text.get_text() for text in figure.legends[0].get_texts()}
+    touched = {RIDDEN.parts[code - 1] for code in descent.rebounds["feature"].tolist()}
+    assert len(touched) > 1
+    assert {text for text in said if text.startswith("touchdown")} == {f"touchdown, {part}" for part in touched}
+    marks = [line for line in figure.axes[0].lines if line.get_marker() == 6]
+    assert sum(len(line.get_xdata()) for line in marks) == len(descent.rebounds)
+    figure.savefig(io.BytesIO(), dpi=40)
+
+
+def test_other_bodies_have_one_kind_of_touchdown() -> None:
+    for name in set(SETTINGS) - {"ridden"}:
+        said = [text.get_text() for text in plot.plot_strobe(descent_of(name, "rigid")).legends[0].get_texts()]
+        assert [text for text in said if text.startswith("touchdown")] == ["touchdown"]
+        assert len(body_outline(SETTINGS[name][0], 0.0, 0.0, 0.0)) > 2
