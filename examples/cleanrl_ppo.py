@@ -1,6 +1,6 @@
 """PPO in one file, as CleanRL writes it: gymnasium.make_vec, torch and numpy, nothing else of this repository.
 
-``python examples/cleanrl_ppo.py --scenario brake_mat --seed 0``
+``python examples/cleanrl_ppo.py --scenario sled_mat --seed 0``
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Arguments:
     """Settings; each is an option of the command line."""
 
     env_id: str = "sledenv:sledenv/SledLaunch-v0"  # the module before the colon is imported to register the id
-    scenario: str = "brake_mat"
+    scenario: str = "sled_mat"
     seed: int = 0
     total_timesteps: int = 50_000
     num_envs: int = 64

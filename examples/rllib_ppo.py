@@ -1,4 +1,4 @@
-"""PPO of Ray RLlib on an environment of this package: ``python examples/rllib_ppo.py --scenario brake_mat``."""
+"""PPO of Ray RLlib on an environment of this package: ``python examples/rllib_ppo.py --scenario sled_mat``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> list[dict[str, Any]]:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--env-id", default="sledenv:sledenv/SledLaunch-v0")
-    parser.add_argument("--scenario", default="brake_mat")
+    parser.add_argument("--scenario", default="sled_mat")
     parser.add_argument("--iterations", type=int, default=1)
     parser.add_argument("--env-runners", type=int, default=1)
     parser.add_argument("--batch", type=int, default=1024)

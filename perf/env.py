@@ -1,4 +1,4 @@
-"""Environment steps a second on brake_mat: the bare simulator, gym.make, SyncVectorEnv, native vector env, SB3 adapter.
+"""Environment steps a second on sled_mat: the bare simulator, gym.make, SyncVectorEnv, native vector env, SB3 adapter.
 
 A step of SledLaunch is a whole descent and includes the reset that follows it; one of SledDescent is a hop.
 """
@@ -19,7 +19,7 @@ from perf.reference import contexts, problem, settings
 
 ROUNDS = 9
 IDS = {"SledLaunch": "sledenv/SledLaunch-v0", "SledDescent": "sledenv/SledDescent-v0"}
-SCENARIO = "brake_mat"
+SCENARIO = "sled_mat"
 LANES = (64, 1024, 16384)
 SINGLE = 64  # steps of a scalar environment in one turn, lanes of a SyncVectorEnv
 ALONE = {"SledLaunch": "simulate()", "SledDescent": "Ride"}

@@ -16,7 +16,7 @@ from sledenv.benchmark.oracle import oracle
 from sledenv.benchmark.problem import Problem
 from sledenv.scenarios.configuration import CONFIGS
 
-SCENARIO = "brake_mat"
+SCENARIO = "sled_mat"
 BUDGETS = {
     "ppo": (46_000, 460_000, 4_600_000),
     "sac": (46_000, 460_000),

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from perf import show
 from perf.harness import Floats, run
 from perf.reference import problem, settings
 
-SCENARIO = "ice_drop"
+SCENARIO = str(Path(__file__).parent / "ice_drop.yaml")  # a round sled with corners
 FRICTION = (0.05, 0.25)  # more than in the scenario, or all would reach the end of the slope
 STIFFNESSES = tuple(10.0**k for k in range(5, 11))  # [N/m]
 LANES = 10_000
@@ -89,7 +90,14 @@ def measure(count: int = LANES, seed: int = SEED) -> dict[str, Any]:
                 "same": [float((at >= k).mean()) for k in range(REBOUNDS + 1)],
             }
         )
-    return {"scenario": SCENARIO, "friction": FRICTION, "lanes": count, "seed": seed, "apart": APART, "points": found}
+    return {
+        "scenario": Path(SCENARIO).stem,
+        "friction": FRICTION,
+        "lanes": count,
+        "seed": seed,
+        "apart": APART,
+        "points": found,
+    }
 
 
 def _share(point: dict[str, Any], name: str) -> float:

@@ -65,11 +65,15 @@ def contexts(scenario: str, lanes: int, seed: int = 0, **bounds: tuple[float, fl
 def problem(name: str, contexts: Floats) -> tuple[tuple[Any, ...], dict[str, Any]]:
     """Body, laws, slopes and launches of contexts of a scenario, and the fields of its settings."""
     scenario = sledenv.load_scenario(name)
-    fields = {
+    fields: dict[str, Any] = {
         "max_time": scenario.limits.max_time_s,
         "max_rebounds": scenario.limits.max_rebounds,
         "end_on_chord": scenario.ends.on_chord,
     }
+    if scenario.ends.touching is not None:
+        fields["end_touching"] = scenario.ends.touching
+    if scenario.slope_section.run_out_m > 0.0:
+        fields["run_out"] = scenario.slope_section.run_out_m
     parts = scenario.laws(contexts), scenario.slopes(contexts), scenario.launches(contexts)
     return (scenario.body(), *parts), fields
 

@@ -94,7 +94,7 @@ def descents_of_episodes() -> tuple[tuple[Any, ...], dict[str, Any]]:
     """What simulate_batch takes for the descents of these episodes, and the fields of its settings."""
     env = gym.make(IDS[_KIND], scenario=SCENARIO)
     drawn = np.array([[*env.reset(seed=None if i else 0)[1]["context"].values()] for i in range(_SINGLE)])
-    drawn[:, -2:] = 0.0  # what the zero action chooses: orientation and spin
+    drawn[:, sledenv.Context._fields.index("spin")] = 0.0  # what the zero action chooses
     return problem(SCENARIO, drawn)
 
 
@@ -127,11 +127,11 @@ WORKLOADS: dict[str, Workload] = {
     "rigid-batch": Workload("the same, rigid solver, 10,000 launches", "hop", lambda: _random(10_000, "rigid")),
     "sled": Workload("500 of sled_snow as a batch", "descent", lambda: _scenario("sled_snow", "compliant")),
     "sled-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("sled_snow", "rigid")),
-    "mat": Workload("500 of brake_mat as a batch", "descent", lambda: _scenario("brake_mat", "compliant")),
-    "mat-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("brake_mat", "rigid")),
+    "mat": Workload("500 of sled_mat as a batch", "descent", lambda: _scenario("sled_mat", "compliant")),
+    "mat-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("sled_mat", "rigid")),
     "arc-hop": Workload("one hop of its body on the arc", "hop", lambda: _one_hop(0.0, 0.5)),
     "chord-hop": Workload("one on the chord, both ends of which touch", "hop", lambda: _one_hop(math.pi, 0.002)),
-    "step": Workload("SledLaunch on brake_mat, info=('jam',)", "reset and step", lambda: _timed(episodes(), _SINGLE)),
+    "step": Workload("SledLaunch on sled_mat, info=('jam',)", "reset and step", lambda: _timed(episodes(), _SINGLE)),
     "step-kernel": Workload("these descents as a batch", "descent", lambda: _batch(descents_of_episodes(), False)),
     "env": Workload("the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES), _LANES)),
     "ppo": Workload(f"PPO of stable-baselines3 on that, {_SAMPLES:,} samples", "sample", _ppo),

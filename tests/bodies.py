@@ -26,6 +26,11 @@ def rod(mass: float, half_length: float, inertia: float) -> Segment:
     return bodies.segment(mass, radius, eccentricity, inertia, half_angle)
 
 
+def bowl(mass: float, length: float, radius: float, height: float, gyration_radius: float) -> Segment:
+    """A segment by the length of its chord, with its mass centre at a height above the middle of its arc."""
+    return bodies.segment(mass, radius, radius - height, mass * gyration_radius**2, math.asin(0.5 * length / radius))
+
+
 def segment_by_share(mass: float, radius: float, share: float, inertia: float, half_angle: float) -> Segment:
     """A body whose mass centre lies at a share of the way from the chord to the arc, or from the centre of the arc."""
     least = least_eccentricity(radius, half_angle)

@@ -49,7 +49,7 @@ def test_the_page_on_sensitivity_runs(tmp_path, monkeypatch, capsys):
     names = run(blocks("docs/sensitivity.md"))
     assert [file.name for file in tmp_path.iterdir()] == ["growth.png"]
     assert names["found"].descent.status == "jammed"
-    assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 13
+    assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 8
     assert "nearest change" in capsys.readouterr().out
 
 
@@ -76,7 +76,7 @@ def test_the_five_lines_of_the_first_page_judge_an_agent(capsys):
 def test_the_page_on_scenarios_writes_a_valid_one(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_mat.yaml").write_text(blocks("docs/scenarios.md", "yaml")[0])
-    assert run(blocks("docs/scenarios.md"))["env"].unwrapped.action_space.shape == (2,)
+    assert run(blocks("docs/scenarios.md"))["env"].unwrapped.action_space.shape == (1,)
     assert "friction" in capsys.readouterr().out
 
 
@@ -121,7 +121,7 @@ def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path
 def test_the_page_on_agents_judges_a_trained_one(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     names = run(blocks("agents/README.md"))
-    assert names["launches"].shape == (4, 2)
+    assert names["launches"].shape == (4, 1)
 
 
 def test_the_code_of_the_page_on_architecture_is_valid():

@@ -52,10 +52,10 @@ for name in suites:
 for name in ALGORITHMS:
     assert agent_class(f"sledenv.agents.{name}").__module__.startswith("sledenv.agents.")
 assert chosen_settings("sac", Problem("sled_snow"))
-for run in ("talus-launch-both-critic-s0", "steady/sled_snow-launch-both-critic-s0"):
+for run in ("bedrock-launch-spin-critic-s0", "sled_snow-launch-orientation-critic-s0"):
     problem, agent, config = load_run(Path(run))
     context = problem.contexts("test", 1)
-    assert agent.act(problem.task.observe(context)).shape == (1, 2), run
+    assert agent.act(problem.task.observe(context)).shape == (1, 1), run
 print(*hashes, *studies, *suites)
 """
 

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from sledenv.simulation.outlines import Arc
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
-    from sledenv.simulation.scene import ContactLaw, Slope, State
+    from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
     from sledenv.simulation.sensitivity import sensitivity
     from sledenv.simulation.settings import Settings
-    from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod, sled
+    from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
-    from sledenv.simulation.sleds import sled_with_rider
+    from sledenv.simulation.sleds import sled
     from sledenv.uncertainty import Study, StudyResult, load_study, study, study_names
 
 __version__ = "0.1.0"
@@ -65,6 +65,7 @@ __all__ = [
     "Study",
     "StudyResult",
     "WheelImpact",
+    "Zone",
     "circular_segment",
     "collide_wheel",
     "disc",
@@ -82,7 +83,6 @@ __all__ = [
     "simulate_batch",
     "simulate_blocks",
     "sled",
-    "sled_with_rider",
     "study",
     "study_names",
 ]
@@ -95,14 +95,14 @@ _MODULES = {
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.simulation.bodies": ("Body", "Segment", "segment"),
     "sledenv.simulation.outlines": ("Arc",),
-    "sledenv.simulation.shapes": ("circular_segment", "disc", "hull", "polygon", "rod", "sled"),
-    "sledenv.simulation.sleds": ("sled_with_rider",),
+    "sledenv.simulation.shapes": ("circular_segment", "disc", "hull", "polygon", "rod"),
+    "sledenv.simulation.sleds": ("sled",),
     "sledenv.simulation.derivatives": ("Sensitivity",),
     "sledenv.simulation.sensitivity": ("sensitivity",),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),
     "sledenv.simulation.ride": ("Ride", "RideBatch"),
     "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),
-    "sledenv.simulation.scene": ("ContactLaw", "Slope", "State"),
+    "sledenv.simulation.scene": ("ContactLaw", "Slope", "State", "Zone"),
     "sledenv.simulation.settings": ("Settings",),
     "sledenv.simulation.simulate": ("simulate", "simulate_batch", "simulate_blocks"),
     "sledenv.uncertainty": ("Study", "StudyResult", "load_study", "study", "study_names"),

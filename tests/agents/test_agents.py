@@ -17,6 +17,7 @@ from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.scenarios.scenario import Scenario, load_scenario
+from tests.packs import own_pack
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
 
@@ -46,7 +47,7 @@ def quick(monkeypatch):
 
 
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
-    problem = Problem("brake_mat")
+    problem = Problem(own_pack("brake_mat"))
     contexts = np.concatenate([problem.contexts(split, 200) for split in ("train", "validation", "test")])
     assert len(np.unique(contexts, axis=0)) == 600
     speeds = contexts[:, 3].reshape(3, 200) / np.ptp(contexts[:, 3])
@@ -66,10 +67,10 @@ EVERY_AGENT = [
 @pytest.mark.parametrize(("environment", "algo"), EVERY_AGENT)
 def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
-    folder = train(algo, Problem("brake_mat", environment), seed=3, folder=tmp_path)
+    folder = train(algo, Problem(own_pack("brake_mat"), environment), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert config["agent"] == f"sledenv.agents.{algo}"
-    assert config["scenario_hash"] == Problem("brake_mat").task.scenario.hash
+    assert config["scenario_hash"] == Problem(own_pack("brake_mat")).task.scenario.hash
     assert "numba" in config["versions"]
     assert not list(tmp_path.glob("*.part"))
     rewards = []
@@ -92,7 +93,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
 )
 def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_path):
     """Oracle: the box; what is chosen, in the middle or not, is what the descent is launched with."""
-    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 5.0)
     problem = Problem(Scenario.model_validate(content), environment, control)
     _, agent, _ = load_run(train(algo, problem, seed=3, folder=tmp_path))
@@ -108,7 +109,7 @@ def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_
 
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
-    folder = train("sac", Problem("brake_mat"), seed=0, folder=tmp_path)
+    folder = train("sac", Problem(own_pack("brake_mat")), seed=0, folder=tmp_path)
     curve = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
     assert curve[0, 0] == 0
     assert curve[-1, 0] >= 160
@@ -116,12 +117,12 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
     mean = problem.judge(agent, problem.contexts("validation", 128))[0].jam.reward.mean()
     assert mean == pytest.approx(curve[:, 2].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
-    assert Sac.load_untrained(Problem("brake_mat"), folder).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
+    assert Sac.load_untrained(Problem(own_pack("brake_mat")), folder).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
 
 
 def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):
     """Oracle: the same candidates, judged again one by one."""
-    folder = train("best_fixed", Problem("brake_mat"), seed=1, folder=tmp_path)
+    folder = train("best_fixed", Problem(own_pack("brake_mat")), seed=1, folder=tmp_path)
     problem, agent, _ = load_run(folder)
     contexts = problem.contexts("train", 20, 1)
     best = problem.judge(agent, contexts)[0].jam.reward.mean()
@@ -137,19 +138,19 @@ def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(q
     with monkeypatch.context() as patch:
         patch.setattr(Zero, "train", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            train("zero", Problem("brake_mat"), folder=tmp_path)
-    folder = run_folder(tmp_path, "zero", Problem("brake_mat"), 0)
+            train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
+    folder = run_folder(tmp_path, "zero", Problem(own_pack("brake_mat")), 0)
     assert not folder.exists()
-    assert train("zero", Problem("brake_mat"), folder=tmp_path) == folder
+    assert train("zero", Problem(own_pack("brake_mat")), folder=tmp_path) == folder
     with pytest.raises(FileExistsError, match="--overwrite"):
-        train("zero", Problem("brake_mat"), folder=tmp_path)
-    train("zero", Problem("brake_mat"), folder=tmp_path, overwrite=True)
+        train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
+    train("zero", Problem(own_pack("brake_mat")), folder=tmp_path, overwrite=True)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--scenario", "brake_mta"], "brake_mat"),
+        (["--scenario", "sled_snwo"], "sled_snow"),
         (["--algo", "zero", "--steps", "0"], "--steps: must be an integer >= 1: '0'"),
     ],
 )
@@ -161,7 +162,7 @@ def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, me
 
 def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monkeypatch, capsys):
     """Oracle: the same run, by its path; a folder of that name in the working folder is meant first."""
-    name = "ice_fast-launch-both-critic-s0"
+    name = "sled_tilt-launch-spin-critic-s0"
     assert main([str(TRAINED / name), "--contexts", "4"]) == 0
     by_path = capsys.readouterr().out
     monkeypatch.chdir(tmp_path)
@@ -170,13 +171,13 @@ def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monk
     (tmp_path / name).mkdir()
     assert main([name]) == 2
     assert "no finished run" in capsys.readouterr().err
-    assert main(["ice_fast-launch-both-critic-s99"]) == 2
+    assert main(["sled_tilt-launch-spin-critic-s99"]) == 2
     assert "neither here nor among those that ship" in capsys.readouterr().err
 
 
 def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quick, tmp_path):
     """Oracle: a run keeps its own scenario, and is trained only if everything that is meant agrees."""
-    problem = Problem("brake_mat")
+    problem = Problem(own_pack("brake_mat"))
     folder = train("zero", problem, folder=tmp_path)
     assert trained("zero", problem, folder=tmp_path)
     assert not trained("zero", problem, seed=1, folder=tmp_path)

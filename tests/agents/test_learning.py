@@ -16,11 +16,15 @@ from sledenv.agents.wrappers import Standardised as Standardised1
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
+from tests.packs import own_pack
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, which this project does not own
 
 
-def policy_of(algorithm, policy, scenario="brake_mat"):
+BRAKE_MAT = own_pack("brake_mat")
+
+
+def policy_of(algorithm, policy, scenario=BRAKE_MAT):
     problem = Problem(scenario)
     env = make_vec_env(problem.id, 4, env_kwargs={"scenario": scenario})
     model = algorithm(policy, env, seed=0, gamma=0.0, learning_starts=16, batch_size=16)
@@ -28,7 +32,7 @@ def policy_of(algorithm, policy, scenario="brake_mat"):
     return problem, model
 
 
-@pytest.mark.parametrize("scenario", ["brake_mat", "track_grade_20", "bedrock"])
+@pytest.mark.parametrize("scenario", [BRAKE_MAT, own_pack("track_grade_20"), "bedrock"])
 def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
     """Oracle: the environment itself, with launches of another stream."""
     problem = Problem(scenario)
@@ -42,7 +46,7 @@ def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
 
 
 def test_rewards_that_are_all_alike_are_not_divided_by_zero():
-    lanes = make_vec_env("sledenv/SledLaunch-v0", 2, env_kwargs={"scenario": "ice_fast"})
+    lanes = make_vec_env("sledenv/SledLaunch-v0", 2, env_kwargs={"scenario": own_pack("ice_fast")})
     env = Standardised(lanes, np.full(3, 0.5))
     env.reset()
     assert np.isfinite(env.step(np.zeros((2, 2), np.float32))[1]).all()
@@ -66,14 +70,16 @@ def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_o
     assert (best >= rated(proposed)).all()
     rng = np.random.default_rng(0)
     others = np.array([rated(rng.uniform(-1.0, 1.0, found.shape).astype(np.float32)) for _ in range(4 * COARSE)])
-    assert (others > best).mean(axis=0).max() < 0.01
+    better = (others > best).mean(axis=0)  # the best of so many random ones alone would leave 1/130 in the mean
+    assert better.mean() < 0.003
+    assert better.max() < 0.02
     assert (abs(found) <= 1.0).all()
 
 
 @pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3)])
 def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(algorithm, policy, tmp_path):
     """Oracle: the same observations twice, alone or among others, before and after a file."""
-    problem, model = policy_of(algorithm, policy, "track_grade_20")
+    problem, model = policy_of(algorithm, policy, own_pack("track_grade_20"))
     seen = problem.task.observe(problem.contexts("test", 30))
     first, _ = model.predict(seen, deterministic=True)
     model.predict(seen, deterministic=False)
@@ -105,7 +111,7 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
         return make_vec_env(id, lanes, seed, **rest)
 
     monkeypatch.setattr(learning, "make_vec_env", made)
-    problem = Problem("ice_fast")
+    problem = Problem(own_pack("ice_fast"))
     quick = {"n_timesteps": 512, "learning_starts": 256, "gradient_steps": 1, "checks": 1}
     for seed in range(3):
         folder = tmp_path / str(seed)
@@ -117,8 +123,8 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
 
 def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
     """Oracle: the agent itself, whose launches an environment earns what the wrapped one earns for its landings."""
-    problem = Problem("brake_mat")
-    launches, landings = (make_vec_env(problem.id, 16, 3, env_kwargs={"scenario": "brake_mat"}) for _ in range(2))
+    problem = Problem(BRAKE_MAT)
+    launches, landings = (make_vec_env(problem.id, 16, 3, env_kwargs={"scenario": BRAKE_MAT}) for _ in range(2))
     seen, also = launches.reset(), (wrapped := Landed(landings, Landing(problem))).reset()
     np.testing.assert_array_equal(seen, also)
     model = PPO("MlpPolicy", wrapped, n_steps=2, seed=0)
@@ -136,14 +142,14 @@ def test_the_noise_of_td3_is_normal():
     from sledenv.agents.td3 import Agent
 
     with pytest.raises(ValueError, match="noise_type = 'ornstein-uhlenbeck': must be 'normal'"):
-        Agent.prepared(Problem("ice_drop"), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})
+        Agent.prepared(Problem(own_pack("ice_drop")), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})
 
 
 def test_the_wrappers_of_one_environment_are_those_of_the_lanes():
     """Oracle: the wrapped lanes that PPO, SAC and TD3 train in, with the same contexts and actions."""
-    problem = Problem("brake_mat")
-    one = Standardised1(Landed1(gym.make("sledenv/SledLaunch-v0", scenario="brake_mat", split="train")))
-    lanes = make_vec_env(problem.id, 1, 3, env_kwargs={"scenario": "brake_mat", "split": "train"})
+    problem = Problem(BRAKE_MAT)
+    one = Standardised1(Landed1(gym.make("sledenv/SledLaunch-v0", scenario=BRAKE_MAT, split="train")))
+    lanes = make_vec_env(problem.id, 1, 3, env_kwargs={"scenario": BRAKE_MAT, "split": "train"})
     vector = Landed(Standardised(lanes, random_rewards(problem, seed=0)), Landing(problem))
     seen, _ = one.reset(seed=3)
     np.testing.assert_array_equal(vector.reset()[0], seen)

@@ -22,8 +22,9 @@ from sledenv.scenarios.scenario import Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.outcomes import Descent
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
+from tests.packs import own_pack
 
-PACK, SEEDS = "hard", (0, 4)
+PACK, SEEDS = "sled_patch", (3, 4)
 MINUS = "\N{MINUS SIGN}"
 ARROWS = {"left": "\ue012", "up": "\ue013", "right": "\ue014", "down": "\ue015"}
 WIDTHS = pytest.mark.parametrize("width", [390, 1280])
@@ -131,8 +132,8 @@ def test_a_page_marks_what_the_words_tell(made: MapPage) -> None:
 
 def test_the_shipped_agent_is_that_of_this_very_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # wherever one works
-    problem = Problem(PACK)
-    assert [folder.name for folder in module._shipped_runs(problem)] == [f"{PACK}-launch-both-critic-s0"]
+    problem = Problem("sled_tilt")
+    assert [folder.name for folder in module._shipped_runs(problem)] == ["sled_tilt-launch-spin-critic-s0"]
     content = problem.scenario.model_dump(mode="json", by_alias=True)
     content["slope"] |= {"length_m": 11.0}
     assert module._shipped_runs(Problem(Scenario.model_validate(content))) == []
@@ -162,7 +163,7 @@ def test_a_click_plays_the_descent_of_its_cell(made: MapPage, chromium: Browser,
     page, problem = shown(chromium, made.html, tmp_path, width), Problem(PACK)
     cells = page.run("return cells")
     endings = set()
-    for index in np.random.default_rng(0).choice(cells, 5, replace=False).tolist():
+    for index in np.random.default_rng(1).choice(cells, 7, replace=False).tolist():
         kind = "touch" if width == 390 else "mouse"
         page.drag(place_of(page, index), kind=kind)
         if page.run("return index") >= cells:  # a mark lies on it
@@ -171,7 +172,7 @@ def test_a_click_plays_the_descent_of_its_cell(made: MapPage, chromium: Browser,
         wait_until(page, "t > 0")
         chosen = launch_of(page, index)
         words = page.text("#launch").replace(MINUS, "-")
-        assert words == f"orientation {chosen['orientation']:.2f}°, spin {chosen['spin']:.3f} rad/s"
+        assert words == f"orientation {chosen['orientation']:.2f}°, speed {chosen['speed']:.3f} m/s"
         descent = descended(problem, SEEDS[0], chosen)
         assert_told(page, descent)
         endings.add(str(descent.status))
@@ -227,7 +228,7 @@ def test_marks_play_their_own_launches(made: MapPage, chromium: Browser, tmp_pat
 @needs_chromium
 def test_dragging_and_arrows_move_the_launch(made: MapPage, chromium: Browser, tmp_path: Path) -> None:
     page = shown(chromium, made.html, tmp_path)
-    across, upright = page.run("return [across, upright]")
+    upright = page.run("return upright")
     page.drag(*(place_of(page, i * upright + 1) for i in (2, 3, 5)), kind="touch")
     assert page.run("return index") == 5 * upright + 1
     for keys, index in (
@@ -235,9 +236,9 @@ def test_dragging_and_arrows_move_the_launch(made: MapPage, chromium: Browser, t
         ("up", 6 * upright + 2),
         ("down", 6 * upright + 1),
         ("down", 6 * upright),
-        ("down", 6 * upright),  # the spin ends at its bound
+        ("down", 6 * upright),  # the speed ends at its bound
         *(("left", i * upright) for i in (5, 4, 3, 2, 1, 0)),
-        ("left", (across - 1) * upright),  # a turn wraps around
+        ("left", 0),  # so does the orientation
     ):
         page.press("#map", ARROWS[keys])
         assert page.run("return index") == index
@@ -269,7 +270,7 @@ def test_contexts_are_paged_through(made: MapPage, chromium: Browser, tmp_path: 
 
 @pytest.fixture(scope="module")
 def curve() -> MapPage:
-    return map_page("spinning_entry", [2], [])
+    return map_page(own_pack("spinning_entry"), [2], [])
 
 
 @needs_chromium
@@ -279,7 +280,7 @@ def test_one_control_is_a_curve(curve: MapPage, chromium: Browser, tmp_path: Pat
     assert page.run("return [flat, upright, document.querySelectorAll('#map image').length]") == [True, 1, 0]
     index = page.run("return Math.floor(cells / 3)")
     page.drag(place_of(page, index))
-    assert_told(page, descended(Problem("spinning_entry"), 2, launch_of(page, page.run("return index"))))
+    assert_told(page, descended(Problem(own_pack("spinning_entry")), 2, launch_of(page, page.run("return index"))))
     found = page.run("return index")
     page.press("#map", ARROWS["right"] + ARROWS["up"])  # there is nothing above
     assert page.run("return index") == found + 1
@@ -310,7 +311,7 @@ def test_of_three_controls_the_third_stays_in_the_middle(chromium: Browser, tmp_
 @needs_chromium
 def test_under_noise_the_map_is_a_mean_and_a_descent_is_as_aimed(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: Problem.expect and the simulator."""
-    problem = Problem("noisy_start")
+    problem = Problem(own_pack("noisy_start"))
     page = shown(chromium, map_page(problem.scenario, [0], []).html, tmp_path)
     assert "mean reward of 8 launches" in page.text("#about")
     page.drag(place_of(page, 70))
@@ -345,7 +346,7 @@ def test_the_command_writes_a_page_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["map", "spinning_entry", "--html", "page.html", "--seeds", "3", "1"]) == 0
+    assert main(["map", "sled_tilt", "--html", "page.html", "--seeds", "3", "1"]) == 0
     out = capsys.readouterr().out
     assert "context of seed 3\nbest launch" in out
     assert out.endswith("map: wrote page.html\n")
@@ -370,7 +371,7 @@ def test_wrong_arguments_are_explained(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     try:
-        status: Any = main(["map", "ice_drop", *arguments])
+        status: Any = main(["map", own_pack("ice_drop"), *arguments])
     except SystemExit as stop:
         status = stop.code
     assert status == 2

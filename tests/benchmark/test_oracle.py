@@ -21,12 +21,13 @@ from sledenv.benchmark.oracle import (
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
+from tests.packs import own_pack
 
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Problem, pd.DataFrame]:
     """Best launches of a few contexts of brake_mat."""
-    problem = Problem("brake_mat")
+    problem = Problem(own_pack("brake_mat"))
     return problem, best_launches(problem, problem.contexts("test", 2))
 
 
@@ -106,7 +107,7 @@ def test_evolution_strategies_with_restarts_do_not_beat_the_oracle_by_a_thousand
 
 def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
     """Oracle: launches a full turn apart are the same, so the grid has each once; a row agrees with the simulator."""
-    problem = Problem("ice_drop")
+    problem = Problem(own_pack("ice_drop"))
     contexts = problem.contexts("test", 2)
     one = jam_map(problem, contexts, {"orientation": 12, "spin": 5})[1]
     assert one.rewards.shape == (12, 5)
@@ -125,7 +126,7 @@ def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
 @pytest.mark.parametrize("control", ["both", "orientation", "spin"])
 def test_no_cell_is_refined_twice(control):
     """Where a grid has few cells, neighbours are refined once there is nothing else."""
-    problem = Problem("ice_drop", control=control)
+    problem = Problem(own_pack("ice_drop"), control=control)
     shape = tuple(GRID[name] for name in problem.task.controlled)
     rewards = np.random.default_rng(0).random(shape)
     starts = _maxima(problem, rewards, 24, 1)
@@ -153,7 +154,7 @@ def test_speeds_are_searched_too(control):
 
 
 def test_what_is_not_chosen_is_not_searched():
-    problem = Problem("ice_drop", control="spin")
+    problem = Problem(own_pack("ice_drop"), control="spin")
     table = best_launches(problem, problem.contexts("test", 2))
     assert "action_1" not in table
     assert map_table(problem, problem.contexts("test", 1))["orientation"].isna().all()

@@ -10,6 +10,7 @@ from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
 from sledenv.scenarios.scenario import Scenario, load_scenario
+from tests.packs import own_pack
 
 
 class Scripted:
@@ -25,7 +26,7 @@ class Scripted:
 @pytest.fixture(scope="module")
 def noisy() -> Scenario:
     """brake_mat with launch noise, and the orientation alone to choose."""
-    content = load_scenario("brake_mat").model_dump(by_alias=True)
+    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
     content["control"] |= {"chosen": "orientation", "noise_orientation_deg": 4.0, "noise_spin_rad_s": 0.5}
     return Scenario.model_validate(content)
 
@@ -33,9 +34,9 @@ def noisy() -> Scenario:
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
 def test_an_agent_is_judged_as_in_episodes_of_the_environment(environment):
     """Oracle: the scalar environment, episode by episode, bit for bit."""
-    problem = Problem("brake_mat", environment)
+    problem = Problem(own_pack("brake_mat"), environment)
     contexts = problem.contexts("test", 6)
-    env = gym.make(problem.id, scenario="brake_mat")
+    env = gym.make(problem.id, scenario=own_pack("brake_mat"))
     agent = Scripted(env.observation_space.shape[0], problem.actions)
     batch, actions = problem.judge(agent, contexts)
     for i, context in enumerate(contexts):
@@ -70,23 +71,23 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
     assert trials.shape == (3, TRIALS, 13)
-    assert np.array_equal(trials[0, :, 8:], trials[2, :, 8:])
-    assert not np.isclose(trials[0, :, 8:], problem.trials(contexts, "test")[0, :, 8:]).any()  # nobody knows the test
-    assert trials[0, :, 8:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
+    assert np.array_equal(trials[0, :, 11:], trials[2, :, 11:])
+    assert not np.isclose(trials[0, :, 11:], problem.trials(contexts, "test")[0, :, 11:]).any()  # nobody knows the test
+    assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
     slow = [
         [np.mean([problem.descend(trial[np.newaxis], [action]).jam.reward[0] for trial in trials[i]]) for action in row]
         for i, row in enumerate(actions)
     ]
     assert problem.expect(contexts, actions, "train") == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem("ice_drop").trials(contexts, "test").shape == (3, 1, 11)
+    assert Problem(own_pack("ice_drop")).trials(contexts, "test").shape == (3, 1, 11)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
-    assert np.array_equal(drawn[:TRIALS, 8:], trials[0, :, 8:])
-    assert np.array_equal(drawn[TRIALS:, 8:], trials[0, :, 8:])
+    assert np.array_equal(drawn[:TRIALS, 11:], trials[0, :, 11:])
+    assert np.array_equal(drawn[TRIALS:, 11:], trials[0, :, 11:])
 
 
 def test_extra_noise_disturbs_what_is_chosen_alone(noisy):
     """Oracle: standard deviations by hand; a disturbance that the agent does not choose stays as it is."""
-    quiet = noisy.model_copy(update={"control": load_scenario("brake_mat").control})
+    quiet = noisy.model_copy(update={"control": load_scenario(own_pack("brake_mat")).control})
     contexts = Problem(quiet).contexts("test", 2000)
     both = Problem(quiet, control="both").disturbed(contexts, 0.05)[:, 11:]
     assert both.std(axis=0) == pytest.approx([0.05 * np.pi, 0.05 * 8.0], rel=0.06)
@@ -117,7 +118,7 @@ def test_a_tremble_is_the_noise_and_that_of_a_hand_in_what_is_chosen(noisy):
 
 def test_an_unknown_environment_is_refused():
     with pytest.raises(ValueError, match="environment = 'flight': must be one of 'launch', 'descent'"):
-        Problem("ice_drop", "flight")
+        Problem(own_pack("ice_drop"), "flight")
 
 
 @pytest.mark.parametrize(
@@ -128,8 +129,8 @@ def test_an_unknown_environment_is_refused():
     ],
 )
 def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, message):
-    problem = Problem("ice_drop", environment)
-    agent = Scripted(8 if environment == "launch" else 17, wide)
+    problem = Problem(own_pack("ice_drop"), environment)
+    agent = Scripted(11 if environment == "launch" else 20, wide)
     with pytest.raises(ValueError, match=f"^agent {__name__}, scenario ice_drop: {message}$"):
         problem.judge(agent, problem.contexts("test", 3))
 

@@ -16,6 +16,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runner import TABLES, run_suite
 from sledenv.benchmark.runs import meant
 from sledenv.benchmark.suite import Suite, SuiteError
+from tests.packs import own_pack
 
 ROOT = Path(__file__).parents[2]
 TIMES = ["train_seconds", "train_cpu_seconds"]
@@ -27,7 +28,7 @@ SUITE = {
     "steps": 240,
     "noise": [0.05],
     "maps": 1,
-    "scenarios": ["bedrock", "spinning_entry"],
+    "scenarios": ["bedrock", own_pack("spinning_entry")],
     "agents": {"launch": {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}},
 }
 
@@ -74,7 +75,7 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
     }
     problem = Problem("bedrock")
     chosen = results.query("scenario == 'bedrock' and agent == 'best_fixed' and seed == 1 and noise == 0")
-    again = problem.descend(problem.contexts("test", 2), chosen[["action_0", "action_1"]].to_numpy())
+    again = problem.descend(problem.contexts("test", 2), chosen[["action_0"]].to_numpy())
     assert np.array_equal(again.jam.reward, chosen["reward"])
     assert np.array_equal(again.outcomes["sliding"], chosen["loss_sliding"])
     best = found["oracle"].set_index(["scenario", "context"])["reward"]
@@ -152,14 +153,14 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
     [
         ({"contexts": 1}, "contexts = 1: must be a whole number in [2, 100000]"),
         ({"contexts": None}, "contexts: missing"),
-        ({"scenarios": ["ice_dorp"]}, "did you mean 'ice_drop'"),
-        ({"scenarios": ["ice_drop", "ice_drop"]}, "must not repeat a scenario"),
+        ({"scenarios": ["sled_snwo"]}, "did you mean 'sled_snow'"),
+        ({"scenarios": [own_pack("ice_drop"), own_pack("ice_drop")]}, "must not repeat a scenario"),
         ({"agents": {"flight": {"sledenv.agents.zero": 1}}}, "'launch' or 'descent'"),
         (
             {"agents": {"launch": {"sledenv.agents.zero": 0}}},
             "sledenv.agents.zero = 0: must be a whole number in [1, 1000]",
         ),
-        ({"agents": {}}, "agents: Dictionary should have at least 1 item"),
+        ({"agents": {}}, "agents: must have at least 1 entry"),
         ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
         ({"noise": [0.1, 0.1]}, "must not repeat a level"),
         ({"seeds": 3}, "seeds = 3: unknown key (did you mean 'steps'?); known: id, title"),
@@ -180,7 +181,7 @@ def test_an_agent_is_another_when_its_code_or_that_of_its_base_has_changed(tmp_p
             (tmp_path / f"{name}.py").write_text(text)
         for name in ("own_agent", "own_base"):
             sys.modules.pop(name, None)
-        return meant("own_agent", Problem("ice_drop"), {}, 0)["code"]
+        return meant("own_agent", Problem(own_pack("ice_drop")), {}, 0)["code"]
 
     agent, base = "from own_base import Base\n\n\nclass Agent(Base):\n    pass\n", "class Base:\n    spin = 1.0\n"
     before = code(own_agent=agent, own_base=base, own_other="")

@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from examples import cleanrl_ppo
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from tests.packs import own_pack
 
 
 @pytest.fixture(autouse=True)
@@ -37,10 +38,10 @@ def actions(env, steps: int, lanes: int) -> np.ndarray:
 
 def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
     """Oracle: its own untrained policy on the same held-out contexts; a second run for the repetition."""
-    arguments = cleanrl_ppo.Arguments()
+    arguments = cleanrl_ppo.Arguments(scenario=own_pack("brake_mat"))
     torch.manual_seed(arguments.seed)
-    before = cleanrl_ppo.evaluate(cleanrl_ppo.Agent(8, 2), arguments)
-    short = ["--total-timesteps", "6144"]
+    before = cleanrl_ppo.evaluate(cleanrl_ppo.Agent(11, 2), arguments)
+    short = ["--scenario", arguments.scenario, "--total-timesteps", "6144"]
     score = cleanrl_ppo.main(short)
     progress = capsys.readouterr().out.splitlines()
     assert len(progress) == 6144 // 512 + 1
@@ -51,7 +52,9 @@ def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
 @pytest.mark.parametrize("name", [pytest.param(LAUNCH_ID, marks=pytest.mark.slow), DESCENT_ID])
 def test_spawned_workers_give_what_one_process_gives(name):
     """Oracle: SyncVectorEnv and DummyVecEnv, info included."""
-    make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")  # importable in a process that knows no sledenv
+    make = partial(
+        gym.make, f"sledenv:{name}", scenario=own_pack("ice_drop")
+    )  # importable in a process that knows no sledenv
     one, other = SyncVectorEnv([make] * 2), AsyncVectorEnv([make] * 2, context="spawn")
     try:
         assert equal(one.reset(seed=3), other.reset(seed=3))
@@ -65,7 +68,7 @@ def test_spawned_workers_give_what_one_process_gives(name):
 @pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
 def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
     """Oracle: DummyVecEnv, info included."""
-    make = partial(gym.make, f"sledenv:{name}", scenario="ice_drop")
+    make = partial(gym.make, f"sledenv:{name}", scenario=own_pack("ice_drop"))
     dummy, spawned = DummyVecEnv([make] * 2), SubprocVecEnv([make] * 2, start_method="spawn")
     try:
         for env in (dummy, spawned):
@@ -80,7 +83,7 @@ def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # Gymnasium logs the traceback of the worker as warnings
 def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
-    make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario="ice_drop", disable_env_checker=True)
+    make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario=own_pack("ice_drop"), disable_env_checker=True)
     env = AsyncVectorEnv([make], context="spawn")
     env.reset(seed=0)
     with pytest.raises(InvalidAction, match=r"action = \[2.0, 0.0\]: must be within \[-1.0, 1.0\]"):
@@ -91,7 +94,7 @@ def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
 ROLLOUT = """
 import gymnasium as gym, numpy as np
 for name in ("SledLaunch", "SledDescent"):
-    env = gym.make(f"sledenv:sledenv/{name}-v0", scenario="ice_drop")
+    env = gym.make(f"sledenv:sledenv/{name}-v0", scenario=own_pack("ice_drop"))
     rng = np.random.default_rng(0)
     for seed in range(2):
         values = [env.reset(seed=seed)[0]]

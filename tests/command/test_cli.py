@@ -20,6 +20,7 @@ from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
+from tests.packs import own_pack
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -49,15 +50,15 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
 def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the same descent, simulated here; words for its codes, no number that JSON does not have."""
     file = tmp_path / "ride.csv"
-    assert main(["simulate", "sled_snow", "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"]) == 0
+    assert main(["simulate", own_pack("bowl_snow"), "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    scenario = load_scenario("sled_snow")
+    scenario = load_scenario(own_pack("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
     law, launch = scenario.law(context), scenario.launch(context, spin=-0.5)
     descent = simulate(
         scenario.body(), law, scenario.slope(context), launch, end_on_chord=True, max_time=scenario.limits.max_time_s
     )
-    assert (found["scenario"], found["seed"], found["solver"]) == ("sled_snow", 3, "compliant")
+    assert (found["scenario"], found["seed"], found["solver"]) == ("bowl_snow", 3, "compliant")
     assert found["launch"] == launch._asdict()
     assert found["law"]["restitution"] == law.restitution
     assert (found["status"], found["time"], found["state"]) == (descent.status, descent.time, descent.state._asdict())
@@ -71,7 +72,7 @@ def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.
 
 def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: configs/scenarios/brake_mat.yaml, and h = 2 r sin^3(alpha)/(3 D) of its segment."""
-    assert main(["simulate", "brake_mat"]) == 0
+    assert main(["simulate", own_pack("brake_mat")]) == 0
     out = capsys.readouterr().out
     assert "mass 100 kg, radius 0.5 m, eccentricity 0.1234 m, inertia 9.922 kg m^2, half-angle 110 deg" in out
     assert "stiffness 10 MN/m, restitution 0.500" in out
@@ -97,13 +98,13 @@ def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFi
 def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: sensitivity of the same descent, which finishes where the slope is long."""
     file = tmp_path / "growth.png"
-    arguments = ["sensitivity", "sled_snow", "--seed", "3", "--rebounds", "2", "--out", str(file)]
+    arguments = ["sensitivity", own_pack("bowl_snow"), "--seed", "3", "--rebounds", "2", "--out", str(file)]
     assert main(arguments) == 0
     out = capsys.readouterr().out
-    assert "sled_snow, seed 3, solver compliant" in out
+    assert "bowl_snow, seed 3, solver compliant" in out
     assert file.read_bytes().startswith(b"\x89PNG")
     rows = {line.split()[0]: line.split() for line in out.splitlines() if line}
-    scenario = load_scenario("sled_snow")
+    scenario = load_scenario(own_pack("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
     given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
     found = sensitivity(*given, Settings(end_on_chord=True), rebounds=2)
@@ -122,10 +123,10 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
 
 def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
-        capsys, "sensitivity", "sled_snow", "--solver", "euler"
+        capsys, "sensitivity", own_pack("bowl_snow"), "--solver", "euler"
     )
     file = tmp_path / "growth.pdf"
-    assert "must end in .png" in refused(capsys, "sensitivity", "sled_snow", "--out", str(file))
+    assert "must end in .png" in refused(capsys, "sensitivity", own_pack("bowl_snow"), "--out", str(file))
 
 
 def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:
@@ -134,17 +135,17 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
     assert header.split() == ["name", "agent", "chooses", "solver", "what", "is", "asked"]
     assert [line.split()[0] for line in lines] == list(scenario_names())
     assert all(len(line) <= 120 and len(line) > header.index("what") for line in lines)
-    assert next(line for line in lines if line.startswith("track_grade_20")).split()[1:3] == ["spin", "compliant"]
+    assert next(line for line in lines if line.startswith("sled_tilt")).split()[1:3] == ["spin", "compliant"]
     assert main(["scenarios", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in rows] == list(scenario_names())
-    assert next(row for row in rows if row["name"] == "track_grade_20")["agent_chooses"] == ["spin"]
+    assert next(row for row in rows if row["name"] == "sled_tilt")["agent_chooses"] == ["spin"]
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "simulate",
-        "ice_drop",
+        own_pack("ice_drop"),
         "--seed",
         "3",
         "--orientation-deg",
@@ -158,14 +159,14 @@ def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "ice_drop, seed 3, solver rigid" in out
     assert "orientation -20.00 deg, spin 1.500 rad/s" in out
-    main(["simulate", "ice_drop", "--seed", "4"])
+    main(["simulate", own_pack("ice_drop"), "--seed", "4"])
     assert capsys.readouterr().out != out
 
 
 def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "deep" / "out"
     for _ in range(2):  # the second time it is replaced
-        assert main(["simulate", "brake_mat", "--out", str(folder)]) == 0
+        assert main(["simulate", own_pack("brake_mat"), "--out", str(folder)]) == 0
         assert sorted(path.name for path in folder.iterdir()) == sorted(PICTURES)
         assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
         assert "wrote strobe.png and series.png" in capsys.readouterr().out
@@ -174,44 +175,50 @@ def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     for spin in ("1.5", "2.5"):  # the second time it is replaced
-        assert main(["replay", "ice_drop", "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
+        assert main(["replay", own_pack("ice_drop"), "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
         assert capsys.readouterr().out == f"replay: wrote {page}\n"
         assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
         text = page.read_text(encoding="utf-8")
         assert '"title":"ice_drop, seed 3, solver compliant"' in text
         assert f"spin {spin}00 rad/s" in text
-    assert main(["replay", "ice_drop", "--out", str(page), "--json"]) == 0
+    assert main(["replay", own_pack("ice_drop"), "--out", str(page), "--json"]) == 0
     written = {"scenario": "ice_drop", "seed": 0, "solver": "compliant", "written": [str(page)]}
     assert json.loads(capsys.readouterr().out) == written
 
 
 def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
-    assert "did you mean 'ice_drop'?" in refused(capsys, "replay", "ice_drp", "--out", str(page))
-    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "page.yaml"))
-    assert "must end in .html" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path))
-    assert "there is no folder" in refused(capsys, "replay", "ice_drop", "--out", str(tmp_path / "a" / "b.html"))
+    assert "did you mean 'sled_brow'?" in refused(capsys, "replay", "sled_brw", "--out", str(page))
+    assert "must end in .html" in refused(capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path / "page.yaml"))
+    assert "must end in .html" in refused(capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path))
+    assert "there is no folder" in refused(
+        capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path / "a" / "b.html")
+    )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "did you mean 'ice_drop'?" in refused(capsys, "simulate", "ice_drp")
-    assert "error: --seed: must be an integer >= 0: '-1'" in refused(capsys, "simulate", "ice_drop", "--seed", "-1")
+    assert "did you mean 'sled_brow'?" in refused(capsys, "simulate", "sled_brw")
+    assert "error: --seed: must be an integer >= 0: '-1'" in refused(
+        capsys, "simulate", own_pack("ice_drop"), "--seed", "-1"
+    )
     assert "--spin: must be a finite number in [-1e+06, 1e+06] rad/s: 'inf'" in refused(
-        capsys, "simulate", "ice_drop", "--spin", "inf"
+        capsys, "simulate", own_pack("ice_drop"), "--spin", "inf"
     )
     bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
     for value in ("up", "-360.1"):
-        assert f"{bad}{value!r}" in refused(capsys, "simulate", "ice_drop", f"--orientation-deg={value}")
-    assert 'Invalid value "magic" for --solver' in refused(capsys, "simulate", "ice_drop", "--solver", "magic")
-    assert "--solver: sled_snow ends where the body lies on its chord" in refused(
-        capsys, "simulate", "sled_snow", "--solver", "euler"
+        assert f"{bad}{value!r}" in refused(capsys, "simulate", own_pack("ice_drop"), f"--orientation-deg={value}")
+    assert 'Invalid value "magic" for --solver' in refused(
+        capsys, "simulate", own_pack("ice_drop"), "--solver", "magic"
+    )
+    assert "--solver: bowl_snow ends where the body lies on its chord" in refused(
+        capsys, "simulate", own_pack("bowl_snow"), "--solver", "euler"
     )
     assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
-    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", "ice_drop", "snow")
-    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", "ice_drop", "--ori", "3")
+    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_pack("ice_drop"), "snow")
+    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", own_pack("ice_drop"), "--ori", "3")
     (tmp_path / "broken.yaml").write_text("id: [")
     assert "broken.yaml: cannot be read" in refused(capsys, "simulate", str(tmp_path / "broken.yaml"))
 
@@ -301,8 +308,8 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
 
 
 def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no finished run" in refused(capsys, "map", "ice_drop", "--run", str(tmp_path), "--out", "map.png")
-    assert "must end in .png" in refused(capsys, "map", "ice_drop", "--out", str(tmp_path / "map.pdf"))
+    assert "no finished run" in refused(capsys, "map", own_pack("ice_drop"), "--run", str(tmp_path), "--out", "map.png")
+    assert "must end in .png" in refused(capsys, "map", own_pack("ice_drop"), "--out", str(tmp_path / "map.pdf"))
 
 
 def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -310,7 +317,7 @@ def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: py
     agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
     suite = tmp_path / "two.yaml"
     suite.write_text(
-        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [ice_fast], maps: 0, agents: {agents}}}"
+        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_tilt], maps: 0, agents: {agents}}}"
     )
     (tmp_path / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
     call = ["benchmark", "--suite", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]

@@ -23,7 +23,7 @@ from sledenv.simulation.shapes import polygon
 
 COMPILER, EMULATOR, ROOT = "aarch64-linux-gnu-gcc", "qemu-aarch64-static", "/usr/aarch64-linux-gnu"
 LANES = 2000
-LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 20.0, 0.0, 0.0, 1e8)
+LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 20.0, 0.0, 0.0, 0.0, 1e8)
 Call = tuple[Entry, tuple[Any, ...]]
 
 
@@ -74,7 +74,10 @@ def as_bytes(call: Call) -> bytes:
     for kind, one in zip(entry.kinds, given, strict=True):
         if isinstance(kind, Table):
             content = one.tobytes().ljust(8, b"\0")
-            passed += [struct.pack("<q", len(content)) + content, *(struct.pack("<qq", 0, n) for n in one.shape)]
+            passed += [
+                struct.pack("<q", len(content)) + content,
+                *(struct.pack("<qq", 0, n) for n in one.shape),
+            ]
         elif not issubclass(kind, tuple):
             passed.append(struct.pack("<qq", 0, one))
     return entry.name.encode().ljust(64, b"\0") + struct.pack("<q", len(passed)) + b"".join(passed)

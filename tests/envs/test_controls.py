@@ -25,6 +25,7 @@ from sledenv.envs.sb3 import make_vec_env
 from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.scenarios.sections import CONTROLS, control_words
+from tests.packs import own_pack
 
 SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
 NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
@@ -35,7 +36,7 @@ COLUMN = {"orientation": 2, "spin": 5, "speed": 3}  # of State
 every_word = pytest.mark.parametrize("control", WORDS)
 
 
-def with_bounds(name: str = "brake_mat", length: float = 10.0) -> Scenario:
+def with_bounds(name: str = own_pack("brake_mat"), length: float = 10.0) -> Scenario:
     """A shipped scenario in which the speed may be chosen too, all within ``BOUNDS``."""
     content = sledenv.load_scenario(name).model_dump(mode="json", by_alias=True)
     keys = {"orientation_deg": "orientation", "spin_rad_s": "spin", "speed_m_s": "speed"}
@@ -187,8 +188,8 @@ def test_a_scenario_without_bounds_of_the_speed_has_no_control_of_it(control):
     """Oracle: the message; "all" is what there is."""
     allowed = "must be one of 'both', 'orientation', 'spin', 'orientation[+]spin', 'all'$"
     with pytest.raises(ValueError, match=f"control = '{control.replace('+', '[+]')}': {allowed}"):
-        gym.make(LAUNCH_ID, scenario="brake_mat", control=control)
-    assert Task("brake_mat", "all").controlled == ("orientation", "spin")
+        gym.make(LAUNCH_ID, scenario=own_pack("brake_mat"), control=control)
+    assert Task(own_pack("brake_mat"), "all").controlled == ("orientation", "spin")
 
 
 @pytest.mark.parametrize("control", ["trim", "spin+orientation", "speed+speed", "orientation+", "", "Both"])
@@ -202,7 +203,7 @@ def test_a_wrong_word_is_answered_with_the_known_ones(control):
 
 def test_words_for_the_same_choice_make_the_same_task():
     """Oracle: the first word; a snapshot of one is a snapshot of the other."""
-    assert Task(PACK, "orientation+spin").control == Task("brake_mat", "all").control == "both"
+    assert Task(PACK, "orientation+spin").control == Task(own_pack("brake_mat"), "all").control == "both"
     env, twin = SledLaunch(PACK, "all"), SledLaunch(PACK, "orientation+spin+speed")
     env.reset(seed=0)
     twin.restore(pickle.loads(pickle.dumps(env.snapshot())))

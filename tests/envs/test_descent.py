@@ -6,6 +6,7 @@ import copy
 import pickle
 import time
 from functools import partial
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -25,8 +26,9 @@ from sledenv.envs.inputs import FIELDS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
 from sledenv.simulation.support import support_height
+from tests.packs import own_pack
 
-SLED_SCENARIOS = ("brake_mat", "ice_drop", "ice_fast")
+SLED_SCENARIOS = (own_pack("brake_mat"), own_pack("ice_drop"), own_pack("ice_fast"))
 CONTROLS = ("both", "orientation", "spin")
 SOLVERS = ("compliant", "rigid")
 TURN = 2.0 * np.pi
@@ -52,19 +54,24 @@ def play(env, rng) -> list:
 def test_both_checkers_pass_without_a_warning(scenario, control):
     """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
     env = gym.make(DESCENT_ID, scenario=scenario, control=control)
-    check_env(env.unwrapped, skip_render_check=scenario != "brake_mat")
+    check_env(env.unwrapped, skip_render_check=scenario != own_pack("brake_mat"))
     check_env_sb3(env.unwrapped)
 
 
 @pytest.mark.parametrize(
     ("scenario", "solver"),
-    [("brake_mat", "compliant"), ("brake_mat", "rigid"), ("ice_drop", "rigid"), ("ice_fast", "compliant")],
+    [
+        (own_pack("brake_mat"), "compliant"),
+        (own_pack("brake_mat"), "rigid"),
+        (own_pack("ice_drop"), "rigid"),
+        (own_pack("ice_fast"), "compliant"),
+    ],
 )
 def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenario, solver):
     """Oracle: SledLaunch in 1500 contexts altogether; the last info is the same in every entry."""
     rng = np.random.default_rng(0)
     statuses = set()
-    control = {"brake_mat": "both", "ice_drop": "orientation", "ice_fast": "spin"}[scenario]
+    control = {"brake_mat": "both", "ice_drop": "orientation", "ice_fast": "spin"}[Path(scenario).stem]
     launch, descent = (kind(scenario, control, solver=solver) for kind in (SledLaunch, SledDescent))
     launch.reset(seed=1)
     descent.reset(seed=1)
@@ -73,7 +80,7 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
         context, _ = launch.reset()
         observation, _ = descent.reset()
         assert np.array_equal(observation[:FIELDS], context)
-        assert not observation[8:].any()
+        assert not observation[11:].any()
         _, reward, _, _, info = launch.step(action)
         total, ended, steps = 0.0, False, 0
         while not ended:
@@ -94,7 +101,8 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
 
 
 @pytest.mark.parametrize(
-    ("scenario", "solver"), [("brake_mat", "compliant"), ("ice_drop", "rigid"), ("ice_fast", "compliant")]
+    ("scenario", "solver"),
+    [(own_pack("brake_mat"), "compliant"), (own_pack("ice_drop"), "rigid"), (own_pack("ice_fast"), "compliant")],
 )
 def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(scenario, solver):
     """Oracle: conservation of energy; supply, work and reward by hand."""
@@ -110,7 +118,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
             assert abs(energy.residual) <= 1e-12 * energy.turnover
             bound = (env.task.bodies[0].inertia * rider.trim_rad_s) ** 2 / (2.0 * rider.rotor_inertia_kg_m2)
             assert 0.0 <= energy.rotor <= bound * (1.0 + 1e-6)
-            assert abs(observation[14]) <= 1.0
+            assert abs(observation[17]) <= 1.0
             worked |= energy.work > 0.0
             assert 0.0 <= reward <= 1.0
             assert reward == 0.0 or terminated or truncated
@@ -133,7 +141,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
 
 def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
     """Oracle: the last rebound of the info, scaled by hand as docs/environments.md says."""
-    env = SledDescent("brake_mat")
+    env = SledDescent(own_pack("brake_mat"))
     env.reset(seed=8)
     rng = np.random.default_rng(1)
     scenario = env.task.scenario
@@ -159,7 +167,7 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
                 len(info["rebounds"]["t"]) / scenario.limits.max_rebounds,
             )  # fmt: skip
             assert len(expected) == len(FLIGHT)
-            assert observation[8:] == pytest.approx(expected, abs=1e-6)
+            assert observation[11:] == pytest.approx(expected, abs=1e-6)
             seen += 1
     assert seen > 50
 
@@ -167,7 +175,7 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_polygon_is_seen_as_it_flies(solver):
     """Oracle: conservation of energy, by which no velocity leaves (-1, 1); the rebounds of the info."""
-    content = sledenv.load_scenario("brake_mat").model_dump(by_alias=True)
+    content = sledenv.load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
     points = [[0.0, 0.0], [1.0, 0.0], [0.9, 0.5], [0.1, 0.6]]
     content["body"] = {"kind": "polygon", "mass_kg": 100, "points_m": points}
     env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
@@ -177,7 +185,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
         env.reset(seed=seed)
         for observation, _, terminated, truncated, info in play(env, rng):
             if not (terminated or truncated):
-                assert np.abs(observation[11:14]).max() < 1.0
+                assert np.abs(observation[14:17]).max() < 1.0
                 states, _ = env.task.flights_seen(observation[np.newaxis])
                 last = {name: column[-1] for name, column in info["rebounds"].items()}
                 expected = [last["x"], *(last[f"{name}_after"] for name in ("u", "v", "omega"))]
@@ -193,7 +201,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
 def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
     """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
     for seed in range(8):
-        env, twin = (SledDescent("ice_drop", solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
+        env, twin = (SledDescent(own_pack("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
         env.reset(seed=seed)
         snapshots, steps = [env.snapshot()], []
         rng = np.random.default_rng(seed)
@@ -215,7 +223,7 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
                     twin.step(action)
                 assert equal(rollout, play(twin, np.random.default_rng([seed, k])))
                 returns.add(rollout[-1][1])
-            elsewhere = SledDescent("ice_drop", solver=solver, launch_noise=(0.1, 0.2))
+            elsewhere = SledDescent(own_pack("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
             for target in (env, elsewhere):
                 target.restore(pickle.loads(pickle.dumps(snapshots[i])))
                 assert equal([target.step(action) for action in actions[i : len(steps)]], steps[i:])
@@ -226,7 +234,7 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
 @pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
 def test_pickles_and_copies_made_at_any_time_go_on_identically(kind):
     for made in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
-        env = kind("ice_drop", launch_noise=(0.1, 0.2))
+        env = kind(own_pack("ice_drop"), launch_noise=(0.1, 0.2))
         twin = made(env)
         assert equal(env.reset(seed=5), twin.reset(seed=5))
         for i in range(30):
@@ -251,7 +259,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     assert (terminated, truncated) == (False, True)
     assert STATUS_OF_CODE[info["descent"]["status"]] == "timeout"
     assert reward == launch.step(action)[1]
-    content = sledenv.load_scenario("ice_drop").model_dump(mode="json")
+    content = sledenv.load_scenario(own_pack("ice_drop")).model_dump(mode="json")
     content["limits"]["max_rebounds"] = 2
     env = SledDescent(sledenv.Scenario.model_validate(content))
     ends = set()
@@ -267,7 +275,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
 @pytest.mark.parametrize("action", [[2.0, 0.0, 0.0], [0.0, 0.0, np.nan], [0.0, 0.0], [[0.0, 0.0, 0.0]], 0.0, "left"])
 def test_a_wrong_action_is_refused_at_the_launch_and_at_a_rebound_and_the_episode_goes_on(action):
     """Oracle: a twin that was given right actions alone."""
-    env, twin = (SledDescent("ice_drop") for _ in range(2))
+    env, twin = (SledDescent(own_pack("ice_drop")) for _ in range(2))
     env.reset(seed=0)
     twin.reset(seed=0)
     for i in range(3):
@@ -279,13 +287,13 @@ def test_a_wrong_action_is_refused_at_the_launch_and_at_a_rebound_and_the_episod
 
 def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
     """Oracle: a twin that was not misused."""
-    env, twin = (SledDescent("ice_drop") for _ in range(2))
+    env, twin = (SledDescent(own_pack("ice_drop")) for _ in range(2))
     for call in (lambda: env.step(np.zeros(3, np.float32)), env.render, env.snapshot):
         with pytest.raises(ResetNeeded):
             call()
     env.reset(seed=4)
     twin.reset(seed=4)
-    other = SledDescent("ice_drop", "spin")
+    other = SledDescent(own_pack("ice_drop"), "spin")
     other.reset(seed=0)
     for wrong, error, message in (
         (other.snapshot(), ValueError, "of another task"),
@@ -313,7 +321,7 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"scenario": "ice_dorp"}, sledenv.ScenarioError, "ice_drop"),
+        ({"scenario": "sled_snwo"}, sledenv.ScenarioError, "sled_snow"),
         ({"control": "trim"}, ValueError, "control = 'trim': must be one of 'both', 'orientation', 'spin'"),
         ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
@@ -330,7 +338,7 @@ def test_bad_arguments_name_the_argument_and_what_is_allowed(arguments, error, m
 
 
 def test_the_spec_survives_json_and_a_second_registration_is_silent():
-    arguments = {"scenario": "ice_fast", "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
+    arguments = {"scenario": own_pack("ice_fast"), "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
     for name in (LAUNCH_ID, DESCENT_ID):
         env = gym.make(name, **arguments)
         again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
@@ -346,7 +354,7 @@ class Session(RuleBasedStateMachine):
 
     @initialize(split=st.sampled_from([None, "train", "test"]), noise=st.sampled_from([(0.0, 0.0), (0.2, 0.5)]))
     def make(self, split, noise):
-        arguments = {"scenario": "ice_fast", "split": split, "launch_noise": noise, "solver": self.solver}
+        arguments = {"scenario": own_pack("ice_fast"), "split": split, "launch_noise": noise, "solver": self.solver}
         self.env = self.kind(render_mode="rgb_array", **arguments)
         self.twin = self.kind(**arguments)
         self.history: list | None = None  # of calls since the last seeded reset, with what they gave

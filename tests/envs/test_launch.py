@@ -16,13 +16,14 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import sledenv
 from sledenv.envs import LAUNCH_ID
 from sledenv.envs.render import DescentRenderer
+from tests.packs import own_pack
 
 SCENARIOS = sledenv.scenario_names()
 CONTROLS = ("both", "orientation", "spin")
 
 
 def make(**kwargs):
-    return gym.make(LAUNCH_ID, **kwargs)
+    return gym.make(LAUNCH_ID, **{"scenario": own_pack("bowl_snow")} | kwargs)
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -30,7 +31,7 @@ def make(**kwargs):
 def test_both_checkers_pass_without_a_warning(scenario, control):
     """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
     env = make(scenario=scenario, control=control)
-    check_env(env.unwrapped, skip_render_check=scenario != "brake_mat")
+    check_env(env.unwrapped, skip_render_check=scenario != own_pack("brake_mat"))
     check_env_sb3(env.unwrapped)
 
 
@@ -55,9 +56,9 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
     low, high = pack.control.spin_rad_s
     spin = low + 0.5 * (float(np.float32(action[1])) + 1.0) * (high - low)
     descent = sledenv.simulate(
-        pack.body(), pack.law(context), pack.slope(context), pack.launch(context, orientation, spin),
+        pack.body(context), pack.law(context), pack.slope(context), pack.launch(context, orientation, spin),
         max_time=pack.limits.max_time_s, max_rebounds=pack.limits.max_rebounds,
-        end_on_chord=pack.ends.on_chord,
+        end_on_chord=pack.ends.on_chord, end_touching=pack.ends.touching, run_out=pack.slope_section.run_out_m,
     )  # fmt: skip
     assert reward == descent.jam.reward
     assert 0.0 <= reward <= 1.0
@@ -71,7 +72,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
 
 def test_what_is_returned_is_not_kept():
     """A caller that writes into what it got must not change what the next one gets."""
-    env = make(scenario="brake_mat").unwrapped
+    env = make(scenario=own_pack("brake_mat")).unwrapped
     observation, info = env.reset(seed=0)
     observation[:] = 9.0
     info["context"]["speed"] = -1.0
@@ -82,7 +83,7 @@ def test_what_is_returned_is_not_kept():
 
 @pytest.mark.parametrize("action", [[2.0, 0.0], [np.nan, 0.0], [0.0], [[0.0, 0.0]], 0.0])
 def test_a_wrong_action_is_refused_and_the_episode_goes_on(action):
-    env = make(scenario="brake_mat", disable_env_checker=True)
+    env = make(scenario=own_pack("brake_mat"), disable_env_checker=True)
     env.reset(seed=0)
     with pytest.raises(InvalidAction, match="action"):
         env.step(np.array(action, np.float32))
@@ -90,7 +91,7 @@ def test_a_wrong_action_is_refused_and_the_episode_goes_on(action):
 
 
 def test_a_step_needs_a_reset_before_and_after_each_episode():
-    env = make(scenario="brake_mat", disable_env_checker=True).unwrapped
+    env = make(scenario=own_pack("brake_mat"), disable_env_checker=True).unwrapped
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2, np.float32))
     with pytest.raises(ResetNeeded):
@@ -105,7 +106,7 @@ def test_a_step_needs_a_reset_before_and_after_each_episode():
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_the_picture_shows_the_launch_and_then_the_descent(name):
-    env = gym.make(name, scenario="ice_drop", render_mode="rgb_array")
+    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array")
     env.reset(seed=0)
     launch = env.render()
     env.step(np.zeros(env.action_space.shape, np.float32))
@@ -130,7 +131,7 @@ def test_human_rendering_plays_the_descent_in_a_window(name):
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call(name):
     """Oracle: the film of the whole descent, simulated beside the environment."""
-    env = gym.make(name, scenario="ice_drop", render_mode="rgb_array_list")
+    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array_list")
     plain = env.unwrapped
     env.reset(seed=3)
     shown = env.render()
@@ -158,7 +159,7 @@ def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_ansi_tells_the_launch_and_then_the_rebounds(name):
-    env = gym.make(name, scenario="ice_drop", render_mode="ansi")
+    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="ansi")
     env.reset(seed=3)
     launch = env.render()
     assert launch.startswith("body: ")
@@ -174,7 +175,7 @@ def test_ansi_tells_the_launch_and_then_the_rebounds(name):
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_a_snapshot_restores_what_was_shown(name):
-    env = gym.make(name, scenario="ice_drop", render_mode="rgb_array_list").unwrapped
+    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array_list").unwrapped
     env.reset(seed=3)
     env.render()
     before = env.snapshot()
@@ -210,7 +211,10 @@ def test_a_snapshot_that_has_been_changed_is_refused_and_the_episode_goes_on(cha
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_info_holds_what_was_asked_for(name):
     """Oracle: the info of an environment that gives all."""
-    whole, chosen = gym.make(name, scenario="ice_drop"), gym.make(name, scenario="ice_drop", info=("jam", "is_success"))
+    whole, chosen = (
+        gym.make(name, scenario=own_pack("ice_drop")),
+        gym.make(name, scenario=own_pack("ice_drop"), info=("jam", "is_success")),
+    )
     assert chosen.reset(seed=1)[1] == {}
     whole.reset(seed=1)
     action = np.zeros(whole.action_space.shape, np.float32)
@@ -257,7 +261,10 @@ def test_the_limit_of_the_spec_is_known_and_ends_no_episode(name):
     most = max(sledenv.load_scenario(name).limits.max_rebounds for name in sledenv.scenario_names())
     spec = gym.spec(name)
     assert spec.max_episode_steps == 2 or spec.max_episode_steps > most + 1
-    limited, free = gym.make(name, scenario="ice_drop"), gym.make(name, scenario="ice_drop", max_episode_steps=-1)
+    limited, free = (
+        gym.make(name, scenario=own_pack("ice_drop")),
+        gym.make(name, scenario=own_pack("ice_drop"), max_episode_steps=-1),
+    )
     timed = gym.wrappers.TimeAwareObservation(limited)
     timed.reset(seed=0)
     free.reset(seed=0)
@@ -282,7 +289,7 @@ def test_entries_of_observations_and_actions_have_names():
 
 
 def test_info_can_be_logged_as_json():
-    env = make(scenario="brake_mat")
+    env = make(scenario=own_pack("brake_mat"))
     env.reset(seed=0)
     info = env.step(np.zeros(2, np.float32))[4]
     assert json.loads(json.dumps(info)) == info
@@ -302,7 +309,7 @@ def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(c
     env, twin = make(), make()
     env.reset(seed=4)
     twin.reset(seed=4)
-    context = sledenv.load_scenario("brake_mat").sample(np.random.default_rng(0))
+    context = sledenv.load_scenario(own_pack("brake_mat")).sample(np.random.default_rng(0))
     with pytest.raises(ValueError, match=message):
         env.reset(seed=9, options={"context": context._replace(**change)})
     with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(11,\)"):

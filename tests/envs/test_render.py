@@ -17,16 +17,18 @@ from gymnasium.error import DependencyNotInstalled
 from sledenv.envs.canvas import FORCE, HEAVY, SHELL, Camera
 from sledenv.envs.render import DescentRenderer, _push_words
 from sledenv.kernel.records import Mode, Status
+from sledenv.plot.grounds import bands
+from sledenv.plot.riders import HELMET, TOUCHED
 from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import DISC, HILL, ICE, MAT, UGLY, run
-from tests.plot.outlined import SETTINGS, descent_of
+from tests.plot.outlined import RIDDEN, SETTINGS, descent_of
 
 PANEL = 486  # first row of the panel in a picture of 960 x 540
 
@@ -144,10 +146,59 @@ def test_every_contact_of_any_body_is_drawn_and_its_part_named(name: str, solver
         push = push_at(descent, float(rebound["t_touchdown"]))
         assert push is not None
         part, told = descent.body.parts[rebound["feature"] - 1], _push_words(descent, push)[0]
-        if part not in ("bottom", "top"):  # of a rod, which begins with one of its ends
+        two = name == "ridden" and i == 4  # its legs strike while it lies on the rider
+        if part not in ("bottom", "top") and not two:  # of a rod, which begins with one of its ends
             assert told.startswith(f"contact {i + 1}, {part}: ")
         assert is_picture(renderer.frame(descent, float(rebound["t_touchdown"])), 320, 200)
     assert is_picture(renderer.strobe(descent), 320, 200)
+
+
+def test_zones_are_bands_below_the_surface(renderer: DescentRenderer) -> None:
+    """Oracle: the camera, and the colours of the bands; a slope without zones has none of them."""
+    zoned = Slope(0.15, 10.0, zones=(Zone(2.0, 4.0, 0.01, 0.0), Zone(6.0, math.inf, 0.6, 0.02)))
+    descent, plain = (run(DISC, ICE, slope, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5)) for slope in (zoned, HILL))
+    colours = [tuple(bytes.fromhex(band.colour[1:])) for band in bands(zoned, ICE.friction)]
+    camera = renderer.camera(descent, 0.0)
+    for image in (renderer.frame(descent, 0.0), renderer.launch_frame(zoned, descent.launch, ICE.friction)):
+        for colour, x in zip(colours, (3.0, 8.0), strict=True):
+            column, row = camera.pixels(np.array([x + 0.3, -5.0 / camera.scale])).round().astype(int)
+            assert image[row, column].tolist() == pytest.approx(colour, abs=2)
+            rows, columns = drawn_in(image[:PANEL], colour)
+            begin = camera.pixels(np.array([2.0 if x < 5.0 else 6.0, 0.0]))[0]
+            assert np.quantile(columns, 0.02) > begin - 8.0  # letters have a few of these pixels
+            assert len(rows) > 500
+    for image in (renderer.frame(plain, 0.0), renderer.strobe(plain), renderer.launch_frame(HILL, plain.launch)):
+        assert all(len(drawn_in(image[:PANEL], colour)[0]) < 100 for colour in colours)
+
+
+def test_the_grip_is_that_of_the_zone(renderer: DescentRenderer) -> None:
+    """Oracle: a body that slips uses all of the friction."""
+    zoned = Slope(0.15, 10.0, zones=(Zone(0.0, math.inf, 0.02, 0.0),))
+    descent = run(DISC, ICE, zoned, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+    row = descent.trajectory[np.argmax(descent.trajectory["normal"])]
+    push = push_at(descent, float(row["t"]))
+    assert push is not None
+    assert row["slip"] != 0
+    assert _push_words(descent, push)[-1].endswith("grip 1.00")
+
+
+def test_a_sled_shows_its_rider_and_the_part_that_touches() -> None:
+    """Oracle: the colours of the pieces, where the camera projects the head; the log of the descent."""
+    descent = descent_of("ridden", "compliant")
+    renderer = DescentRenderer(RIDDEN)
+    head = max((arc for arc in RIDDEN.arcs if arc.part == "rider"), key=lambda arc: arc.x)
+    helmet, touched = (tuple(bytes.fromhex(colour[1:])) for colour in (HELMET, TOUCHED))
+    x, y, phi = descent.launch[:3]
+    image, camera = renderer.frame(descent, 0.0), renderer.camera(descent, 0.0)
+    middle = np.array([x, y]) + head.x * np.array([math.cos(phi), math.sin(phi)])
+    column, row = camera.pixels(middle + head.y * np.array([-math.sin(phi), math.cos(phi)])).round().astype(int)
+    assert image[row, column].tolist() == pytest.approx(helmet, abs=2)
+    assert len(drawn_in(image[:PANEL], touched)[0]) == 0
+    first = descent.rebounds[0]
+    assert RIDDEN.parts[first["feature"] - 1] == "rider"
+    image = renderer.frame(descent, float(first["t"] - 0.5 * first["duration"]))
+    assert len(drawn_in(image[:PANEL], touched)[0]) > 50
+    assert len(drawn_in(image[:PANEL], helmet)[0]) == 0
 
 
 def test_frames_differ_in_time_and_repeat(renderer: DescentRenderer, descent: Descent) -> None:

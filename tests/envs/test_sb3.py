@@ -98,11 +98,11 @@ def test_an_episode_that_met_a_limit_is_marked_as_truncated_and_one_that_ended_i
             assert info["is_success"] is (status == "finish")
             assert ("terminal_observation" in info) == done
             if done:
-                assert not observation[8:].any()  # of the next episode, which has not been launched
-                assert info["terminal_observation"][8:].any()
+                assert not observation[11:].any()  # of the next episode, which has not been launched
+                assert info["terminal_observation"][11:].any()
             else:
                 assert reward == 0.0
-                assert observation[8:].any()
+                assert observation[11:].any()
     assert {"running", "finish", "log_full"} <= seen
 
 

@@ -13,14 +13,15 @@ from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
-from sledenv.simulation.shapes import circular_segment, sled
+from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
+from tests.bodies import bowl
 
 BODIES = (
     circular_segment(1.0, 0.1, math.radians(110.0)),
     segment(1.0, 0.1, 0.02, 0.004),
-    sled(2.0, 0.3, 0.25, 0.02, 0.08),
+    bowl(2.0, 0.3, 0.25, 0.02, 0.08),
 )
 NOISE = (1e-3, math.radians(0.2))  # [m], [rad]
 

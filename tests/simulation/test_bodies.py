@@ -20,18 +20,16 @@ from sledenv.kernel import outline as kernel
 from sledenv.kernel.outline import BODY
 from sledenv.simulation.bodies import Body, Segment, check_bodies, records_of, segment
 from sledenv.simulation.outlines import Arc, bulged, outline_of
-from sledenv.simulation.shapes import circular_segment, disc, hull, lamina, polygon, rod, sled, sled_rise
+from sledenv.simulation.shapes import circular_segment, disc, hull, lamina, polygon, rod
 from tests.oracles import segment_by_strips, support
 
 SEGMENT = {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9}
-SLED = {"mass": 120.0, "length": 1.2, "rocker_radius": 1.0, "mass_centre_height": 0.14, "gyration_radius": 0.38}
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 GOOD: dict[Any, dict[str, Any]] = {
     segment: SEGMENT,
     Body: {"mass": 1.0, "inertia": 0.1, "arcs": rod(1.0, 1.0).arcs},
     circular_segment: {"mass": 1.0, "radius": 0.1, "half_angle": 1.9},
     disc: {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 0.1},
-    sled: SLED,
     rod: {"mass": 1.0, "length": 1.0, "thickness": 0.1, "inertia": 0.2},
     polygon: {"mass": 1.0, "points": SQUARE, "rounding": 0.1, "inertia": 0.3},
     lamina: {"mass": 1.0, "arcs": polygon(1.0, SQUARE).arcs},
@@ -52,11 +50,6 @@ OUT_OF_RANGE = [
     (disc, "radius", [0.0], "(0, inf)"),
     (disc, "eccentricity", [BELOW_ZERO, 0.11], "in [0, radius] = [0, 0.1] m"),
     (disc, "inertia", [0.0], "(0, inf)"),
-    (sled, "mass", [0.0], "(0, inf)"),
-    (sled, "length", [0.0, -1.0], "(0, inf)"),
-    (sled, "rocker_radius", [0.0], "(0, inf)"),
-    (sled, "mass_centre_height", [BELOW_ZERO], "[0, inf)"),
-    (sled, "gyration_radius", [0.0], "(0, inf)"),
     (rod, "mass", [0.0], "(0, inf)"),
     (rod, "length", [0.0], "(0, inf)"),
     (rod, "thickness", [BELOW_ZERO], "[0, inf)"),
@@ -499,40 +492,6 @@ def test_no_lamina_has_more_inertia_than_masses_on_its_arc(half_angle: float) ->
     """docs/physics.md (8.12)."""
     body = circular_segment(2.0, 0.5, half_angle)
     assert body.inertia < 2.0 * (body.radius - body.eccentricity) * (body.radius + body.eccentricity)
-
-
-def test_a_sled_has_the_lengths_it_is_given() -> None:
-    """Oracle: a circle of radius 1 m; its chord of 1.2 m lies .2 m above the arc, a 3-4-5 triangle."""
-    body = sled(**SLED)
-    assert (body.mass, body.radius) == (120.0, 1.0)
-    assert 2.0 * body.radius * math.sin(body.half_angle) == pytest.approx(1.2, rel=1e-15)
-    assert body.radius * (1.0 - math.cos(body.half_angle)) == pytest.approx(0.2, rel=1e-14)
-    assert body.lowest_support == pytest.approx(0.2 - 0.14, rel=1e-12)  # it lies on its chord
-    assert support_height(body, 0.0) == pytest.approx(0.14, rel=1e-15)
-    assert math.sqrt(body.inertia / body.mass) == pytest.approx(0.38, rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "allowed"),
-    [
-        pytest.param("mass_centre_height", 0.2000001, "[0, 0.2]", id="above the chord"),
-        pytest.param("rocker_radius", 0.5999999, "[length/2, inf) = [0.6, inf)", id="shorter than half the chord"),
-        pytest.param("rocker_radius", 30.0, "mass_centre_height = 0.14: must be a number in [0, 0.0060", id="flat"),
-    ],
-)
-def test_a_sled_whose_chord_does_not_close_it_is_refused(field: str, value: float, allowed: str) -> None:
-    """Oracle: the sagitta of the arc."""
-    with pytest.raises(ValueError, match=f"sled.{field} = {value}|below the chord") as caught:
-        sled(**SLED | {field: value})
-    assert allowed in str(caught.value)
-
-
-@given(st.floats(0.3, 3.0), st.floats(0.5, 50.0), st.floats(0.0, 1.0))
-def test_every_sled_that_is_accepted_is_a_body(length: float, times: float, share: float) -> None:
-    """Oracle: ``segment`` itself, which refuses a mass centre outside the convex hull of arc and chord."""
-    radius = length * times
-    body = sled(100.0, length, radius, share * sled_rise(length, radius), 0.4)
-    assert body.lowest_support >= -1e-12 * radius
 
 
 # --- other bodies ----------------------------------------------------------------------------------------------------

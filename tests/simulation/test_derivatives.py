@@ -21,10 +21,10 @@ from sledenv.simulation.derivatives import (
     STATE_AFTER,
     Sensitivity,
 )
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.shapes import circular_segment, rod
+from sledenv.simulation.shapes import circular_segment, disc, rod
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.oracles import (
@@ -419,6 +419,48 @@ def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, 
         assert found.growth.shape == (count, len(STATE_AFTER))
 
 
+def times_into_a_zone(speed: float, gains: tuple[float, float], begin: float, length: float) -> tuple[float, float]:
+    """Derivatives of the time [s] over a length by where the second of two accelerations begins, and by that itself.
+
+    t = (u_1 - u_0)/g_1 + (u_2 - u_1)/g_2, u_1^2 = u_0^2 + 2 g_1 begin, u_2^2 = u_1^2 + 2 g_2 (length - begin).
+    """
+    before, within = gains
+    u_1 = math.sqrt(speed**2 + 2.0 * before * begin)
+    u_2 = math.sqrt(u_1**2 + 2.0 * within * (length - begin))
+    by_begin = 1.0 / u_1 + ((before - within) / u_2 - before / u_1) / within
+    return by_begin, (length - begin) / (u_2 * within) - (u_2 - u_1) / within**2
+
+
+def test_the_time_of_a_wheel_that_slides_into_a_zone_by_begin_and_friction() -> None:
+    """Oracle: the closed form, as its rim stays slower than itself; a zone without end has none to vary."""
+    radius, angle, begin, length, speed = 0.5, 0.2, 1.5, 4.0, 3.0
+    wheel, slope = disc(3.0, radius), Slope(angle, length, zones=[Zone(begin, math.inf, 0.05, 0.0)])
+    launch = State(0.0, radius, 0.0, speed)
+    found = sensitivity(wheel, law_of(0.5), slope, launch, Settings(solver="rigid"))
+    down, press = slope.gravity * math.sin(angle), slope.gravity * math.cos(angle)
+    gains = down, down - 0.05 * press
+    by_begin, by_gain = times_into_a_zone(speed, gains, begin, length)
+    assert found.of_end("t", "zone_1_begin") == pytest.approx(by_begin, rel=1e-9)
+    assert found.of_end("t", "zone_1_friction") == pytest.approx(-press * by_gain, rel=1e-9)
+    assert "zone_1_end" not in found.parameters
+    assert "zone_2_begin" not in found.parameters
+
+
+def test_the_time_of_a_wheel_that_rolls_into_a_zone_by_begin_and_rolling_arm() -> None:
+    """Oracle: the closed form with 3/2 of the mass; it rolls, so friction does not count."""
+    radius, angle, begin, length, speed = 0.5, 0.1, 1.5, 4.0, 2.0
+    wheel, slope = disc(3.0, radius), Slope(angle, length, zones=[Zone(begin, length, 0.6, 0.02)])
+    law, launch = law_of(0.5, 0.6, 0.005), State(0.0, radius, 0.0, speed, 0.0, -speed / radius)
+    names = ["zone_1_begin", "zone_1_friction", "zone_1_rolling_arm"]
+    found = sensitivity(wheel, law, slope, launch, Settings(solver="rigid"), parameters=names)
+    down, press = slope.gravity * math.sin(angle), slope.gravity * math.cos(angle)
+    gains = (down - 0.005 / radius * press) / 1.5, (down - 0.02 / radius * press) / 1.5
+    by_begin, by_gain = times_into_a_zone(speed, gains, begin, length)
+    assert found.of_end("t", "zone_1_begin") == pytest.approx(by_begin, rel=1e-9)
+    assert found.of_end("t", "zone_1_friction") == pytest.approx(0.0, abs=1e-12)
+    assert found.of_end("t", "zone_1_rolling_arm") == pytest.approx(-press / (1.5 * radius) * by_gain, rel=1e-9)
+
+
 def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None:
     """Oracle: tan(0.1) < 0.9: it rests at once; nothing but its place depends on anything."""
     launch = State(0.0, support_height(SEGMENT, math.pi), math.pi)
@@ -437,6 +479,12 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"parameters": []}, ValueError, "at least one"),
         ({"parameters": ["x", "x"]}, ValueError, "each parameter once"),
         ({"parameters": ["length"]}, ValueError, "the slope is endless"),
+        ({"parameters": ["zone_1_begin"]}, ValueError, "the slope has no 'zone_1_begin' that could be varied"),
+        (
+            {"parameters": ["zone_1_end"], "slope": Slope(0.1, zones=[Zone(1.0, math.inf, 0.1, 0.0)])},
+            ValueError,
+            "the slope has no 'zone_1_end' that could be varied",
+        ),
         ({"parameters": ["radius"], "body": ROD}, ValueError, "'radius' is that of a segment, and the body is a Body"),
         ({"body": (1.0, 0.1, 0.05, 7.5e-3, math.pi)}, TypeError, "must be a Body, such as segment(...)"),
         ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),

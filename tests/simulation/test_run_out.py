@@ -14,7 +14,7 @@ from sledenv.simulation.scene import Zone
 from sledenv.simulation.support import support_height
 
 DISC = sledenv.segment(1.0, 0.1, 0.05, 7.5e-3)
-SLED = sledenv.sled_with_rider()
+SLED = sledenv.sled()
 LAW = ContactLaw.from_restitution(0.4, stiffness=1e6, friction=0.08, rolling_arm=1e-3)
 SLOPE = Slope(0.12, 6.0)
 SOLVERS = ("compliant", "rigid")

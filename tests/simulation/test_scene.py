@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv.simulation.bodies import segment
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate
 
 GOOD: dict[Any, dict[str, float]] = {
@@ -24,6 +24,7 @@ GOOD: dict[Any, dict[str, float]] = {
         "corner_rolling_arm": 0.0,
     },
     Slope: {"angle": 0.1, "length": 10.0, "gravity": 9.81},
+    Zone: {"begin": 1.0, "end": 2.0, "friction": 0.1, "rolling_arm": 1e-3, "corner_rolling_arm": 0.0},
     State: {"x": 0.0, "y": 1.0, "phi": 0.5, "u": 1.0, "v": -1.0, "omega": 2.0},
 }
 BELOW_ZERO = -1e-300
@@ -36,9 +37,14 @@ OUT_OF_RANGE = [
     (Slope, "angle", [math.pi / 2, -math.pi / 2, 3.0], "(-pi/2, pi/2) rad"),
     (Slope, "length", [0.0, -1.0], "(0, inf] m"),
     (Slope, "gravity", [BELOW_ZERO], "[0, inf)"),
+    (Zone, "begin", [], "a finite number"),
+    (Zone, "end", [], "(-inf, inf] m"),
+    (Zone, "friction", [BELOW_ZERO], "[0, inf)"),
+    (Zone, "rolling_arm", [BELOW_ZERO], "[0, inf)"),
+    (Zone, "corner_rolling_arm", [BELOW_ZERO], "[0, inf)"),
     *((State, field, [], "a finite number") for field in State._fields),
 ]
-MAY_BE_INFINITE = {(Slope, "length")}
+MAY_BE_INFINITE = {(Slope, "length"), (Zone, "end")}
 
 
 @pytest.mark.parametrize(("kind", "field", "values", "allowed"), OUT_OF_RANGE)
@@ -70,23 +76,60 @@ def test_what_is_not_a_number_is_refused(value: Any) -> None:
 def test_the_ends_of_the_ranges_are_accepted() -> None:
     """Oracle: the ranges in the docstrings: no losses, no gravity, a slope without end."""
     assert ContactLaw(1e6, 0.0, 0.0, 0.0).corner_rolling_arm == 0.0
-    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0)
-    assert Slope(0.1) == (0.1, math.inf, 9.81)
+    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, ())
+    assert Slope(0.1) == (0.1, math.inf, 9.81, ())
+    assert Zone(-1.0, math.inf, 0.0, 0.0) == (-1.0, math.inf, 0.0, 0.0, 0.0)
+    assert Slope(0.1, 5.0, 9.81, [Zone(-1.0, 2.0, 0.1, 0.0), (2.0, 5.0, 0.0, 0.0, 0.0)]).zones[1].begin == 2.0
+    assert len(Slope(0.1, zones=[Zone(k, k + 1, 0.1, 0.0) for k in range(8)]).row) == 43
 
 
-@pytest.mark.parametrize("kind", [ContactLaw, Slope, State])
+PATCH = Zone(1.0, 2.0, 0.1, 0.0)
+BAD_ZONES = [
+    (PATCH, TypeError, f"Slope.zones = {PATCH!r}: must be a sequence of Zone"),
+    ("ice", TypeError, "Slope.zones = 'ice': must be a sequence of Zone"),
+    (3.0, TypeError, "Slope.zones = 3.0: must be a sequence of Zone"),
+    (None, TypeError, "Slope.zones = None: must be a sequence of Zone"),
+    ([PATCH, 3.0], TypeError, "Slope.zones[1] = 3.0: must be a Zone, or as many numbers: begin, end, friction"),
+    ([PATCH, PATCH[:3]], TypeError, "Slope.zones[1] = (1.0, 2.0, 0.1): must be a Zone"),
+    ([(1.0, 2.0, -0.1, 0.0, 0.0)], ValueError, "Zone.friction = -0.1: must be in [0, inf)"),
+    ([PATCH, PATCH], ValueError, "Slope.zones[1].begin = 1.0: must be >= the end of the zone before, 2.0 m"),
+    ([PATCH._replace(end=20.0)], ValueError, "Slope.zones[0].end = 20.0: must be <= Slope.length = 10.0 m, or inf"),
+    ([PATCH._replace(begin=10.0, end=math.inf)], ValueError, "Slope.zones[0].begin = 10.0: must be < Slope.length"),
+    ([Zone(k, k + 0.5, 0.1, 0.0) for k in range(9)], ValueError, "Slope.zones holds 9: must hold at most 8"),
+]
+
+
+@pytest.mark.parametrize(("zones", "error", "message"), BAD_ZONES, ids=str)
+def test_bad_zones_are_named(zones: Any, error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    with pytest.raises(error) as caught:
+        Slope(0.1, 10.0, zones=zones)
+    assert message in str(caught.value)
+    with pytest.raises(error) as caught:
+        Slope(0.1, 10.0)._replace(zones=zones)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("end", [1.0, 0.5])
+def test_a_zone_without_length_is_refused(end: float) -> None:
+    """Oracle: the message: field, value and range."""
+    with pytest.raises(ValueError, match=rf"Zone\.end = {end}: must be > Zone\.begin = 1\.0 m"):
+        Zone(1.0, end, 0.1, 0.0)
+
+
+@pytest.mark.parametrize("kind", [ContactLaw, Slope, State, Zone])
 def test_every_field_is_a_float_whatever_it_was_given_as(kind: Any) -> None:
     """Oracle: one compiled specialisation; integers and numpy scalars would compile another."""
     for convert in (np.float32, np.float64, lambda value: int(value) if value == int(value) else value):
         made = kind(**{field: convert(value) for field, value in GOOD[kind].items()})
-        assert {type(value) for value in made} == {float}
+        assert {type(value) for value in made[: len(GOOD[kind])]} == {float}
 
 
-@pytest.mark.parametrize("kind", [ContactLaw, Slope, State])
+@pytest.mark.parametrize("kind", [ContactLaw, Slope, State, Zone])
 def test_a_changed_field_is_checked_too(kind: Any) -> None:
     """Oracle: the message of a new one; what has been made needs no second check."""
     made = kind(**GOOD[kind])
-    for field in kind._fields:
+    for field in GOOD[kind]:
         with pytest.raises(ValueError, match=rf"{kind.__name__}.{field} = nan: must be"):
             made._replace(**{field: math.nan})
     with pytest.raises(ValueError, match=rf"{kind.__name__}.{kind._fields[0]} = nan"):
@@ -94,7 +137,7 @@ def test_a_changed_field_is_checked_too(kind: Any) -> None:
     assert made._replace() == made
 
 
-@pytest.mark.parametrize("kind", [ContactLaw, Slope, State])
+@pytest.mark.parametrize("kind", [ContactLaw, Slope, State, Zone])
 def test_parameters_survive_pickling(kind: Any) -> None:
     """Oracle: the object itself; worker processes receive it."""
     made = kind(**GOOD[kind])

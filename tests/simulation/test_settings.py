@@ -61,7 +61,7 @@ def test_settings_are_plain_numbers_that_cannot_be_changed() -> None:
         end_on_chord=np.True_,
         end_touching="nose",
     )
-    kinds = [str, float, int, bool, str, *4 * [float], str]
+    kinds = [str, float, int, bool, str, *5 * [float], str]
     assert [type(getattr(given, field.name)) for field in fields(given)] == kinds
     same = Settings("rigid", max_time=2.5, max_rebounds=7, settle_speed=0.0, end_on_chord=True, end_touching="nose")
     assert given == same
@@ -97,4 +97,5 @@ def test_those_of_a_scenario_are_its_limits_and_rules() -> None:
     """Oracle: the file's sections."""
     scenario = load_scenario("sled_snow")
     limits = {"max_time": scenario.limits.max_time_s, "max_rebounds": scenario.limits.max_rebounds}
-    assert scenario.settings("rigid") == Settings("rigid", end_on_chord=scenario.ends.on_chord, **limits)
+    rules = {"end_touching": "rider", "run_out": 4.0}
+    assert scenario.settings("rigid") == Settings("rigid", **limits, **rules)

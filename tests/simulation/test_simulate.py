@@ -19,7 +19,7 @@ from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
 from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
-from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
 from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
@@ -31,6 +31,7 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 from tests.bodies import rod, segment_by_share
+from tests.packs import own_pack
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
@@ -72,6 +73,7 @@ slopes = st.builds(
     st.one_of(st.just(0.0), rounded(-0.3, 1.0)),
     st.sampled_from([math.inf, 2.0]),
     st.sampled_from([9.81, 9.81, 0.0]),
+    st.just(()),
 )
 velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
 spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
@@ -653,7 +655,7 @@ def test_one_law_and_one_slope_serve_all_lanes() -> None:
     _, _, states = mixed_lanes(6)
     kept = states.copy()
     shared = simulate_batch(SEGMENT, LAW, INCLINE, states)
-    spread = simulate_batch(SEGMENT, [LAW] * 6, np.array([INCLINE] * 6), states.tolist())
+    spread = simulate_batch(SEGMENT, [LAW] * 6, np.array([INCLINE.row] * 6), states.tolist())
     assert np.array_equal(shared.outcomes, spread.outcomes)
     assert np.array_equal(states, kept)
     single = simulate_batch(SEGMENT, LAW, INCLINE, State(*states[0]))
@@ -907,9 +909,35 @@ BAD_BATCHES = [
     ({"law": [LAW[:4]] * 2}, ValueError, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
     ({"slope": [INCLINE, ("steep", 1.0, 9.81)]}, TypeError, "slope holds <U"),
     (
-        {"slope": [(-2.0, *INCLINE[1:]), INCLINE]},
+        {"slope": [(-2.0, *INCLINE[1:3]), INCLINE]},
         ValueError,
         "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
+    ),
+    ({"slope": [INCLINE, INCLINE[:2]]}, TypeError, "slope holds object: must hold numbers, columns angle, length"),
+    ({"slope": [INCLINE, 3]}, TypeError, "slope holds object: must hold numbers, columns angle, length, gravity"),
+    ({"slope": [INCLINE, tuple(INCLINE)]}, TypeError, "slope holds object: must hold numbers"),
+    ({"slope": np.zeros((2, 4))}, ValueError, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
+    ({"slope": np.zeros((2, 9))}, ValueError, "slope has shape (2, 9): must be (N, 8), columns angle, length, gravity"),
+    ({"slope": np.tile([0.1, 10.0, 9.81] + [math.nan] * 45, (2, 1))}, ValueError, "slope has columns of 9 zones"),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, -0.1, 0.0, 0.0)]},
+        ValueError,
+        "slope[1].zones[0].friction = -0.1: must be in [0, inf)",
+    ),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, math.nan, 0.0, 0.0)]},
+        ValueError,
+        "slope[1].zones[0].friction = nan: must be in [0, inf)",
+    ),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 2.0, 1.0, 0.1, 0.0, 0.0)]},
+        ValueError,
+        "slope[1].zones[0].end = 1.0: must be > its begin",
+    ),
+    (
+        {"slope": [(0.1, 10.0, 9.81, 1.0, 3.0, 0.1, 0.0, 0.0, 2.0, 4.0, 0.1, 0.0, 0.0), INCLINE]},
+        ValueError,
+        "slope[0].zones[1].begin = 2.0: must be >= the end of the zone before",
     ),
     ({"body": [DISC] * 3}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
     ({"body": np.array([DISC_ROW] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
@@ -1028,15 +1056,16 @@ def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces(
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", ["brake_mat", "ice_drop", "snow_patch"])
+@pytest.mark.parametrize("name", [own_pack("brake_mat"), own_pack("ice_drop"), own_pack("snow_patch")])
 def test_the_times_of_a_trajectory_never_decrease(name, solver):
     """Bodies with corners and long contacts, and rows closer than the steps of a contact."""
     task = Task(name, "both")
     contexts = task.scenario.contexts(np.random.default_rng(0).random((12, FIELDS)), "test")
     launches = task.launches(contexts, np.random.default_rng(1).uniform(-1.0, 1.0, (12, 2)))
-    laws, slopes = task.scenario.laws(contexts), task.scenario.slopes(contexts)
-    for law, slope, launch in zip(laws, slopes, launches, strict=True):
-        given = task.body, ContactLaw(*law), Slope(*slope), State(*launch)
+    laws = task.scenario.laws(contexts)
+    for context, law, launch in zip(contexts, laws, launches, strict=True):
+        one = Context(*context)
+        given = task.scenario.body(one), ContactLaw(*law), task.scenario.slope(one), State(*launch)
         descent = simulate(*given, solver=solver, record="trajectory", sample_interval=7e-4)
         steps = np.diff(descent.trajectory["t"])
         assert (steps >= 0.0).all()

@@ -12,11 +12,11 @@ from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
-from sledenv.simulation.sleds import sled_with_rider
+from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import lowest_arms, support_height
 from tests.bodies import SLED, same_bits
 
-RIDDEN = sled_with_rider()
+RIDDEN = sled()
 ICE = ContactLaw.from_restitution(0.1, stiffness=2e6, friction=0.01, rolling_arm=0.0)
 TRACK = Slope(math.radians(8.0), 30.0)
 RIDER = RIDDEN.parts.index("rider") + 1
@@ -33,7 +33,7 @@ def test_mass_and_mass_centre_are_those_of_the_parts() -> None:
     bow = 15.0 - math.sqrt((15.0 - 0.03) ** 2 - 0.445**2) - 0.03  # how far the runners bend below their ends
     assert support_height(RIDDEN, 0.0) == pytest.approx(heights / 120.0 + bow, rel=1e-12)
     assert math.sqrt(RIDDEN.inertia / RIDDEN.mass) == pytest.approx(0.368, abs=0.001)
-    forward = sled_with_rider(balance=0.2)
+    forward = sled(balance=0.2)
     shift = 80.0 / 120.0 * 0.2 * 0.5 * 0.95
     runners = [next(arc.x for arc in body.arcs if arc.radius == 15.0) for body in (RIDDEN, forward)]
     assert runners[0] - runners[1] == pytest.approx(shift, rel=1e-9)
@@ -119,12 +119,12 @@ def test_bodies_of_a_batch_must_agree_on_the_part() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"rider_mass": 0.0}, r"sled_with_rider.rider_mass = 0.0: must be in \(0, inf\)"),
-        ({"balance": 1.0}, r"sled_with_rider.balance = 1.0: must be in \(-1, 1\)"),
-        ({"length": 0.1}, r"sled_with_rider.length = 0.1: must be in \(0.12, inf\) m"),
-        ({"bow_radius": 0.2}, "radius = 0.2: too small"),
+        ({"rider_mass": 0.0}, r"sled.rider_mass = 0.0: must be in \(0, inf\)"),
+        ({"balance": 1.0}, r"sled.balance = 1.0: must be in \(-1, 1\)"),
+        ({"length": 0.1}, r"sled.length = 0.1: must be in \(0.12, inf\) m"),
+        ({"bow_radius": 0.2}, "sled.bow_radius = 0.2: must be large enough"),
     ],
 )
 def test_wrong_numbers_are_named(given: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        sled_with_rider(**given)
+        sled(**given)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sledenv.uncertainty import Study
+from tests.packs import own_pack
 
 # A disc that falls onto level ground and is stopped there, at its first rebound.
 DROP: dict[str, Any] = {
@@ -22,7 +23,7 @@ DROP: dict[str, Any] = {
 PUSH: dict[str, Any] = {
     "id": "push",
     "title": "A push-off",
-    "scenario": "sled_snow",
+    "scenario": own_pack("bowl_snow"),
     "slope": {"angle_deg": 8},
     "contact": {"friction": {"kind": "uniform", "low": 0.1, "high": 0.6}, "restitution": 0.1},
     "launch": {
@@ -32,6 +33,21 @@ PUSH: dict[str, Any] = {
         "spin_rad_s": 0,
     },
     "launches": 300,
+}
+
+# A sled on ice and mats, of which where they begin and how rough they are is uncertain.
+ZONED: dict[str, Any] = {
+    "id": "zoned",
+    "title": "Onto mats",
+    "scenario": "sled_mat",
+    "slope": {"angle_deg": 3, "run_out_m": 0},
+    "zone": {
+        "begin_m": {"kind": "uniform", "low": 2, "high": 5},
+        "friction": {"kind": "uniform", "low": 0.2, "high": 0.5},
+    },
+    "contact": {"friction": 0.02, "restitution": 0.2},
+    "launch": {"speed_m_s": 8, "drop_m": 0.2, "orientation_deg": {"kind": "normal", "mean": 0, "sd": 10}},
+    "launches": 200,
 }
 
 

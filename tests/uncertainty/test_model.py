@@ -15,16 +15,18 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 import sledenv
-from sledenv import ContactLaw, Slope, State, simulate_batch
+from sledenv import ContactLaw, State, simulate_batch
 from sledenv.scenarios.configuration import Section
-from sledenv.scenarios.sections import AnyBody, ContactSection, LaunchSection, SlopeSection
+from sledenv.scenarios.sections import ContactSection, LaunchSection, OneBody, SlopeSection, ZoneSection
 from sledenv.uncertainty import StudyError, load_study, study_names
 from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE
 from tests.bodies import same_bits
-from tests.uncertainty.make import DROP, PUSH, made, mapping
+from tests.packs import own_pack
+from tests.uncertainty.make import DROP, PUSH, ZONED, made, mapping
 
 UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
+FAR = {"kind": "uniform", "low": 8, "high": 10}
 
 
 def written(folder: Path, content: Any) -> Path:
@@ -96,26 +98,23 @@ def test_what_is_drawn_lies_within_the_bounds_and_rises(kind: str, numbers: list
 
 def test_every_number_of_a_section_can_be_uncertain() -> None:
     """Oracle: the keys of the sections of a scenario."""
-    parts = {"slope": SlopeSection, "contact": ContactSection, "launch": LaunchSection}
+    parts = {"slope": SlopeSection, "contact": ContactSection, "zone": ZoneSection, "launch": LaunchSection}
     keys = {f"{part}.{key}" for part, section in parts.items() for key in section.quantities()}
-    assert _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() == keys
+    certain = {"slope.run_out_m", "zone.end_m", "zone.rolling_arm_m", "zone.corner_rolling_arm_m"}
+    assert _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() == keys - certain
+    for name in certain:
+        with pytest.raises(StudyError, match=rf"{name}: must be certain, a number alone"):
+            made(ZONED, **{name.replace(".", "__"): FAR if name == "zone.end_m" else UNIFORM})
 
 
-@pytest.mark.parametrize("section", get_args(AnyBody))
+@pytest.mark.parametrize("section", get_args(OneBody))
 def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None:
     """Oracle: the section built by itself for each draw; a body that is drawn is launched clear of the slope."""
     (kind,) = get_args(section.model_fields["kind"].annotation)
     fields = {
         "disc": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2},
         "segment": {"mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 100},
-        "sled": {
-            "mass_kg": 100,
-            "length_m": 1.2,
-            "rocker_radius_m": 1,
-            "mass_centre_height_m": 0.12,
-            "gyration_radius_m": 0.4,
-        },
-        "sled_with_rider": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
+        "sled": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
         | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
         "custom": {
             "mass_kg": 2,
@@ -151,7 +150,7 @@ def test_draws_go_where_their_keys_say() -> None:
     )
     _, laws, slopes, launches = study.lanes(study.values(np.full((2, 7), 0.25)))
     assert laws[0] == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
-    assert slopes[1] == pytest.approx(Slope(math.radians(12.5), 100.0, 0.225))
+    assert slopes[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
     assert launches[0] == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
 
 
@@ -159,7 +158,7 @@ def test_a_study_stands_in_for_the_numbers_of_its_scenario() -> None:
     """Oracle: the shipped scenario for all else; what tells one study from another is not its words."""
     study = made(PUSH)
     lanes = study.lanes(study.values(np.full((2, 3), 0.5)))
-    assert lanes.bodies == study.base.body() == sledenv.load_scenario("sled_snow").body()
+    assert lanes.bodies == study.base.body() == sledenv.load_scenario(own_pack("bowl_snow")).body()
     assert lanes.launches[0, 3] == pytest.approx(5.0)
     assert study.base.ends.on_chord
     assert made(PUSH, title="Another", launches=7, seed=3).key == study.key
@@ -170,7 +169,7 @@ def test_a_study_stands_in_for_the_numbers_of_its_scenario() -> None:
 
 
 def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = sledenv.load_scenario("sled_snow").model_dump(by_alias=True, mode="json")
+    own = sledenv.load_scenario(own_pack("bowl_snow")).model_dump(by_alias=True, mode="json")
     (tmp_path / "own.yaml").write_text(yaml.safe_dump({key: value for key, value in own.items() if value is not None}))
     path = written(tmp_path, mapping(PUSH, scenario="own.yaml"))
     monkeypatch.chdir("/")
@@ -209,7 +208,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in (0, inf) m"),
         (
             {"body": {"kind": "cube"}},
-            "body.kind = 'cube': must be one of disc, segment, sled, sled_with_rider, polygon, custom",
+            "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom, choice",
         ),
         ({"contact__asymmetry": 0.5}, "either restitution"),
         ({"limits": None}, "limits: missing"),
@@ -229,8 +228,8 @@ def test_a_wrong_study_is_refused_by_name_of_the_key(changes: dict[str, Any], me
 
 
 def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None:
-    """Oracle: sled_snow has ranges of slope, friction, restitution, speed, drop, orientation and spin."""
-    content = {"id": "one", "title": "One", "scenario": "sled_snow", "launch": {"speed_m_s": UNIFORM}}
+    """Oracle: bowl_snow has ranges of slope, friction, restitution, speed, drop, orientation and spin."""
+    content = {"id": "one", "title": "One", "scenario": own_pack("bowl_snow"), "launch": {"speed_m_s": UNIFORM}}
     with pytest.raises(StudyError) as error:
         load_study(written(tmp_path, content))
     lines = str(error.value).splitlines()
@@ -242,13 +241,10 @@ def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None
 
 
 def test_draws_that_are_no_body_are_counted() -> None:
-    """Oracle: the mass centre is above the chord in the upper half of the range."""
-    rise = sledenv.simulation.shapes.sled_rise(1.2, 1.0)
-    height = {"kind": "triangular", "low": 0.0, "mode": 0.0, "high": 2.0 * rise}
-    study = made(PUSH, body__mass_centre_height_m=height)
-    with pytest.raises(
-        StudyError, match=r"a share of 0\.5 of all draws is no body, such as mass_centre_height_m = 0\.2"
-    ):
+    """Oracle: the mass centre is above the chord in the lower half of the range, a quarter of the draws."""
+    eccentricity = {"kind": "triangular", "low": 0.6, "mode": 1.0, "high": 1.0}
+    study = made(PUSH, body__eccentricity_m=eccentricity)
+    with pytest.raises(StudyError, match=r"a share of 0\.25 of all draws is no body, such as .*eccentricity_m = 0\.7"):
         study.bodies(study.values(np.full((4, 4), [[0.1], [0.7], [0.8], [0.9]])))
     light = made(DROP, body__mass_kg={"kind": "uniform", "low": 0.5, "high": 2.5})  # all mass at the rim: 1 kg
     with pytest.raises(StudyError, match=r"a share of 0\.25 .* inertia_kg_m2 = 0\.01: must be a number in \(0, m"):

@@ -19,11 +19,11 @@ from scipy import stats
 import sledenv
 from sledenv import Settings, simulate, simulate_batch
 from sledenv.machine.workers import Call
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.uncertainty import StudyError, run, summary
 from sledenv.uncertainty.descents import descend_past
 from tests.bodies import same_bits
-from tests.uncertainty.make import DROP, PUSH, made, mapping
+from tests.uncertainty.make import DROP, PUSH, ZONED, made, mapping
 
 GRAVITY = 9.81
 
@@ -329,7 +329,7 @@ def test_a_folder_of_something_else_is_refused_before_anything_is_simulated(tmp_
         find(DROP, tmp_path / "letters" / "to_mother.txt")
     assert [path.name for path in (tmp_path / "letters").iterdir()] == ["to_mother.txt"]
     with pytest.raises(StudyError, match="is no body"):
-        find(PUSH, tmp_path / "new", body__mass_centre_height_m=between(0.1, 0.25))
+        find(PUSH, tmp_path / "new", body__eccentricity_m=between(0.7, 0.95))
     with pytest.raises(ValueError, match="launches = 0"):
         sledenv.study(made(DROP), tmp_path / "new", launches=0)
     assert not (tmp_path / "new").exists()
@@ -371,3 +371,22 @@ def test_what_is_printed_is_what_was_found(pushed: sledenv.StudyResult) -> None:
     again = sledenv.load_study(pushed.folder / "study.yaml")
     assert again.key == pushed.study.key
     assert again.launches == pushed.study.launches
+
+
+def test_zones_are_uncertain_and_a_part_of_the_body_ends_descents() -> None:
+    """Oracle: simulate, with the zone of each draw."""
+    study = made(ZONED, body__rider_mass_kg=between(60.0, 90.0))
+    values = study.values(run.draws(study)[:60])
+    lanes = study.lanes(values)
+    names = list(study.parameters)
+    settings = study.base.settings(study.solver)
+    found = descend_past(lanes, np.array([0.0, 4.0, 12.0]), settings)
+    for i, row in enumerate(values):
+        given = dict(zip(names, row, strict=True))
+        body = study.base.body_section.model_copy(update={"rider_mass_kg": given["body.rider_mass_kg"]}).build()
+        zone = Zone(given["zone.begin_m"], np.inf, given["zone.friction"], 0.001, 0.001)
+        slope = Slope(np.radians(3.0), 12.0, zones=[zone])
+        one = simulate(body, ContactLaw(*lanes.laws[i]), slope, State(*lanes.launches[i]), settings)
+        for name in one.outcome.dtype.names:
+            assert one.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
+    assert len({str(sledenv.STATUS_OF_CODE[code]) for code in found.outcomes["status"]}) >= 2

@@ -25,7 +25,8 @@ from sledenv.envs.inputs import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
 from sledenv.pages.html import filled
 from sledenv.pages.keyframes import TOLERANCE, Steps, encoded, keyframes, packed, steps_for
-from sledenv.plot.shapes import body_outline, heavy_side, reach
+from sledenv.pages.scenes import drawn_body, drawn_slope
+from sledenv.plot.shapes import reach
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.bodies import Body
@@ -137,7 +138,7 @@ def _content(
         "controls": controls,
         "trials": TRIALS if problem.noisy else 1,
         "colours": [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _COLOURS))],
-        "body": {"outline": body_outline(body, 0.0, 0.0, 0.0), "heavy": heavy_side(body, 0.0, 0.0, 0.0)},
+        "body": drawn_body(body),
         "size": max(reach(body), 1e-6),  # a point mass has none
         "steps": _exactly(_steps(problem, body)),
         "counts": _COUNTS,
@@ -175,7 +176,7 @@ def _context(
     return {
         "seed": seed,
         "setting": _setting(problem, given),
-        "slope": problem.scenario.slope(given)._asdict(),
+        "slope": drawn_slope(problem.scenario.slope(given), given.friction),
         "gravity": _exactly(_gravity(problem, given)),
         "launches": _text(problem, context[0], frames, columns),
         "marks": [

@@ -182,7 +182,8 @@ class Section(BaseModel):
             case "value_error":
                 text = str(error["ctx"]["error"])
             case "too_short":
-                text = f"must have at least {error['ctx']['min_length']} entries"
+                least = error["ctx"]["min_length"]
+                text = f"must have at least {least} {'entry' if least == 1 else 'entries'}"
             case "too_long":
                 text = f"must have at most {error['ctx']['max_length']} entries"
             case other:

@@ -80,7 +80,7 @@ _ZONE, _SHAPE = Context._fields.index("zone_begin"), Context._fields.index("shap
 
 
 class Scenario(Document):
-    """A family of descents: one body, one slope and the ranges that a context is drawn from.
+    """A family of descents: one body or several, one slope and the ranges that a context is drawn from.
 
     The keys are those of the YAML file, with their units; ``slope``, ``body`` and ``launch`` are read as
     ``slope_section``, ``body_section`` and ``launch_section``. Instances are immutable, hashable and picklable.
@@ -233,8 +233,8 @@ class Scenario(Document):
         """
         if context is None:
             return self.all_bodies()[0]
-        (number,) = self._numbers(np.array([made("context", Context, context)])).tolist()
-        return self.all_bodies()[number]
+        (number,) = self._numbers(np.array([made("context", Context, context)]))
+        return self.all_bodies()[int(number)]
 
     def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
         """Return the body of all contexts of shape (N, 11), or records of kernel.outline.BODY, one a context."""
@@ -352,10 +352,13 @@ class Scenario(Document):
         y = context.drop + support_height(self.body(context), float(within_a_turn(np.array(phi))))
         return State(0.0, y, phi, u, 0.0 - context.fall, omega)
 
-    def launches(self, contexts: NDArray[np.float64], bodies: Body | np.ndarray | None = None) -> NDArray[np.float64]:
+    def launches(
+        self, contexts: NDArray[np.float64], bodies: Body | Sequence[Body] | np.ndarray | None = None
+    ) -> NDArray[np.float64]:
         """Return the states at launch of contexts of shape (N, 11): fields of State, shape (N, 6).
 
-        ``bodies`` takes the place of the scenario's body: one, or records of kernel.outline.BODY, one a context.
+        ``bodies`` takes the place of the scenario's body: one, or bodies or
+        records of kernel.outline.BODY, one a context.
         """
         _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
         records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))

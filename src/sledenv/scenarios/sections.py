@@ -12,8 +12,8 @@ from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validat
 from sledenv.kernel.outline import MOST_ARCS
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
-from sledenv.simulation.shapes import circular_segment, polygon, sled, sled_rise
-from sledenv.simulation.sleds import sled_with_rider
+from sledenv.simulation.shapes import circular_segment, polygon
+from sledenv.simulation.sleds import sled
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 
@@ -94,44 +94,9 @@ class SegmentBody(Section):
 
 
 class SledBody(Section):
-    """A sled with its rider: runners bent to an arc, closed by the chord between their ends."""
-
-    kind: Literal["sled"]
-    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
-    length_m: Annotated[float, Quantity("(0, inf) m")]
-    rocker_radius_m: Annotated[float, Quantity("(0, inf) m")]  # of the runners
-    mass_centre_height_m: Annotated[float, Quantity("[0, inf) m")]  # above the middle of the runners
-    gyration_radius_m: Annotated[float, Quantity("(0, inf) m")]  # about the mass centre
-
-    @field_validator("rocker_radius_m")
-    @classmethod
-    def _reaches_both_ends(cls, radius: float, info: ValidationInfo) -> float:
-        length = info.data.get("length_m", 0.0)
-        if radius < 0.5 * length:
-            raise ValueError(f"must be a number in [length_m / 2, inf) = [{0.5 * length:g}, inf) m")
-        return radius
-
-    @field_validator("mass_centre_height_m")
-    @classmethod
-    def _mass_centre_inside(cls, height: float, info: ValidationInfo) -> float:
-        if {"length_m", "rocker_radius_m"} <= info.data.keys():
-            rise = sled_rise(info.data["length_m"], info.data["rocker_radius_m"])
-            if height > rise:
-                raise ValueError(
-                    f"must be a number in [0, {rise:g}] m: the chord between the runners' ends closes the body"
-                )
-        return height
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        given = self.length_m, self.rocker_radius_m, self.mass_centre_height_m, self.gyration_radius_m
-        return sled(self.mass_kg, *given)
-
-
-class RiddenSledBody(Section):
     """A skeleton sled with its rider, who lies on it head first; its parts are runner, frame, legs and rider."""
 
-    kind: Literal["sled_with_rider"]
+    kind: Literal["sled"]
     rider_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 80.0
     sled_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 40.0
     rider_height_m: Annotated[float, Quantity("(0, inf) m")] = 1.75
@@ -145,7 +110,7 @@ class RiddenSledBody(Section):
         try:
             self.build()
         except ValueError as error:
-            raise ValueError(str(error).removeprefix("sled_with_rider.")) from None
+            raise ValueError(str(error).removeprefix("sled.")) from None
         return self
 
     def build(self) -> Body:
@@ -156,7 +121,7 @@ class RiddenSledBody(Section):
             "height": self.height_m,
             "bow_radius": self.bow_radius_m,
         }
-        return sled_with_rider(self.rider_mass_kg, self.sled_mass_kg, **given, balance=self.balance)
+        return sled(self.rider_mass_kg, self.sled_mass_kg, **given, balance=self.balance)
 
 
 class PolygonBody(Section):
@@ -206,7 +171,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-OneBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody
+OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody
 
 
 class ChoiceBody(Section):
@@ -216,7 +181,7 @@ class ChoiceBody(Section):
     of: Annotated[tuple[Annotated[OneBody, Field(discriminator="kind")], ...], Field(min_length=2, max_length=12)]
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | RiddenSledBody | PolygonBody | CustomBody | ChoiceBody
+AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | ChoiceBody
 
 
 class SlopeSection(Section):

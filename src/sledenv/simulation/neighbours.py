@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
-from sledenv.simulation.bodies import Segment, holds_its_mass_centre, segment_records
+from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, segment, segment_records
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -86,6 +86,15 @@ class Neighbours:
         records["mass"], records["inertia"] = bodies[:, 0], bodies[:, 3]
         return records
 
+    def bodies(self, rows: Floats) -> np.ndarray | list[Body]:
+        """Bodies of the rows of :meth:`tables`: records alone do not know the names of their parts."""
+        if self.settings.end_touching is None:
+            return self.records(rows)
+        body = self.descent.body
+        if isinstance(body, Segment):
+            return [segment(*row) for row in rows.tolist()]
+        return [body.replace(mass=mass, inertia=inertia) for mass, _, _, inertia, _ in rows.tolist()]
+
     def _scales(self) -> dict[str, float]:
         """How much of each parameter is a great change: what is always positive need not vanish."""
         descent = self.descent
@@ -128,7 +137,7 @@ class Neighbours:
         for kind, rows in ((Segment, bodies), (ContactLaw, laws), (Slope, slopes)):
             for (accepts, _), column in zip(kind.rules, rows.T, strict=False):  # zones come behind a slope
                 fine &= accepts(column) | (np.isnan(column) & (kind is Segment and not segments))
-        zones = slopes[:, len(Slope.rules) :].reshape(len(slopes), -1, len(OF_ZONE))
+        zones = slopes[:, len(Slope.rules) :].reshape(len(slopes), len(self.descent.slope.zones), len(OF_ZONE))
         fine &= zones_allowed(zones).all(axis=1)
         if segments:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
@@ -153,7 +162,7 @@ class Neighbours:
         """Simulate descents that differ by a change of one parameter each."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        blocks = simulate_blocks(self.records(bodies), laws, slopes, launches, self.settings, block=block)
+        blocks = simulate_blocks(self.bodies(bodies), laws, slopes, launches, self.settings, block=block)
         parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         turned = launches[:, 2] - within_a_turn(launches[:, 2])  # whole turns that simulations take off

@@ -82,55 +82,6 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
     return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, POSITIVE))
 
 
-def sled(
-    mass: float, length: float, rocker_radius: float, mass_centre_height: float, gyration_radius: float
-) -> Segment:
-    """Return a sled with its rider: runners bent to an arc, closed by the chord between their ends.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of both [kg], > 0.
-    length : float
-        Of the sled [m], > 0: the chord.
-    rocker_radius : float
-        Radius of the runners' arc [m], at least half the length.
-    mass_centre_height : float
-        Height [m] of the mass centre of both above the middle of the runners, >= 0. The chord closes the body, so it
-        lies at most as high as the ends of the runners, :func:`sled_rise`.
-    gyration_radius : float
-        Root of inertia over mass [m], about the mass centre, > 0.
-
-    Returns
-    -------
-    Segment
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range.
-    """
-    mass = checked("sled", "mass", mass, POSITIVE)
-    length = checked("sled", "length", length, POSITIVE)
-    radius = checked("sled", "rocker_radius", rocker_radius, POSITIVE)
-    if radius < 0.5 * length:
-        raise ValueError(
-            f"sled.rocker_radius = {radius!r}: must be a number in [length/2, inf) = [{0.5 * length!r}, inf)"
-        )
-    height = checked("sled", "mass_centre_height", mass_centre_height, NOT_NEGATIVE)
-    rise = sled_rise(length, radius)
-    if height > rise:
-        raise ValueError(f"sled.mass_centre_height = {height!r}: must be a number in [0, {rise:g}] m, below the chord")
-    gyration = checked("sled", "gyration_radius", gyration_radius, POSITIVE)
-    return Segment(mass, radius, radius - height, mass * gyration**2, math.asin(0.5 * length / radius))
-
-
-def sled_rise(length: float, rocker_radius: float) -> float:
-    """Height [m] of the ends of runners above their middle: the sagitta of their arc."""
-    half = 0.5 * length
-    return half * half / (rocker_radius + math.sqrt(rocker_radius * rocker_radius - half * half))
-
-
 # Other outlines.
 
 

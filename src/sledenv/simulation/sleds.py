@@ -37,7 +37,7 @@ Circle = tuple[float, float, float]  # x, y and radius [m]
 _BALANCE: Rule = (lambda v: abs(v) < 1.0, "in (-1, 1)")
 
 
-def sled_with_rider(
+def sled(
     rider_mass: float = 80.0,
     sled_mass: float = 40.0,
     *,
@@ -79,7 +79,7 @@ def sled_with_rider(
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     """
-    owner = "sled_with_rider"
+    owner = "sled"
     given = {
         "rider_mass": rider_mass,
         "sled_mass": sled_mass,
@@ -91,8 +91,9 @@ def sled_with_rider(
     given = {name: checked(owner, name, value, POSITIVE) for name, value in given.items()}
     balance = checked(owner, "balance", balance, _BALANCE)
     half, deck = 0.5 * given["length"], given["height"]
-    if not half > 2.0 * _CAP:
-        raise ValueError(f"{owner}.length = {length!r}: must be in ({4.0 * _CAP:g}, inf) m")
+    for name, value, least in (("length", length, 4.0 * _CAP), ("height", height, _CAP)):
+        if not value > least:
+            raise ValueError(f"{owner}.{name} = {value!r}: must be in ({least:g}, inf) m")
     limbs = _laid(given["rider_height"], deck, balance * half)
     corners = [(x, y) for x in (_CAP - half, half - _CAP) for y in (_CAP, deck)]
     circles = [(x, y, _CAP, RUNNER if y == _CAP else FRAME) for x, y in corners]
@@ -130,4 +131,8 @@ def _middle(ends: list[Circle]) -> tuple[float, float, float]:
 def _on_runners(arcs: tuple[Arc, ...], bow_radius: float) -> tuple[Arc, ...]:
     """Bend the straight side between the ends of the runners."""
     k = next(k for k, arc in enumerate(arcs) if arc.part == RUNNER and arcs[(k + 1) % len(arcs)].part == RUNNER)
-    return bulged(arcs, k, bow_radius, RUNNER)
+    try:
+        return bulged(arcs, k, bow_radius, RUNNER)
+    except ValueError as error:
+        wanted = "must be large enough for an arc between the ends of the runners"
+        raise ValueError(f"sled.bow_radius = {bow_radius!r}: {wanted}") from error

@@ -73,9 +73,15 @@ def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64]
         return np.zeros(0, OUTCOME)
     slopes = lanes.slopes[going]
     slopes[:, _LENGTH] = lengths
-    bodies = lanes.bodies if isinstance(lanes.bodies, Body) else lanes.bodies[going]
+    bodies: Body | list[Body] | np.ndarray = lanes.bodies
+    if isinstance(bodies, list):
+        bodies = [bodies[i] for i in going]
+    elif not isinstance(bodies, Body):
+        bodies = bodies[going]
     return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], settings).outcomes
 
 
-def _of_bodies(bodies: Body | np.ndarray, field: str) -> Any:
+def _of_bodies(bodies: Body | list[Body] | np.ndarray, field: str) -> Any:
+    if isinstance(bodies, list):
+        return np.array([getattr(body, field) for body in bodies])
     return getattr(bodies, field) if isinstance(bodies, Body) else bodies[field]

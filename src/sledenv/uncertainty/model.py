@@ -55,7 +55,7 @@ class StudyError(ScenarioError):
 class Lanes(NamedTuple):
     """What N descents are given, as :func:`sledenv.simulate_batch` takes it."""
 
-    bodies: Body | np.ndarray  # one, or records of kernel.outline.BODY, one a lane
+    bodies: Body | list[Body] | np.ndarray  # one, or bodies or records of kernel.outline.BODY, one a lane
     laws: NDArray[np.float64]
     slopes: NDArray[np.float64]
     launches: NDArray[np.float64]
@@ -117,6 +117,9 @@ class Study(Document):
     def _can_be_simulated(self) -> Self:
         """Check all that can be before anything is drawn."""
         problems = [self._misfit(name, distribution) for name, distribution in self.parameters.items()]
+        known = _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys()
+        certain = [name for name in self.parameters if not name.startswith("body.") and name not in known]
+        problems += [f"{name}: must be certain, a number alone" for name in certain]
         problems += self._left_open()
         if isinstance(self.base.body_section, ChoiceBody):
             problems.append("body.kind = 'choice': a study is of one body")
@@ -200,8 +203,10 @@ class Study(Document):
         _put(given, _SLOPE, Slope, slopes)
         return Lanes(bodies, laws, slopes, base.launches(contexts, bodies))
 
-    def bodies(self, values: NDArray[np.float64]) -> Body | np.ndarray:
+    def bodies(self, values: NDArray[np.float64]) -> Body | list[Body] | np.ndarray:
         """Return the bodies of values of the parameters: one, if it is certain, else a record for each row.
+
+        Where a part of a name ends a descent they are bodies instead: records do not know the names of their parts.
 
         Raises
         ------
@@ -210,7 +215,8 @@ class Study(Document):
         """
         if not self._of_bodies:
             return self.base.body()
-        return records_of(list(self._bodies(values)), len(values))
+        bodies = list(self._bodies(values))
+        return bodies if self.base.ends.touching else records_of(bodies, len(values))
 
     def check_bodies(self, values: NDArray[np.float64]) -> None:
         """Raise the error of :meth:`bodies` if there is one; none of them is kept."""
