@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import made
-from sledenv.simulation.scene import ContactLaw, Slope, made_slope
+from sledenv.simulation.scene import ContactLaw, Slope
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def resting(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw
 
 def pressed(slope: Slope) -> Slope:
     """Return a slope onto which gravity presses what lies there."""
-    slope = made_slope(slope)
+    slope = made("slope", Slope, slope)
     if slope.gravity == 0.0:
         raise ValueError("Slope.gravity = 0.0: must be > 0, nothing else holds a body at rest on the slope")
     return slope

@@ -22,8 +22,8 @@ from sledenv.pages.words import TRAJECTORY_COLUMNS
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.rules import POSITIVE, checked, checked_choice
-from sledenv.simulation.scene import ContactLaw, Slope, State, made_slope
+from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
 
 TIME = TRAJECTORY_COLUMNS["t"]
@@ -90,7 +90,7 @@ def identify_tracks(
     """
     checked_choice("solver", solver, get_args(BatchSolver))
     checked_choice("loss", loss, get_args(Loss))
-    body, slope = made_body(body), made_slope(slope)._replace(length=math.inf)
+    body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
     known = None
     if noise is not None:
         names = zip(Noise._fields, noise, strict=True)

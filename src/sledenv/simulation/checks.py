@@ -15,7 +15,7 @@ from sledenv.kernel.laws import Law
 from sledenv.kernel.params import SLOPE_FIELDS, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.rules import checked_rows, made
-from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, Zone, kind_of, made_slope, restitution_of
+from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, Zone, kind_of, restitution_of
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 
@@ -45,7 +45,7 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     TypeError, ValueError
         Naming the argument or its field, the value and the allowed range.
     """
-    body, law, slope = made_body(body), checked_law(law), made_slope(slope)
+    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     launch = _admitted(body, slope, made("launch", State, launch))
     _check_solver(type(law), settings.solver)
     touching: Law = law

@@ -57,10 +57,16 @@ class Checked:
             return cls(*iterable)
 
 
+def ruled(kind: type[Any]) -> tuple[str, ...]:
+    """Return the fields of a named tuple that have rules; behind them may be others, as the zones of a slope."""
+    fields: tuple[str, ...] = kind._fields[: len(kind.rules)]
+    return fields
+
+
 def made(name: str, kind: type[_T], value: Any) -> _T:
     """Return an argument as the kind of tuple that it must be, every field checked.
 
-    A sequence without names is one as well, if it has a number for each field.
+    A sequence without names is one as well, if it has a number for each field that has a rule.
 
     Raises
     ------
@@ -69,10 +75,10 @@ def made(name: str, kind: type[_T], value: Any) -> _T:
     """
     if type(value) is kind:
         return value
-    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+    fields = ruled(kind)
     own = isinstance(value, kind.__bases__[-1])  # of the kernel
-    plain = type(value) in (tuple, list) or isinstance(value, np.ndarray)
-    if own or (plain and np.shape(value) == np.shape(fields)):
+    plain = type(value) in (tuple, list) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    if own or (plain and len(value) == len(fields)):
         return kind(*value)
     raise TypeError(f"{name} = {value!r}: must be a {kind.__name__}, or as many numbers: {', '.join(fields)}")
 
@@ -104,8 +110,7 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
     ValueError
         Naming row, field, value and allowed range.
     """
-    fields = kind._fields[: len(kind.rules)]  # what comes behind has no rule, as the zones of a slope
-    for column, field, (accepts, allowed) in zip(rows.T, fields, kind.rules, strict=True):
+    for column, field, (accepts, allowed) in zip(rows.T, ruled(kind), kind.rules, strict=True):
         accepted = accepts(column)
         if not accepted.all():
             lane = int(np.argmin(accepted))

@@ -223,23 +223,6 @@ def zones_allowed(zones: np.ndarray) -> np.ndarray:
     return fine
 
 
-def made_slope(value: Any) -> Slope:
-    """Return an argument that must be a slope, or the three numbers of one without zones, every field checked.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument or the field, its value and what is allowed.
-    """
-    if type(value) is Slope:
-        return value
-    plain = type(value) in (tuple, list) or isinstance(value, np.ndarray | params.Slope)
-    if plain and len(value) == len(params.Slope._fields):
-        return Slope(*value)
-    names = ", ".join(params.Slope._fields)
-    raise TypeError(f"slope = {value!r}: must be a Slope, or as many numbers: {names}")
-
-
 class State(Checked, params.State):
     """Position, orientation and velocity of the body: docs/physics.md, section 1.
 

@@ -15,8 +15,8 @@ from sledenv.simulation.checks import checked_law
 from sledenv.simulation.derivatives import PARAMETERS, REBOUND_QUANTITIES, Floats, Sensitivity
 from sledenv.simulation.neighbours import SIGNS, Neighbours, end_values, places, rebound_values
 from sledenv.simulation.richardson import derivatives_of
-from sledenv.simulation.rules import checked_choice, checked_count
-from sledenv.simulation.scene import ContactLaw, Slope, State, made_slope
+from sledenv.simulation.rules import checked_choice, checked_count, made
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate
 
@@ -64,7 +64,7 @@ def sensitivity(
     """
     rebounds = checked_count("rebounds", rebounds)
     settings = checked_settings(settings)
-    body, law, slope = made_body(body), checked_law(law), made_slope(slope)
+    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     names = _checked_parameters(parameters, body, slope, settings.solver)
     descent = simulate(body, law, slope, launch, settings)
     # A neighbour with more rebounds has another sequence; how it goes on does not matter.
