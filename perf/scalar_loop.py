@@ -62,7 +62,7 @@ def scalar_loop(
     touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
     log = np.zeros(max_rebounds, REBOUND)
     loop = _loop(run_lanes(touching).name)
-    numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (touching, slope)]
+    numbers, rows = np.array([*touching, *limits]), [np.array(one, float) for one in (touching, slope[:3])]
 
     def run() -> np.ndarray:
         outcomes = np.zeros(len(starts), OUTCOME)

@@ -476,3 +476,28 @@ def test_a_flat_landing_on_rigid_surfaces_is_the_limit_of_two_springs(name: str)
         distance.append(max(abs(p - q) for p, q in zip(found[3:], soft[3:], strict=True)))
     assert distance[2] < 1e-4
     assert distance[2] < 0.2 * distance[1] or distance[2] < 1e-9
+
+
+def test_a_corner_that_bounces_in_rounding_stays_the_one_that_touches() -> None:
+    """Oracle: the ledger, and that the height goes on: an end in the air must not begin the contact.
+
+    Without loss or friction the corner hums at the surface. A touch may then move away by rounding.
+    """
+    corners = [
+        (0.3383662543644905, 0.371452209015263, -2.965037458348434),
+        (0.34543515771037286, -0.5003167325707278, -1.578904838220364),
+        (-0.5172741150597993, -0.12650481747302317, 0.4088797525133531),
+        (-0.528758166817781, -0.05887977748790293, 1.4025815865479123),
+        (-0.18353388533585951, 0.3751711950056631, 2.2426980620496586),
+        (0.11729697872216823, 0.41089381351659376, 3.0233995951761092),
+    ]
+    arcs = [sledenv.Arc(*corner[:2], 0.0, corner[2], corner=True) for corner in corners]
+    body = sledenv.Body(0.11535985769545833, 0.010658146614895928, arcs)
+    law = sledenv.ContactLaw(850794943.5246651, 0.0, 0.0, 0.0, 0.004075892883425711)
+    launch = sledenv.State(0.0, 0.41762465710075264, 2.699237044635403, -2.4330883513477266, 0.0, 0.0)
+    descent = sledenv.simulate(
+        body, law, sledenv.Slope(0.32225374672696033, 5.0), launch, max_rebounds=200, record="trajectory"
+    )
+    assert descent.status != "buried"
+    assert abs(descent.energy.residual) < 1e-12 * descent.energy.turnover
+    assert np.abs(np.diff(descent.trajectory["y"])).max() < 1e-4

@@ -369,10 +369,13 @@ def beside_now(body: np.void, arc: int, phi: float) -> tuple[int, float, bool]:
 
 @kernel
 def begin_with_approaching(body: np.void, contact: np.void, point: np.void, touchdown: np.void) -> None:
-    """Let a straight side that lands flat begin with its other end, if the one chosen moves away."""
+    """Let a straight side that lands flat begin with its other end, if the one chosen moves away.
+
+    A touch that moves away by rounding alone has no other end at the surface, and stays as it is.
+    """
     if point["v_n"] > 0.0:
-        other, _, _ = beside_now(body, int(point["arc"]), contact["phi"])
-        if other >= 0:
+        other, gap, _ = beside_now(body, int(point["arc"]), contact["phi"])
+        if other >= 0 and abs(gap) <= normal.NO_DEPTH * body["size"]:
             change_point(body, other, contact, point)
             touchdown["arc"], touchdown["v_t"] = point["arc"], point["v_t"]
             touchdown["a"], touchdown["b"] = arms_now(body, other, contact)
