@@ -81,7 +81,7 @@ def map_page(
         if chooser.problem.environment != "launch":
             raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
     drawn = np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
-    numbers = problem.task.shapes(drawn).tolist()
+    numbers = problem.scenario.shapes(drawn).tolist()
     if len(set(numbers)) > 1:
         raise ValueError(f"seeds = {list(seeds)}: must be contexts of one body, but theirs have the numbers {numbers}")
     axes = _axes(problem, drawn)

@@ -179,34 +179,25 @@ class Task:
 
     def check(self, given: Given) -> None:
         """Raise ValueError if episodes are to begin with a body that the scenario does not have."""
-        self.shapes(np.nan_to_num(given.fixed))
+        self.scenario.shapes(np.nan_to_num(given.fixed))
 
     @staticmethod
     def context(contexts: Contexts) -> Context:
         """Return the first of contexts."""
         return Context(*contexts[0, :FIELDS].tolist())
 
-    def shapes(self, contexts: Contexts) -> NDArray[np.intp]:
-        """Return the place of each context's body among ``bodies``, shape (n,), or raise ValueError."""
-        shapes, most = contexts[:, _SHAPE], len(self.bodies) - 1
-        wrong = ~((shapes >= 0.0) & (shapes <= most) & (shapes == np.floor(shapes)))
-        if wrong.any():
-            value = float(shapes[wrong][0])
-            raise ValueError(f"context.shape = {value!r}: must be a whole number in [0, {most}], that of a body")
-        return shapes.astype(np.intp)
-
     def body(self, contexts: Contexts) -> Body:
         """Return the body of the first of contexts."""
-        return self.bodies[int(self.shapes(contexts[:1])[0])]
+        return self.bodies[int(self.scenario.shapes(contexts[:1])[0])]
 
     def bodies_of(self, contexts: Contexts) -> Body | list[Body]:
         """Return the body of all contexts if the scenario has but one, or one a context."""
-        shapes = self.shapes(contexts).tolist()
+        shapes = self.scenario.shapes(contexts).tolist()
         return self.bodies[0] if len(self.bodies) == 1 else [self.bodies[i] for i in shapes]
 
     def by_body(self, contexts: Contexts) -> list[tuple[Body, slice | NDArray[np.intp]]]:
         """Return bodies, each with the rows of the contexts that have it: what a body is takes kilobytes a row."""
-        shapes = self.shapes(contexts)
+        shapes = self.scenario.shapes(contexts)
         rows = [np.flatnonzero(shapes == i) for i in range(len(self.bodies))]
         found = [i for i, own in enumerate(rows) if own.size]
         if len(found) < 2:
@@ -215,7 +206,7 @@ class Task:
 
     def of_bodies(self, contexts: Contexts, quantity: Callable[[Body], float]) -> NDArray[np.float64]:
         """Return a quantity of the body of each context, shape (n,)."""
-        return np.array([quantity(body) for body in self.bodies])[self.shapes(contexts)]
+        return np.array([quantity(body) for body in self.bodies])[self.scenario.shapes(contexts)]
 
     def support_heights(self, contexts: Contexts, phi: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the support height [m] of the body of each context at an orientation [rad], shapes (n,)."""

@@ -233,7 +233,7 @@ class Scenario(Document):
         """
         if context is None:
             return self.all_bodies()[0]
-        (number,) = self._numbers(np.array([made("context", Context, context)]))
+        (number,) = self.shapes(np.array([made("context", Context, context)]))
         return self.all_bodies()[int(number)]
 
     def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
@@ -241,13 +241,21 @@ class Scenario(Document):
         bodies = self.all_bodies()
         if len(bodies) == 1:
             return bodies[0]
-        return np.concatenate([body.record for body in bodies])[self._numbers(contexts)]
+        return np.concatenate([body.record for body in bodies])[self.shapes(contexts)]
 
-    def _numbers(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Numbers of the bodies of contexts."""
+    def shapes(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the place of each context's body among those of the scenario, shape (N,).
+
+        Raises
+        ------
+        ValueError
+            If it has no body there.
+        """
         shapes, most = contexts[:, _SHAPE], len(self.all_bodies()) - 1
-        if (shapes > most).any():
-            raise ValueError(f"context.shape = {shapes.max():g}: must be in [0, {most}], the numbers of the bodies")
+        wrong = ~((shapes >= 0.0) & (shapes <= most) & (shapes == np.floor(shapes)))
+        if wrong.any():
+            value = float(shapes[wrong][0])
+            raise ValueError(f"context.shape = {value!r}: must be a whole number in [0, {most}], that of a body")
         return shapes.astype(np.intp)
 
     def law(self, context: Context) -> ContactLaw:
