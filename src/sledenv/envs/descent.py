@@ -43,7 +43,7 @@ class SledDescent(SledLaunch):
 
     Parameters
     ----------
-    scenario, control, render_mode, solver, split, launch_noise, info
+    scenario, control, render_mode, solver, split, launch_noise, observe, info
         As for :class:`SledLaunch`; the window shows each hop as it is made.
     """
 
@@ -105,7 +105,8 @@ class SledDescent(SledLaunch):
         batch = descent.as_batch()
         rewards, terminated, truncated = self.task.verdict(batch)
         observation = np.append(self.task.observe(self._context)[0], self.task.observe_flights(batch.outcomes)[0])
-        info = only_lane(episode_info(self._context, batch, self.info_keys))
+        launches = np.array([self._launch])
+        info = only_lane(episode_info(self._context, launches, batch, self.info_keys))
         return observation, rewards.item(), terminated.item(), truncated.item(), info
 
     def _recorded(self) -> Descent:

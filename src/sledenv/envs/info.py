@@ -6,13 +6,20 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.kernel.records import FINISH, LEDGER_FIELDS, REBOUND
 from sledenv.scenarios.scenario import Context
 from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.scene import State
 
-INFO_KEYS: Final = ("context", "rebounds", "jam", "is_success", "descent")
+INFO_KEYS: Final = ("context", "launch", "rebounds", "jam", "is_success", "descent")
+
+# What is told of a launch [rad], [rad/s], [m/s], and its column.
+_LAUNCHED: Final = {
+    name: State._fields.index(field) for name, field in (("orientation", "phi"), ("spin", "omega"), ("speed", "u"))
+}
 
 
 def checked_info(info: Sequence[str]) -> tuple[str, ...]:
@@ -46,12 +53,16 @@ def _split(values: list[float], ends: list[int]) -> np.ndarray:
     return lists
 
 
-def episode_info(contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
+def episode_info(
+    contexts: Contexts, launches: NDArray[np.float64], batch: DescentBatch, keys: Iterable[str] = INFO_KEYS
+) -> dict[str, Any]:
     """Everything about descents that an agent may not see but its user wants to.
 
     Parameters
     ----------
     contexts : ndarray, shape (n, 11)
+    launches : ndarray, shape (n, 6)
+        Columns as in :class:`sledenv.State`, launch noise included.
     batch : DescentBatch
         Of n descents; with their logs, if "rebounds" is among the keys.
     keys : iterable of str
@@ -69,6 +80,8 @@ def episode_info(contexts: Contexts, batch: DescentBatch, keys: Iterable[str] = 
         match key:
             case "context":
                 info[key] = context_info(contexts)
+            case "launch":
+                info[key] = {name: launches[:, i].copy() for name, i in _LAUNCHED.items()}
             case "rebounds":
                 info[key] = _lists(batch)
             case "jam":

@@ -55,7 +55,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Observation
         ``Box(-1, 1, (11,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation, spin, begin
         and friction of the zone that is drawn, and number of the body of the context, scaled by the ranges of the
-        scenario. What does not vary and what the agent controls reads 0.
+        scenario. What does not vary, what ``observe`` leaves out and what the agent controls reads 0.
     Action
         ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward
@@ -63,7 +63,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Ending
         Every episode terminates after its one step.
     Info
-        ``context``, ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent``
+        ``context``; ``launch``, the orientation [rad], spin [rad/s] and speed [m/s] with which the body was let go, its
+        error included; ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent``
         (status, an index of ``sledenv.STATUS_OF_CODE``, time, energy).
 
     Parameters
@@ -80,8 +81,10 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     split : {"train", "validation", "test"}, optional
         Draw contexts of this split alone; no two splits have one in common, whatever the seeds.
     launch_noise : pair of float, optional
-        Standard deviations of normal noise on the orientation [rad] and the spin [rad/s] at launch; those of the
-        scenario by default.
+        Standard deviations of normal errors of the orientation [rad] and the spin [rad/s] at launch, the tremble of a
+        hand; those of the scenario by default. (0, 0) launches exactly.
+    observe : "all" or sequence of str
+        Fields of the context that the agent sees; the others vary as before, but read 0.
     info : sequence of str
         Entries of info to give, all by default. Without "rebounds" every value has the same form at every step, as some
         collectors of other libraries need.
@@ -180,7 +183,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._launch = launch
         if self.render_mode == "human":
             self._drawing().play(self._unseen())
-        info = episode_info(self._context, descent.as_batch(), self.info_keys)
+        info = episode_info(self._context, np.array([launch]), descent.as_batch(), self.info_keys)
         return self.task.observe(self._context)[0], float(descent.jam.reward), True, False, only_lane(info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
@@ -271,7 +274,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _identity(self) -> tuple[Any, ...]:
         task = self.task
-        return type(self).__name__, task.scenario.hash, task.control, task.solver, *task.noise.tolist()
+        return type(self).__name__, task.scenario.hash, task.control, task.solver, *task.noise.tolist(), task.observed
 
     def _launch_frame(self) -> NDArray[np.uint8]:
         scenario, context = self._given()

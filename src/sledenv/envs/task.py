@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from typing import Final, TypedDict, get_args
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, Literal, TypedDict, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -41,6 +41,7 @@ class TaskOptions(TypedDict, total=False):
     solver: BatchSolver
     split: Split | None
     launch_noise: tuple[float, float] | None
+    observe: Literal["all"] | Sequence[str]
 
 
 class Task:
@@ -58,8 +59,10 @@ class Task:
     split : {"train", "validation", "test"}, optional
         Which contexts are drawn, see :meth:`sledenv.Scenario.contexts`; all by default.
     launch_noise : pair of float, optional
-        Standard deviations of normal noise on the orientation [rad] and on the spin [rad/s] at launch, >= 0; those of
+        Standard deviations of normal errors of the orientation [rad] and of the spin [rad/s] at launch, >= 0; those of
         the scenario by default.
+    observe : "all" or sequence of str
+        Fields of :class:`sledenv.Context` that an agent sees; the others vary as before, but read 0.
 
     Attributes
     ----------
@@ -82,12 +85,16 @@ class Task:
     observation_names, ride_observation_names, action_names, ride_action_names : tuple of str
         What their entries are.
     varies : ndarray of bool, shape (11,)
-        Which fields of a context an agent sees: those that vary and that it does not choose.
+        Which fields of a context an agent sees: those that vary, that it does not choose and that ``observe`` names.
+    hidden : ndarray of bool, shape (11,)
+        Which fields vary and are not chosen, but are not seen.
+    observed : tuple of str
+        The fields that ``observe`` names.
 
     Raises
     ------
     ScenarioError, TypeError, ValueError
-        For an unknown scenario, control, solver or split, or wrong noise.
+        For an unknown scenario, control, solver, split or field to observe, or wrong noise.
     """
 
     def __init__(
@@ -98,6 +105,7 @@ class Task:
         solver: BatchSolver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
+        observe: Literal["all"] | Sequence[str] = "all",
     ) -> None:
         self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         section = self.scenario.control
@@ -129,7 +137,10 @@ class Task:
         self._chosen = [Context._fields.index(name) for name in self.controlled]
         self._width = self._context_high - self._context_low
         self._width[self._chosen] = 0.0  # as if it did not vary
-        self.varies: NDArray[np.bool_] = self._width > 0.0
+        self.observed = _observed(observe)
+        shown = np.isin(Context._fields, self.observed)
+        self.varies: NDArray[np.bool_] = (self._width > 0.0) & shown
+        self.hidden: NDArray[np.bool_] = (self._width > 0.0) & ~shown
         self._divisor = np.where(self.varies, self._width, 1.0)
         self._chosen_bounds = [bounds[name].tolist() for name in self.controlled]
         self._action_low, self._action_high = np.array(self._chosen_bounds).T.copy()
@@ -218,7 +229,7 @@ class Task:
     def observe(self, contexts: Contexts) -> NDArray[np.float32]:
         """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 11).
 
-        What does not vary and what the agent controls reads 0.
+        What does not vary, what is not observed and what the agent controls reads 0.
         """
         centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / self._divisor - 1.0
         return np.where(self.varies, np.minimum(np.maximum(centred, -1.0), 1.0), 0.0).astype(np.float32)
@@ -226,7 +237,7 @@ class Task:
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations of shape (n, 11) or (n, 20), up to the rounding of float32.
 
-        What the agent controls is NaN: it is nobody's choice yet.
+        What the agent controls is NaN: it is nobody's choice yet. What is hidden is in the middle of its range.
         """
         scaled = 0.5 * (observations[:, :FIELDS].astype(np.float64) + 1.0)
         contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
@@ -408,6 +419,18 @@ def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], coun
         if rebounds.size:
             rebounds[rows] = part.rebounds
     return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+
+
+def _observed(observe: Literal["all"] | Sequence[str]) -> tuple[str, ...]:
+    """Return the fields of a context that are named, in their order, or raise ValueError."""
+    fields = Context._fields
+    if isinstance(observe, str) and observe == "all":
+        return fields
+    listed = not isinstance(observe, str) and isinstance(observe, Iterable)
+    if not listed or not all(isinstance(name, str) and name in fields for name in observe):
+        known = ", ".join(map(repr, fields))
+        raise ValueError(f"observe = {observe!r}: must be 'all' or a sequence of any of {known}")
+    return tuple(name for name in fields if name in set(observe))
 
 
 def highest_support(body: Body) -> float:

@@ -27,6 +27,7 @@ from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.memory import check_room
 from sledenv.simulation.ride import RideBatch
 from sledenv.simulation.rules import checked_count
+from sledenv.simulation.scene import State
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 
@@ -57,7 +58,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     ----------
     num_envs : int
         Number of lanes, >= 1.
-    scenario, control, solver, split, launch_noise
+    scenario, control, solver, split, launch_noise, observe
         As for :class:`sledenv.envs.launch.SledLaunch`, shared by all lanes.
     autoreset_mode : AutoresetMode or str
         When an ended lane begins its next episode: ``"NextStep"`` (Gymnasium's default, spends a step on it),
@@ -81,6 +82,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     # Attributes that make up a snapshot, and what each may be.
     _episode: dict[str, tuple[type, ...]] = {
         "_contexts": (np.ndarray,),
+        "_launches": (np.ndarray,),
         "_seen": (np.ndarray,),
         "_steps": (np.ndarray,),
         "_ended": (np.ndarray,),
@@ -127,6 +129,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
                 self._drawn.append(lane)
         self._streams = Streams(self.num_envs, self.task.draws)
         self._contexts: Contexts | None = None  # before the first reset
+        self._launches = np.zeros((self.num_envs, len(State._fields)))  # with which the lanes were let go last
         self._seen = np.zeros(self.observation_space.shape or (), np.float32)  # observation of each lane
         self._steps = np.zeros(self.num_envs, np.int64)  # since the reset
         self._ended = np.zeros(self.num_envs, np.bool_)
@@ -295,7 +298,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 
     def _identity(self) -> tuple[Any, ...]:
         task, kind = self.task, (type(self).__name__, self.num_envs, self.autoreset_mode.value, self.info_keys)
-        return *kind, task.scenario.hash, task.control, task.solver, *task.noise.tolist()
+        return *kind, task.scenario.hash, task.control, task.solver, *task.noise.tolist(), task.observed
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]  # as in SyncVectorEnv
@@ -381,7 +384,7 @@ class SledLaunchVector(SledVectorEnv):
         contexts = self._contexts[lanes]
         launches = self.task.launches(contexts, actions)
         batch = self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
-        info = episode_info(contexts, batch, self.info_keys)
+        info = episode_info(contexts, launches, batch, self.info_keys)
         return Advance(batch.jam.reward, np.ones(len(lanes), np.bool_), np.zeros(len(lanes), np.bool_), info)
 
 
@@ -408,13 +411,14 @@ class SledDescentVector(SledVectorEnv):
         rides.hop(trims)  # the other lanes have ended
         batch = rides.descents(lanes if len(lanes) < self.num_envs else None)
         self._seen[lanes, FIELDS:] = self.task.observe_flights(batch.outcomes)
-        return Advance(*self.task.verdict(batch), episode_info(self._contexts[lanes], batch, self.info_keys))
+        info = episode_info(self._contexts[lanes], self._launches[lanes], batch, self.info_keys)
+        return Advance(*self.task.verdict(batch), info)
 
     def _launch(self, lanes: Lanes, actions: Floats) -> RideBatch:
         """Return the rides of all lanes, those of some begun anew."""
         assert self._contexts is not None
         contexts = self._contexts[lanes]
-        launches = self.task.launches(contexts, actions)
+        launches = self._launches[lanes] = self.task.launches(contexts, actions)
         if self._rides is None:
             self._rides = self.task.rides(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
         elif lanes.size:

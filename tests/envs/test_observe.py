@@ -1,0 +1,121 @@
+"""What an agent sees can be less than what varies, and info tells how the body was let go."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import sledenv
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.descent import SledDescent
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.task import Task
+from sledenv.envs.vector import SledDescentVector, SledLaunchVector
+from sledenv.scenarios.scenario import Context
+
+IDS = (LAUNCH_ID, DESCENT_ID)
+HIDDEN = ("friction", "restitution")
+SEEN = tuple(name for name in Context._fields if name not in HIDDEN)
+COLUMNS = [Context._fields.index(name) for name in HIDDEN]
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_what_is_hidden_reads_zero_and_nothing_else_changes(name):
+    """Oracle: a twin that sees all, with the same seed and actions."""
+    env, twin = gym.make(name, observe=SEEN), gym.make(name)
+    env.action_space.seed(0)
+    for seed in range(20):
+        seen, told = env.reset(seed=seed)
+        everything, theirs = twin.reset(seed=seed)
+        assert told == theirs
+        ended = False
+        while not ended:
+            assert (seen[COLUMNS] == 0.0).all()
+            assert (everything[COLUMNS] != 0.0).all()
+            assert (np.delete(seen, COLUMNS) == np.delete(everything, COLUMNS)).all()
+            action = env.action_space.sample()
+            seen, *step = env.step(action)
+            everything, *theirs = twin.step(action)
+            assert step == theirs
+            ended = step[1] or step[2]
+
+
+@pytest.mark.parametrize("many", [SledLaunchVector, SledDescentVector])
+def test_lanes_hide_what_the_scalar_environment_hides(many):
+    one = {SledLaunchVector: SledLaunch, SledDescentVector: SledDescent}[many](observe=SEEN)
+    lanes = many(3, autoreset_mode=AutoresetMode.DISABLED, observe=SEEN)
+    seen, _ = lanes.reset(seed=4)
+    for i in range(3):
+        assert (seen[i] == one.reset(seed=4 + i)[0]).all()
+    other = many(3, autoreset_mode=AutoresetMode.DISABLED, observe=["angle"])
+    other.reset(seed=0)
+    with pytest.raises(ValueError, match="another task"):
+        lanes.restore(other.snapshot())
+
+
+def test_a_hidden_field_is_taken_to_be_in_the_middle_of_its_range_by_those_who_ask():
+    task, whole = Task("sled_snow", observe=SEEN), Task("sled_snow")
+    contexts = whole.scenario.contexts(np.random.default_rng(0).random((50, len(Context._fields))))
+    seen, full = (one.contexts_seen(one.observe(contexts)) for one in (task, whole))
+    low, high = task.scenario.ranges
+    assert np.allclose(seen[:, COLUMNS], 0.5 * (low + high)[COLUMNS], rtol=1e-12)
+    others = [i for i in range(len(low)) if i not in COLUMNS]
+    assert np.array_equal(seen[:, others], full[:, others], equal_nan=True)
+    assert (task.hidden == np.isin(Context._fields, HIDDEN)).all()
+    assert not whole.hidden.any()
+
+
+def test_order_and_repetition_do_not_matter_and_nothing_may_be_seen():
+    assert Task("sled_snow", observe=["spin", "angle", "spin"]).observed == ("angle", "spin")
+    env = SledLaunch(observe=())
+    assert (env.reset(seed=0)[0] == 0.0).all()
+    assert Task("sled_snow", observe="all").observed == Context._fields
+
+
+@pytest.mark.parametrize("observe", ["friction", ["frictoin"], 5, None, [3], b"all"])
+def test_unknown_fields_are_refused_by_name(observe):
+    with pytest.raises(ValueError, match=r"observe = .*: must be 'all' or a sequence of any of 'angle', 'friction'"):
+        SledLaunch(observe=observe)
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (0.02, 0.05)])
+@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
+def test_info_tells_the_launch_with_its_error(kind, noise):
+    """Oracle: simulate() with what info tells, whose reward must be that of the episode."""
+    env = kind("sled_tilt", launch_noise=noise)
+    scenario = env.task.scenario
+    for seed in range(10):
+        env.reset(seed=seed)
+        total, ended = 0.0, False
+        action = np.zeros(env.action_space.shape, np.float32)
+        while not ended:
+            _, reward, terminated, truncated, info = env.step(action)
+            total, ended = total + reward, terminated or truncated
+        context = Context(**info["context"])
+        told = info["launch"]
+        meant = scenario.launch(context)
+        launch = meant._replace(phi=told["orientation"], omega=told["spin"], u=told["speed"])
+        height = sledenv.simulation.support.support_height(scenario.body(context), launch.phi)
+        launch = launch._replace(y=height + context.drop)
+        again = sledenv.simulate(
+            scenario.body(context), scenario.law(context), scenario.slope(context), launch, scenario.settings("compliant")
+        )
+        assert again.jam.reward == pytest.approx(total, abs=1e-12)
+        assert (told["orientation"] != context.orientation) == bool(noise[0])
+        assert told["speed"] == context.speed
+
+
+@pytest.mark.parametrize("many", [SledLaunchVector, SledDescentVector])
+def test_lanes_tell_the_launches_of_their_scalar_twins(many):
+    one = {SledLaunchVector: SledLaunch, SledDescentVector: SledDescent}[many]("sled_patch", launch_noise=(0.02, 0.05))
+    lanes = many(4, "sled_patch", autoreset_mode=AutoresetMode.DISABLED, launch_noise=(0.02, 0.05))
+    lanes.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, lanes.action_space.shape).astype(np.float32)
+    info = lanes.step(actions)[4]
+    for i in range(4):
+        one.reset(seed=i)
+        own = one.step(actions[i])[4]["launch"]
+        assert {name: info["launch"][name][i] for name in own} == own
+        assert info["launch"]["_speed"].all()
