@@ -36,8 +36,8 @@ class Agent:
         folder : Path
             Where the action is kept.
         """
-        contexts = problem.contexts("train", settings["contexts"], seed)
-        each = problem.trials(contexts, "train")[..., 0].size
+        contexts = problem.drawn(problem.contexts("train", settings["contexts"], seed), "train")
+        each = len(contexts)
         count = settings["n_timesteps"] // each
         if count < 1:
             raise ValueError(
@@ -46,7 +46,7 @@ class Agent:
         sequence = qmc.Sobol(problem.actions, rng=np.random.default_rng(seed))
         candidates = 2.0 * sequence.random_base2(max(1, (count - 1).bit_length()))[:count] - 1.0
         rewards = [
-            float(problem.expect(contexts, np.tile(candidate, (len(contexts), 1, 1)), "train").mean())
+            float(problem.descend(contexts, np.tile(candidate, (len(contexts), 1))).jam.reward.mean())
             for candidate in tqdm(candidates, desc="best-fixed", unit="candidate", disable=None)
         ]
         agent = cls(candidates[int(np.argmax(rewards))])

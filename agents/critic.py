@@ -144,7 +144,7 @@ class Sampler:
         self._problem = problem
         self._landing = Landing(problem)
         self._contexts, self._tries = settings["n_contexts"], settings["n_tries"]
-        self._noise = problem.tremble if settings["trembling"] else problem.task.noise
+        self._noise = problem.noise
         self._rng = rng
 
     def sample(self, critic: Critic, guided: bool) -> Samples:
@@ -255,14 +255,16 @@ class Agent:
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
         """Sample and learn by turns, both at the same time: landings are sought by the critic of the turn before.
 
+        The network that earns most on the validation contexts is kept.
+
         Parameters
         ----------
         problem : Problem
         settings : dict
             ``n_timesteps`` descents, ``n_contexts`` contexts a turn with ``n_tries`` landings each, ``warmup`` turns
             without guidance, ``gradient_steps`` a turn, ``batch_size``, ``learning_rate`` (falls to 0 as a cosine),
-            ``net_arch``, ``bins``, ``bfloat16``, ``trembling`` (whether launches miss by a tremble, so that the critic
-            rates what they earn in the mean) and ``checks``, how often the policy is validated.
+            ``net_arch``, ``bins``, ``bfloat16`` and ``checks``, how often the policy is
+            validated.
         seed : int
             Of the network, the contexts and the landings; equal seeds give equal agents.
         folder : Path
@@ -275,19 +277,22 @@ class Agent:
         turns = math.ceil(settings["n_timesteps"] / (settings["n_contexts"] * settings["n_tries"]))
         learner = _Learner(critic, settings, turns, shuffling)
         sampler = Sampler(problem, settings, sampling)
-        curve = Curve(problem, folder)
+        curve, best, most = Curve(problem, folder), learner.averaged, -1.0
         with ThreadPoolExecutor(1) as pool:
             coming = pool.submit(sampler.sample, critic, False)
             for turn in range(turns):
                 learner.add(coming.result())
                 if turn % max(1, turns // settings["checks"]) == 0:  # while nothing else is simulated
-                    curve.check(cls(problem, learner.averaged), learner.size)
+                    reward = curve.check(cls(problem, learner.averaged), learner.size).mean_reward
+                    if reward > most:
+                        best, most = copy.deepcopy(learner.averaged), reward
                 if turn + 1 < turns:
                     known = copy.deepcopy(learner.averaged)
                     coming = pool.submit(sampler.sample, known, turn + 1 >= settings["warmup"])
                 learner.learn()
-        curve.check(cls(problem, learner.averaged), learner.size)
-        keep(learner.averaged, folder / _FILE)
+        if curve.check(cls(problem, learner.averaged), learner.size).mean_reward >= most:
+            best = learner.averaged
+        keep(best, folder / _FILE)
         return cls.load(problem, folder)
 
     @classmethod

@@ -24,8 +24,8 @@ class Score(NamedTuple):
     """How an agent did on the held-out contexts."""
 
     name: str
-    rewards: NDArray[np.float64]  # (n,)
-    status: NDArray[np.str_]  # (n,)
+    rewards: NDArray[np.float64]  # (n,), means over the trials
+    status: NDArray[np.str_]  # (n, t), of every trial
 
     @property
     def mean(self) -> float:
@@ -44,8 +44,8 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
 def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
     """Simulate the agent's launches on ``count`` held-out contexts, the same for every agent."""
     trials = problem.trials(problem.contexts("test", count), "test")
-    batch, _ = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
-    return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status)
+    batch, _ = problem.judge(agent, trials)
+    return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status.reshape(trials.shape[:2]))
 
 
 def table(scores: list[Score]) -> str:

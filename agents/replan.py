@@ -11,10 +11,9 @@ import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.oracle import jam_map
-from sledenv.benchmark.problem import TRIALS, Problem
+from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import FLIGHT
-from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import descent_jam
 
 Floats = NDArray[np.float64]
@@ -39,9 +38,8 @@ class Agent:
 
     def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
         self._model = Problem(problem.scenario, control=problem.control, solver="rigid")
-        self._grid = {name: -(-control.searched // settings["coarser"]) for name, control in CONTROLS.items()}
+        self._cells = int(settings["cells"])
         self._trims = np.linspace(-1.0, 1.0, settings["trims"])
-        self._trials = TRIALS if self._model.noisy else 1
         self.descents = 0
 
     @classmethod
@@ -66,12 +64,12 @@ class Agent:
         return actions.astype(np.float32)
 
     def _best_launches(self, contexts: Contexts) -> Floats:
-        """Return the launches of the grid that the model rewards most, shape (n, k)."""
+        """Return the launches that the model rewards most under the tremble, shape (n, k)."""
         best = []
-        for one in jam_map(self._model, contexts, self._grid, "validation"):
+        for one in jam_map(self._model, contexts, self._cells):
             cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
             best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
-            self.descents += one.rewards.size * self._trials
+            self.descents += self._cells
         return np.array(best)
 
     def _best_trims(self, contexts: Contexts, observations: NDArray[np.float32]) -> Floats:

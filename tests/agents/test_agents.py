@@ -40,7 +40,7 @@ def quick(monkeypatch):
         if algo == "critic":
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
         if algo == "replan":
-            values |= {"coarser": 12, "trims": 3}
+            values |= {"cells": 60, "trims": 3}
         return values
 
     monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)

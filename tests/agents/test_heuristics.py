@@ -25,7 +25,7 @@ SEARCHES = {
     ),
 }
 TRIMS = {"n_timesteps": 400, "contexts": 20}
-LOOKAHEAD = {"coarser": 6, "trims": 5}
+LOOKAHEAD = {"cells": 300, "trims": 5}
 
 
 def altered(name: str, **sections) -> Scenario:
@@ -188,7 +188,7 @@ def test_replan_earns_more_with_trims_than_its_launches_do_without():
     batch, launches = problem.judge(agent, contexts)
     alone = Problem(own_pack("brake_mat")).descend(contexts, launches).jam.reward
     assert batch.jam.reward.mean() > alone.mean() + 0.02
-    assert agent.descents >= 30 * 60 + 5 * int(batch.outcomes["rebounds"].sum() - 30)
+    assert agent.descents >= 30 * 300 + 5 * int(batch.outcomes["rebounds"].sum() - 30)
 
 
 def test_the_lookahead_of_replan_predicts_what_its_model_earns():

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from sledenv.benchmark.scores import Results
+from sledenv.benchmark.scores import STATUSES, Results
 from sledenv.simulation.jam import DescentJam
 
 HASH = "0123456789abcdef"
@@ -50,12 +50,10 @@ def oracle(scenario: str, best: np.ndarray) -> pd.DataFrame:
             "action_0": angle,
             "action_1": -0.5 * angle,
             "reward": best,
-            "left": 0.001 * best,
-            "steady": 0.9 * best,
+            "low": 0.999 * best,
+            "high": 1.001 * best,
             "uniform": 0.5 * best,
             "width": 0.02,
-            "step_median": 0.01,
-            "step_p99": 0.2,
         }
     )
 
@@ -67,8 +65,6 @@ def descents(
     seed: int,
     rewards: np.ndarray,
     stage: str = "trained",
-    noise: float = 0.0,
-    trial: int = 0,
     status: np.ndarray | str = "finish",
 ) -> pd.DataFrame:
     """Judged descents that lose 2/10 of the energy by hysteresis, 1/10 by sliding, 1/20 by rolling."""
@@ -84,9 +80,7 @@ def descents(
             "seed": seed,
             "stage": stage,
             "context": numbers,
-            "trial": trial,
-            "noise": noise,
-            "status": status,
+            **{name: np.broadcast_to(np.asarray(status) == name, rewards.shape).astype(float) for name in STATUSES},
             **dict.fromkeys(DescentJam._fields, 1.0),
             "reward": rewards,
             "retention": kept,
@@ -99,7 +93,6 @@ def descents(
             "action_0": np.linspace(-0.9, 0.9, len(rewards)),
             "action_1": -0.5 * np.linspace(-0.9, 0.9, len(rewards)),
             "on_bound": False,
-            "steady": 0.9 * rewards if environment == "launch" else np.nan,
         }
     )
 
@@ -139,13 +132,13 @@ def whole(
                     scale = level * (1.0 + 0.3 * p) * rng.lognormal(0.0, 0.2)
                     regret = np.minimum(scale * rng.lognormal(0.0, 1.0, contexts), 1.0)
                     shift = 0.01 if environment == "descent" else 0.0
-                    for stage, noise in [("untrained", 0.0), ("trained", 0.0), ("trained", 0.02), ("trained", 0.05)]:
+                    for stage in ("untrained", "trained"):
                         if stage == "untrained" and not learns:
                             continue
-                        lost = np.minimum(regret + (0.45 if stage == "untrained" else 3.0 * noise), 1.0) - shift
+                        lost = np.minimum(regret + (0.45 if stage == "untrained" else 0.0), 1.0) - shift
                         rewards = (1.0 - lost) * best
                         ends = np.where(lost > 0.5, "jammed", np.where(lost > 0.35, "tumbled", "finish"))
-                        part = descents(environment, scenario, agent, seed, rewards, stage, noise, 0, ends)
+                        part = descents(environment, scenario, agent, seed, rewards, stage, ends)
                         spread = 0.4 * np.sqrt(level)
                         places = table[["action_0", "action_1"]] + rng.normal(0.0, spread, (contexts, 2))
                         part[["action_0", "action_1"]] = np.clip(places, -1.0, 1.0)

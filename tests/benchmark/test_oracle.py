@@ -1,156 +1,151 @@
-"""The oracle: nothing found by another search beats it, symmetry, its cache."""
+"""The oracle: nothing found by another search is above its interval, its map is the expected reward, its cache."""
 
 from __future__ import annotations
 
-import cma
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import ndtri
 
-from sledenv.benchmark import oracle as oracle_module
 from sledenv.benchmark.oracle import (
-    GRID,
+    SHOWN,
     _maxima,
     actions_of,
     best_launches,
+    expected_at,
     jam_map,
     map_table,
     oracle,
     rewards_again,
+    rewards_of,
 )
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.packs import own_pack
 
+SEEN = [name for name in Context._fields if name not in ("friction", "restitution")]
+
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Problem, pd.DataFrame]:
-    """Best launches of a few contexts of brake_mat."""
-    problem = Problem(own_pack("brake_mat"))
-    return problem, best_launches(problem, problem.contexts("test", 2))
+    """Best launches of a few contexts of sled_snow."""
+    problem = Problem("sled_snow")
+    return problem, best_launches(problem, problem.contexts("test", 6))
 
 
-def evolve(problem: Problem, context: np.ndarray, start: np.ndarray, spread: float, budget: int, seed: int) -> float:
-    """Best expected reward that CMA-ES finds in one context."""
-    strategy = cma.CMAEvolutionStrategy(start, spread, {"seed": seed, "verbose": -9, "bounds": [-1, 1], "popsize": 16})
-    best = 0.0
-    while strategy.countevals < budget and not strategy.stop():
-        asked = np.clip(strategy.ask(), -1.0, 1.0)
-        rewards = problem.expect(context[np.newaxis], asked[np.newaxis], "test")[0]
-        strategy.tell(list(asked), (-rewards).tolist())
-        best = max(best, float(rewards.max()))
-    return best
-
-
-def test_the_reward_of_a_best_launch_is_what_it_earns(found):
-    """Oracle: the simulator once more; a random search of the same box does not beat it."""
+def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_interval(found):
+    """Oracle: the simulator once more; a random search of the same box with ten times the draws of the tremble."""
     problem, table = found
+    contexts = table[list(Context._fields)].to_numpy()
     assert np.array_equal(rewards_again(problem, table), table["reward"])
-    contexts = table[list(Context._fields)].to_numpy()
-    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 1000, 2))
-    assert (problem.expect(contexts, tried, "test").max(axis=1) <= 1.001 * table["reward"]).all()
-    assert (table["uniform"] < table["reward"]).all()
+    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 300, 1))
+    some = problem.expect(problem.scenes(contexts, 64, (9,)), tried)
+    best = np.take_along_axis(tried, np.argsort(-some, axis=1)[:, :3, np.newaxis], axis=1)
+    earned = problem.expect(problem.scenes(contexts, 640, (10,)), best).max(axis=1)
+    assert (earned <= table["high"]).all()
+    assert (table["uniform"] < table["low"]).all()
+    assert (table["low"] < table["high"]).all()
+    assert (table["high"] - table["low"]).median() < 0.01
 
 
-def test_what_is_left_is_how_far_the_best_two_searches_are_apart(found, monkeypatch):
-    """Oracle: contexts whose searches agree were searched twice and no more; with one search more, none is worse."""
+def test_a_map_is_the_expected_reward(found):
+    """Oracle: launches at cells of the map under 512 draws of the tremble, and between cells."""
     problem, table = found
-    agree = table["left"] <= oracle_module.AGREED * table["reward"]
-    assert (table["left"] >= 0.0).all()
-    assert (table["searches"][agree] >= oracle_module.SEARCHES[0]).all()
-    assert (table["searches"][~agree] == oracle_module.SEARCHES[1]).all()
-    assert (table["left_high"] >= table["left"]).all()
-    assert (table["reward"] + table["left_high"] <= 1.0).all()
-    monkeypatch.setattr(oracle_module, "AGREED", -1.0)
-    monkeypatch.setattr(oracle_module, "SEARCHES", (2, 3))
-    again = best_launches(problem, table[list(Context._fields)].to_numpy()[:1])
-    assert again["searches"].tolist() == [3]
-    assert again["reward"][0] >= table["reward"][0]
+    contexts = table[list(Context._fields)].to_numpy()[:3]
+    maps = jam_map(problem, contexts)
+    (axis,) = maps[0].launches
+    assert axis[0] == -1.0
+    assert axis[-1] == pytest.approx(1.0)
+    cells = np.arange(3, len(axis) - 3, 6)
+    tried = np.broadcast_to(axis[cells, np.newaxis], (3, len(cells), 1))
+    earned = problem.expect(problem.scenes(contexts, 512, (11,)), tried)
+    drawn = np.array([one.rewards[cells] for one in maps])
+    assert np.abs(drawn - earned).mean() < 0.01
+    assert np.corrcoef(drawn.ravel(), earned.ravel())[0, 1] > 0.99
+    between = 0.5 * (axis[cells] + axis[cells + 1])
+    means = [0.5 * (one.rewards[cells] + one.rewards[cells + 1]) for one in maps]
+    for one, mean in zip(maps, means, strict=True):
+        assert expected_at(problem, one, between[:, np.newaxis]) == pytest.approx(mean, abs=1e-12)
 
 
-def test_a_steady_launch_earns_under_a_tremble_what_is_said_and_no_less_than_the_best_launch(found):
-    """Oracle: the simulator once more; the best launch without a tremble is one of those that are tried."""
-    problem, table = found
-    contexts = table[list(Context._fields)].to_numpy()
-    steady = table[["steady_0", "steady_1"]].to_numpy()[:, np.newaxis]
-    earned = problem.expect(contexts, steady, "test", trembling=True)[:, 0]
-    assert earned == pytest.approx(table["steady"].to_numpy(), abs=1e-12)
-    other = problem.expect(contexts, actions_of(problem, table)[:, np.newaxis], "test", trembling=True)[:, 0]
-    # It was chosen by another tremble than that of the test.
-    assert (table["steady"].to_numpy() >= other - 0.05).all()
-    assert (table["steady"] <= table["reward"]).all()
+def test_a_map_of_two_is_a_convolution_with_the_tremble_that_turns_round():
+    """Oracle: the mean over a product of quantiles of both errors, from launches beyond the bounds too."""
+    problem = Problem(own_pack("brake_mat"), launch_noise=(0.2, 1.0))
+    contexts = problem.contexts("test", 1)
+    (one,) = jam_map(problem, contexts)
+    quantiles = ndtri((np.arange(24) + 0.5) / 24)
+    errors = np.stack(np.meshgrid(0.2 * quantiles, 1.0 * quantiles, indexing="ij"), axis=-1).reshape(-1, 2)
+    scenes = np.hstack([np.repeat(contexts, len(errors), axis=0), errors])[np.newaxis]
+    for i, j in ((0, 0), (5, -1), (17, 9), (30, 14)):
+        launch = np.array([[[one.launches[0][i], one.launches[1][j]]]])
+        assert one.rewards[i, j] == pytest.approx(problem.expect(scenes, launch)[0, 0], abs=0.02)
+    upper = expected_at(problem, one, np.array([[1.0, 0.0], [-1.0, 0.0]]))
+    assert upper[0] == upper[1]  # both are the same launch
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", Suite.load("full").scenarios)
-def test_evolution_strategies_with_restarts_do_not_beat_the_oracle_by_a_thousandth(scenario):
-    """Oracle: CMA-ES from the best launch and five times from a random one; a scan where there is one thing to choose.
+def test_the_interval_holds_what_twenty_times_the_launches_find(scenario):
+    """Oracle: searches of other grids and scenes, ten more, the best of them judged by 8,192 draws.
 
-    CMA-ES has half as many descents as the oracle, the scan as many.
+    Of the 22 contexts of a scenario at most three may lie outside: with 95 % inside that happens in 2 % of the tests.
     """
+    from sledenv.benchmark.oracle import _search
+
     problem = Problem(scenario)
-    contexts = problem.contexts("test", 12)
+    contexts = problem.contexts("test", 22)
     table = best_launches(problem, contexts)
-    rng = np.random.default_rng(1)
-    gains = []
-    for i, context in enumerate(contexts):
-        if problem.actions == 1:
-            scan = np.linspace(-1.0, 1.0, 18_000)[np.newaxis, :, np.newaxis]
-            best = problem.expect(context[np.newaxis], scan, "test").max()
-        else:
-            starts = [(actions_of(problem, table)[i], 0.05), *((rng.uniform(-1.0, 1.0, 2), 0.5) for _ in range(5))]
-            best = max(evolve(problem, context, start, spread, 3000, 1 + j) for j, (start, spread) in enumerate(starts))
-        gains.append(best / table["reward"].iloc[i] - 1.0)
-    assert max(gains) <= 1e-3
+    more = np.concatenate([_search(problem, contexts, 20 + i) for i in range(20)], axis=1)
+    more = np.concatenate([more, actions_of(problem, table)[:, np.newaxis]], axis=1)
+    first = problem.expect(problem.scenes(contexts, 512, (12,)), more)
+    best = np.take_along_axis(more, np.argsort(-first, axis=1)[:, :4, np.newaxis], axis=1)
+    truth = problem.expect(problem.scenes(contexts, 8192, (13,)), best).max(axis=1)
+    outside = (truth < table["low"]) | (truth > table["high"])
+    assert outside.sum() <= 3
 
 
-def test_the_map_of_a_symmetric_body_turns_over_with_its_launch():
-    """Oracle: launches a full turn apart are the same, so the grid has each once; a row agrees with the simulator."""
-    problem = Problem(own_pack("ice_drop"))
-    contexts = problem.contexts("test", 2)
-    one = jam_map(problem, contexts, {"orientation": 12, "spin": 5})[1]
-    assert one.rewards.shape == (12, 5)
-    assert one.launches[0][0] == -1.0
-    assert one.launches[0][-1] < 1.0 == one.launches[1][-1]
-    launch = np.array([[one.launches[0][7], one.launches[1][2]]])
-    assert problem.descend(contexts[1:], launch).jam.reward[0] == one.rewards[7, 2]
-    table = map_table(problem, contexts[:1])
-    assert len(table) == GRID["orientation"] * GRID["spin"]
-    assert (
-        problem.descend(contexts[:1], table[["orientation", "spin"]].to_numpy()[99:100]).jam.reward[0]
-        == table["reward"].iloc[99]
-    )
+def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated():
+    """Oracle: the same problem with nothing hidden, whose best launch earns more in the mean of some contexts."""
+    problem, full = Problem("sled_snow", observe=SEEN), Problem("sled_snow")
+    contexts = problem.contexts("test", 4)
+    table, other = best_launches(problem, contexts), best_launches(full, contexts)
+    pd.testing.assert_frame_equal(table[other.columns.tolist()], other)
+    assert np.array_equal(table["seen"], rewards_of(full, contexts, table[["seen_0"]].to_numpy()))
+    assert table["seen"].mean() <= table["reward"].mean()
+    # Contexts that look alike have the same launch.
+    twins = contexts[[0, 0]].copy()
+    twins[1, Context._fields.index("friction")] = problem.scenario.ranges[1][Context._fields.index("friction")]
+    seen = best_launches(problem, twins)["seen_0"]
+    assert seen[0] == seen[1]
 
 
 @pytest.mark.parametrize("control", ["both", "orientation", "spin"])
 def test_no_cell_is_refined_twice(control):
     """Where a grid has few cells, neighbours are refined once there is nothing else."""
     problem = Problem(own_pack("ice_drop"), control=control)
-    shape = tuple(GRID[name] for name in problem.task.controlled)
-    rewards = np.random.default_rng(0).random(shape)
-    starts = _maxima(problem, rewards, 24, 1)
+    rewards = np.random.default_rng(0).random((40,) if problem.actions == 1 else (8, 7))
+    starts = _maxima(problem, rewards, 24)
     assert len(set(starts.tolist())) == 24
     assert starts[0] == rewards.argmax()
 
 
+@pytest.mark.parametrize("noise", [None, (0.0, 0.0)])
 @pytest.mark.parametrize("control", ["speed", "all"])
-def test_speeds_are_searched_too(control):
+def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
     """Oracle: the simulator; a random search; the best of both at the speed of the context, which is less free."""
     content = load_scenario("talus").model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 8.0)
-    problem = Problem(Scenario.model_validate(content), control=control)
+    problem = Problem(Scenario.model_validate(content), control=control, launch_noise=noise)
     contexts = problem.contexts("test", 1)
     table = best_launches(problem, contexts)
     assert np.array_equal(rewards_again(problem, table), table["reward"])
-    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 3000, problem.actions))
-    assert problem.expect(contexts, tried, "test").max() <= 1.001 * table["reward"][0]
-    if control == "all":
-        less = best_launches(Problem(problem.scenario, control="both"), contexts)
-        assert table["reward"][0] >= 0.999 * less["reward"][0]
+    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 500, problem.actions))
+    assert problem.expect(problem.trials(contexts, "test"), tried).max() <= 1.005 * table["reward"][0]
+    assert table["low"][0] < table["high"][0]
     cells = map_table(problem, contexts)
-    assert len(cells) == np.prod([GRID[name] for name in problem.task.controlled])
-    assert cells["reward"].max() <= table["reward"][0]
+    assert len(cells) <= 3 * SHOWN
+    assert cells["speed"].nunique() > 2
 
 
 def test_what_is_not_chosen_is_not_searched():
@@ -163,7 +158,7 @@ def test_what_is_not_chosen_is_not_searched():
 def test_a_search_is_kept_and_one_of_other_physics_is_made_anew(found, tmp_path, monkeypatch):
     """Oracle: the file is read while its launches earn their rewards, and written anew once they do not."""
     problem, table = found
-    contexts = problem.contexts("test", 4)
+    contexts = problem.contexts("test", 6)
     calls = []
     monkeypatch.setattr(
         "sledenv.benchmark.oracle.best_launches", lambda *arguments: calls.append(arguments) or table.copy()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sledenv import STATUS_OF_CODE
-from sledenv.benchmark.problem import ENVIRONMENTS, TREMBLES, TRIALS, Problem
+from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
-from sledenv.scenarios.scenario import Scenario, load_scenario
+from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.packs import own_pack
 
 
@@ -65,7 +65,7 @@ def test_a_scenario_says_what_is_chosen_and_how_noisy_the_launch_is(noisy):
 
 
 def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
-    """Oracle: every trial by itself; all contexts share their noise, whose deviations are those of the scenario."""
+    """Oracle: every trial by itself; all contexts share their errors, whose deviations are those of the scenario."""
     problem = Problem(noisy)
     contexts = problem.contexts("train", 3)
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
@@ -73,47 +73,62 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     assert trials.shape == (3, TRIALS, 13)
     assert np.array_equal(trials[0, :, 11:], trials[2, :, 11:])
     assert not np.isclose(trials[0, :, 11:], problem.trials(contexts, "test")[0, :, 11:]).any()  # nobody knows the test
-    assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.task.noise, rel=0.3)
+    assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.noise, rel=0.1)
+    assert trials[0, :, 11:].mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.1 * problem.noise.min())
     slow = [
         [np.mean([problem.descend(trial[np.newaxis], [action]).jam.reward[0] for trial in trials[i]]) for action in row]
         for i, row in enumerate(actions)
     ]
-    assert problem.expect(contexts, actions, "train") == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem(own_pack("ice_drop")).trials(contexts, "test").shape == (3, 1, 11)
+    assert problem.expect(trials, actions) == pytest.approx(np.array(slow), abs=1e-14)
+    assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 13)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
     assert np.array_equal(drawn[:TRIALS, 11:], trials[0, :, 11:])
     assert np.array_equal(drawn[TRIALS:, 11:], trials[0, :, 11:])
 
 
-def test_extra_noise_disturbs_what_is_chosen_alone(noisy):
-    """Oracle: standard deviations by hand; a disturbance that the agent does not choose stays as it is."""
-    quiet = noisy.model_copy(update={"control": load_scenario(own_pack("brake_mat")).control})
-    contexts = Problem(quiet).contexts("test", 2000)
-    both = Problem(quiet, control="both").disturbed(contexts, 0.05)[:, 11:]
-    assert both.std(axis=0) == pytest.approx([0.05 * np.pi, 0.05 * 8.0], rel=0.06)
-    one = Problem(quiet, control="orientation").disturbed(contexts, 0.05)[:, 11:]
-    assert np.array_equal(one[:, 0], both[:, 0])
-    assert not one[:, 1].any()
-    more = Problem(noisy).disturbed(contexts, 0.05)[:, 11:]
-    assert more.std(axis=0) == pytest.approx([np.hypot(0.05 * np.pi, np.radians(4.0)), 0.5], rel=0.06)
+def test_a_launch_is_chosen_once_and_judged_in_all_trials(noisy):
+    """Oracle: the mean over the trials, each judged by itself; an agent whose every answer is another one."""
 
+    class Counting:
+        asked = 0
 
-def test_a_tremble_is_the_noise_and_that_of_a_hand_in_what_is_chosen(noisy):
-    """Oracle: independent variances add up; the spread and the mean of the launches that are simulated."""
+        def act(self, observations):
+            self.asked += len(observations)
+            return np.linspace(-0.5, 0.5, len(observations), dtype=np.float32)[:, np.newaxis]
+
     problem = Problem(noisy)
-    assert problem.tremble == pytest.approx([np.hypot(np.radians(4.0), np.radians(2.0)), 0.5])
+    trials = problem.trials(problem.contexts("test", 3), "test", 4)
+    agent = Counting()
+    batch, actions = problem.judge(agent, trials)
+    assert agent.asked == 3
+    assert actions.shape == (3, 1)
+    for i in range(4):
+        alone = problem.descend(trials[:, i], actions)
+        assert np.array_equal(alone.jam.reward, batch.jam.reward.reshape(3, 4)[:, i])
+
+
+def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest(noisy):
+    """Oracle: uniform and normal moments; a problem that sees all has the same scenes but for the hidden fields."""
+    seen = [name for name in Context._fields if name not in ("friction", "restitution")]
+    problem = Problem("sled_snow", observe=seen)
     contexts = problem.contexts("test", 2)
-    noise = problem.trembling(contexts, "test")[:, :, FIELDS:]
-    assert noise.shape == (2, TREMBLES, 2)
-    assert np.array_equal(noise[0], noise[1])
-    assert noise[0].std(axis=0) == pytest.approx(problem.tremble, rel=0.2)
-    assert not np.array_equal(noise[0], problem.trembling(contexts, "validation")[0, :, FIELDS:])
-    tried = np.zeros((2, 1, 1))
-    earned = [
-        problem.descend(one, np.zeros((2, 1))).jam.reward
-        for one in np.swapaxes(problem.trembling(contexts, "test"), 0, 1)
-    ]
-    assert problem.expect(contexts, tried, "test", trembling=True)[:, 0] == pytest.approx(np.mean(earned, axis=0))
+    scenes = problem.scenes(contexts, 256, (5,))
+    hidden = np.flatnonzero(problem.task.hidden)
+    low, high = problem.scenario.ranges
+    assert [Context._fields[i] for i in hidden] == ["friction", "restitution"]
+    for i in hidden:
+        assert scenes[0, :, i].min() < low[i] + 0.02 * (high[i] - low[i])
+        assert scenes[0, :, i].max() > high[i] - 0.02 * (high[i] - low[i])
+        assert scenes[0, :, i].mean() == pytest.approx(0.5 * (low[i] + high[i]), rel=0.02)
+    assert scenes[0, :, FIELDS:].std(axis=0) == pytest.approx(problem.noise, rel=0.05)
+    others = np.delete(np.arange(FIELDS), hidden)
+    assert (scenes[1][:, others] == contexts[1, others]).all()
+    assert (
+        problem.trials(contexts, "test")[..., :FIELDS] == contexts[:, np.newaxis]
+    ).all()  # judged where it really is
+    still = problem.scenes(contexts, 8, (5,), tremble=(True, False))[0, :, FIELDS:]
+    assert still[:, 0].all()
+    assert not still[:, 1].any()
 
 
 def test_an_unknown_environment_is_refused():
@@ -132,7 +147,7 @@ def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, m
     problem = Problem(own_pack("ice_drop"), environment)
     agent = Scripted(11 if environment == "launch" else 20, wide)
     with pytest.raises(ValueError, match=f"^agent {__name__}, scenario ice_drop: {message}$"):
-        problem.judge(agent, problem.contexts("test", 3))
+        problem.judge(agent, problem.trials(problem.contexts("test", 3), "test"))
 
 
 @pytest.mark.parametrize(("answer", "message"), [(np.nan, "nan"), (1.5, "within"), ("x", "numbers of shape")])
@@ -143,7 +158,7 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
 
     problem = Problem("sled_tilt")
     with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_tilt: .*{message}"):
-        problem.judge(Wrong(), problem.contexts("test", 3))
+        problem.judge(Wrong(), problem.trials(problem.contexts("test", 3), "test"))
 
 
 @pytest.mark.parametrize(

@@ -221,7 +221,9 @@ def test_info_holds_what_was_asked_for(name):
     given, expected = chosen.step(action)[4], whole.step(action)[4]
     assert given == {key: expected[key] for key in ("jam", "is_success")}
     for info in ("jam", ("jam", "jem"), None):
-        with pytest.raises(ValueError, match=r"info = .*: must be a sequence of any of 'context', 'rebounds'"):
+        with pytest.raises(
+            ValueError, match=r"info = .*: must be a sequence of any of 'context', 'launch', 'rebounds'"
+        ):
             gym.make(name, info=info)
 
 

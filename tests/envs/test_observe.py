@@ -100,7 +100,11 @@ def test_info_tells_the_launch_with_its_error(kind, noise):
         height = sledenv.simulation.support.support_height(scenario.body(context), launch.phi)
         launch = launch._replace(y=height + context.drop)
         again = sledenv.simulate(
-            scenario.body(context), scenario.law(context), scenario.slope(context), launch, scenario.settings("compliant")
+            scenario.body(context),
+            scenario.law(context),
+            scenario.slope(context),
+            launch,
+            scenario.settings("compliant"),
         )
         assert again.jam.reward == pytest.approx(total, abs=1e-12)
         assert (told["orientation"] != context.orientation) == bool(noise[0])

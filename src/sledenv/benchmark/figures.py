@@ -1,4 +1,4 @@
-"""Figures of a benchmark: learning, regret, jam maps, robustness to noise and where the energy goes."""
+"""Figures of a benchmark: learning, regret, jam maps and where the energy goes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from sledenv.benchmark.scores import (
     ordered,
     rank,
     regrets,
-    robustness,
 )
 from sledenv.kernel.records import LOSSES
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
@@ -122,28 +121,6 @@ def plot_regret(results: Results) -> Figure:
     return _panels(table, draw, "regret", "share of contexts", lines)
 
 
-def plot_robustness(results: Results) -> Figure | None:
-    """Plot the mean reward against extra noise of the launch.
-
-    Returns
-    -------
-    Figure or None
-        None if nothing was judged with extra noise.
-    """
-    table = robustness(results)
-    if not (table["noise"] > 0.0).any():
-        return None
-
-    def draw(ax: Axes, group: pd.DataFrame) -> None:
-        for agent, rows in group.groupby("agent", sort=False):
-            colour, marker = look(agent, table)
-            ax.plot(rows["noise"], rows["reward"], color=colour, marker=marker, ms=5.0)
-        levels = sorted(group["noise"].unique())
-        ax.set_xticks(levels, [f"{100.0 * level:g}%" for level in levels])
-
-    return _panels(table, draw, "noise of the launch", "mean reward", _lines(table, markers=True))
-
-
 def plot_maps(results: Results) -> Figure | None:
     """Draw the reward over the launches of a few contexts, the best launch and what the agents chose.
 
@@ -159,8 +136,6 @@ def plot_maps(results: Results) -> Figure | None:
     chosen = judged[
         (judged["environment"] == "launch")
         & (judged["stage"] == "trained")
-        & (judged["noise"] == 0.0)
-        & (judged["trial"] == judged["trial"].min())
         & ~judged["agent"].isin(["zero", "random_launch"])
     ]
     scenarios = sorted(maps["scenario"].unique())

@@ -61,9 +61,7 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     choosers = load_choosers(problem, runs)
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
     best, results = marked(problem, context, choosers)
-    names = problem.task.controlled
-    grid = {name: CONTROLS[name].drawn for name in names[:2]} | {name: CONTROLS[name].searched for name in names[2:]}
-    (one,) = jam_map(problem, context, grid)
+    (one,) = jam_map(problem, context)
     figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, words(problem, best, results), plain_marks(problem, seed, best, results))
 
@@ -140,7 +138,7 @@ def marked(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> 
     """
     chosen = []
     for name, seed, theirs, agent in choosers:
-        batch, actions = theirs.judge(agent, theirs.trials(context, "test")[0])
+        batch, actions = theirs.judge(agent, theirs.trials(context, "test"))
         chosen.append((name, seed, *actions[0].tolist(), float(batch.jam.reward.mean())))
     columns = ["agent", "seed", *(f"action_{i}" for i in range(problem.actions)), "reward"]
     return best_launches(problem, context).iloc[0], pd.DataFrame(chosen, columns=columns)
@@ -157,13 +155,13 @@ def words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
         return " ".join(parts)
 
     lines = [f"{'best launch':<20} {launch(best)}   reward {best['reward']:.4f}"]
+    lines.append(f"{'best there is':<20} reward {best['low']:.4f} to {best['high']:.4f}")
     lines += [
         f"{row['agent'] + ', seed ' + str(row['seed']):<20} {launch(row)}   reward {row['reward']:.4f}, "
         f"regret {1.0 - row['reward'] / best['reward']:.2%}"
         for _, row in results.iterrows()
     ]
     lines.append(f"{'any launch':<20} mean reward {best['uniform']:.4f}; {best['width']:.2%} within 1 % of the best")
-    lines.append(f"{'neighbours differ':<20} by {best['step_median']:.4f} (median), {best['step_p99']:.4f} (99 %)")
     return "\n".join(lines)
 
 
@@ -178,5 +176,5 @@ def plain_marks(problem: Problem, seed: int, best: pd.Series, results: pd.DataFr
         return {"launch": values, "reward": row["reward"]}
 
     agents = [{"agent": row["agent"], "seed": row["seed"], **launch(row)} for _, row in results.iterrows()]
-    around = {name: best[name] for name in ("uniform", "width", "step_median", "step_p99")}
+    around = {name: best[name] for name in ("low", "high", "uniform", "width")}
     return {"seed": seed, "best": launch(best), "agents": agents, **around}

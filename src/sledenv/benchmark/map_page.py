@@ -18,8 +18,8 @@ from tqdm import tqdm
 
 from sledenv.benchmark.figures import label, look
 from sledenv.benchmark.landscape import load_choosers, marked, physical, plain_marks, words
-from sledenv.benchmark.oracle import grid_axes
-from sledenv.benchmark.problem import TRIALS, Problem
+from sledenv.benchmark.oracle import expected_at, jam_map
+from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, read_config
 from sledenv.envs.inputs import Contexts
 from sledenv.kernel.records import STATUS_OF_CODE
@@ -117,8 +117,9 @@ def _axes(problem: Problem, contexts: Contexts) -> tuple[NDArray[np.float64], ..
     most = min(DESCENTS, BYTES * len(actions) * len(contexts) / taken)
     share = min(1.0, most / len(contexts) / math.prod(full.values())) ** (1.0 / len(names))
     counts = {name: max(int(share * count), 2) for name, count in full.items()}
-    axes = grid_axes(problem, counts | dict.fromkeys(others, 1))
-    return (*axes[: len(names)], *(np.zeros(1) for _ in others))
+    turning = dict(zip(names, problem.turns, strict=False))
+    axes = [np.linspace(-1.0, 1.0, counts[name], endpoint=not turning[name]) for name in names]
+    return (*axes, *(np.zeros(1) for _ in others))
 
 
 def _content(
@@ -136,7 +137,7 @@ def _content(
         "id": scenario.id,
         "question": scenario.question,
         "controls": controls,
-        "trials": TRIALS if problem.noisy else 1,
+        "tremble": bool(problem.noise.any()),
         "colours": [to_hex(colour) for colour in matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _COLOURS))],
         "body": drawn_body(body),
         "size": max(reach(body), 1e-6),  # a point mass has none
@@ -165,7 +166,9 @@ def _context(
     marks = pd.concat([best.to_frame().T[[*names, "reward"]], results[[*names, "reward"]]]).to_numpy(np.float64)
     actions = np.concatenate([grid, marks[:, :-1]])
     frames, outcomes = _recorded(problem, context, actions, bar)
-    expected = problem.expect(context, actions[np.newaxis], "test")[0] if problem.noisy else outcomes["reward"]
+    expected = outcomes["reward"].to_numpy(np.float64)
+    if problem.noise.any():
+        expected = np.append(expected_at(problem, jam_map(problem, context)[0], grid), marks[:, -1])
     numbers = [outcomes[name].to_numpy(np.float64) for name in _NUMBERS]
     columns = [*(outcomes[name].to_numpy(np.int32) for name in _COUNTS), expected, *numbers]
     kinds = [("best launch", "★", "#ffffff")]

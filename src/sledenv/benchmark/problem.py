@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, Self, get_args
 
@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
 from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
@@ -24,9 +25,8 @@ from sledenv.simulation.settings import BatchSolver
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
-TRIALS: Final = 8  # launches with which a context is judged where the launch is noisy
-TREMBLE: Final = (math.radians(2.0), 0.2)  # [rad], [rad/s] standard deviations of what a steady hand misses by; assumed
-TREMBLES: Final = 16  # launches with which a context is judged under a tremble
+TRIALS: Final = 64  # draws of the tremble with which a launch is judged in each context
+_BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
 
 class Agent(Protocol):
@@ -74,21 +74,23 @@ class Problem:
         What it chooses of the launch, as for :class:`sledenv.envs.task.Task`.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
+    launch_noise : pair of float, optional
+        Standard deviations of the errors of orientation [rad] and spin [rad/s] at launch, the tremble; those of the
+        scenario by default.
+    observe : "all" or sequence of str
+        Fields of the context that the agent sees, as for :class:`sledenv.envs.task.Task`.
 
     Attributes
     ----------
-    noisy : bool
-        Whether the launch misses what was chosen.
-    tremble : ndarray, shape (2,)
-        Standard deviations of orientation [rad] and spin [rad/s] under a tremble: the noise of the scenario and, in
-        what the agent chooses, ``TREMBLE``.
+    noise : ndarray, shape (2,)
+        The standard deviations of the tremble [rad], [rad/s].
     turns : tuple of bool
         For each thing that is chosen whether its bounds are a full turn apart, so that both are the same launch.
 
     Raises
     ------
     ScenarioError, ValueError
-        For an unknown scenario, environment, control or solver.
+        For an unknown scenario, environment, control, solver or field, or wrong noise.
     """
 
     def __init__(
@@ -98,11 +100,13 @@ class Problem:
         control: str | None = None,
         *,
         solver: BatchSolver = "compliant",
+        launch_noise: tuple[float, float] | None = None,
+        observe: Literal["all"] | Sequence[str] = "all",
     ) -> None:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))
             raise ValueError(f"environment = {environment!r}: must be one of {known}")
-        self.task = Task(scenario, control, solver=solver)
+        self.task = Task(scenario, control, solver=solver, launch_noise=launch_noise, observe=observe)
         self.scenario = self.task.scenario
         self.environment = environment
         self.id = ENVIRONMENTS[environment]
@@ -110,11 +114,16 @@ class Problem:
         hops = environment == "descent"
         self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
         self.actions: int = self.action_space.shape[0]
-        self.noisy = bool(self.task.noise.any())
-        chosen = [name in self.task.controlled for name in NOISY]
-        self.tremble: NDArray[np.float64] = np.hypot(self.task.noise, np.where(chosen, TREMBLE, 0.0))
+        self.noise: NDArray[np.float64] = self.task.noise
         bounds = self.scenario.control_bounds
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
+
+    def seeing_all(self) -> Problem:
+        """Return the same problem for one from whom nothing is hidden."""
+        if not self.task.hidden.any():
+            return self
+        noise = tuple(self.noise.tolist())
+        return Problem(self.scenario, self.environment, self.control, solver=self.task.solver, launch_noise=noise)
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 11); context i does not depend on ``count``."""
@@ -122,52 +131,53 @@ class Problem:
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
 
-    def trials(self, contexts: Contexts, split: Split) -> Contexts:
-        """Repeat contexts of shape (n, 11) as often as they are judged, shape (n, t, 11) or (n, t, 13).
+    def trials(self, contexts: Contexts, split: Split, count: int = TRIALS) -> Contexts:
+        """Repeat contexts of shape (n, 11) with draws of the tremble, shape (n, t, 13).
 
-        Where the launch is noisy, t is ``TRIALS`` and every context gets the same quasi-random normal noise, so that a
-        mean over the trials is the expected value, of agents and of the oracle alike. Each split has noise of its own:
-        an agent that searches with that of "train" or "validation" knows nothing of that with which it is judged.
-        Otherwise t is 1.
+        Every context gets the same t = ``count`` quasi-random normal errors, one if there is no tremble, so that a mean
+        over the trials is the expected reward, of agents and of the oracle alike. Each split has errors of its own: an
+        agent that searches with those of "train" or "validation" knows nothing of those with which it is judged.
         """
-        if not self.noisy:
-            return contexts[:, np.newaxis]
-        return _repeated(contexts, self.task.noise, TRIALS, split)
+        return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
 
-    def trembling(self, contexts: Contexts, split: Split) -> Contexts:
-        """Repeat contexts of shape (n, 11) with launches that miss what is chosen by a tremble, shape (n, t, 13).
+    def scenes(
+        self, contexts: Contexts, count: int, seed: Sequence[int], *, tremble: Sequence[bool] = (True, True)
+    ) -> Contexts:
+        """Repeat contexts of shape (n, 11) with draws of all that one who chooses does not know, shape (n, count, 13).
 
-        As :meth:`trials`, but with t = ``TREMBLES`` and the noise of ``tremble``.
+        These are the errors of orientation and spin, in the last two columns, and the hidden fields of the context,
+        uniform in their ranges. They are points of a scrambled Sobol sequence, the same for every context.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 11)
+        count : int
+        seed : sequence of int
+            Of the scrambling; other seeds give independent draws.
+        tremble : pair of bool
+            Which of the two errors there are.
         """
-        return _repeated(contexts, self.tremble, TREMBLES, split)
+        task = self.task
+        hidden = np.flatnonzero(task.hidden)
+        sequence = qmc.Sobol(len(NOISY) + len(hidden), rng=np.random.default_rng(list(seed)))
+        uniform = np.clip(sequence.random(1 << (count - 1).bit_length())[:count], 1e-12, 1.0 - 1e-12)
+        scenes = np.zeros((len(contexts), count, FIELDS + len(NOISY)))
+        scenes[..., :FIELDS] = contexts[:, np.newaxis]
+        scenes[..., FIELDS:] = np.where(tremble, self.noise, 0.0) * ndtri(uniform[:, : len(NOISY)])
+        if hidden.size:
+            draws = np.full((count, FIELDS), 0.5)
+            draws[:, hidden] = uniform[:, len(NOISY) :]
+            scenes[..., hidden] = self.scenario.contexts(draws)[:, hidden]
+        return scenes
 
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
-        """Give each of contexts of shape (n, 11) one draw of the noise of a split, shape (n, 11) or (n, 13).
+        """Give each of contexts of shape (n, 11) one draw of the tremble of a split, shape (n, 13).
 
         These are the trials of :meth:`trials` in turn, one a context.
         """
         trials = self.trials(contexts, split)
         lanes = np.arange(len(contexts))
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
-
-    def disturbed(self, contexts: Contexts, level: float) -> Contexts:
-        """Add normal noise to what the agent chooses of ``NOISY``, once for each of contexts of shape (n, 11).
-
-        Parameters
-        ----------
-        contexts : ndarray, shape (n, 11)
-        level : float
-            Standard deviation as a share of half the control range, added to the noise of the scenario.
-
-        Returns
-        -------
-        ndarray, shape (n, 13)
-            The same whatever the agent.
-        """
-        task = self.task
-        extra = [np.ptp(task.bounds[name]) / 2 if name in task.controlled else 0.0 for name in NOISY]
-        sigma = np.hypot(self.task.noise, level * np.array(extra))
-        return np.hstack([contexts, sigma * np.random.default_rng(0).standard_normal((len(contexts), 2))])
 
     def inside(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Put actions of shape (..., k) into the box: a full turn wraps around, everything else stops at its bounds."""
@@ -182,46 +192,45 @@ class Problem:
         chosen = checked_actions(self.task.action_space, actions, len(contexts))
         return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 
-    def expect(
-        self, contexts: Contexts, actions: NDArray[np.float64], split: Split, *, trembling: bool = False
-    ) -> NDArray[np.float64]:
-        """Return the expected reward of launches.
+    def expect(self, trials: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean rewards of launches over trials.
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 11)
+        trials : ndarray, shape (n, t, 13)
+            Of :meth:`trials` or :meth:`scenes`.
         actions : ndarray, shape (n, m, k)
-            Launches to try in each context.
-        split : {"train", "validation", "test"}
-            Whose noise is meant, see :meth:`trials`.
-        trembling : bool
-            Whether the launches miss by a tremble too, see :meth:`trembling`.
+            Launches to try in each context; they may lie outside the bounds, as far as a launch may.
 
         Returns
         -------
         ndarray, shape (n, m)
         """
-        tried = actions.shape[1]
-        trials = self.trembling(contexts, split) if trembling else self.trials(contexts, split)
-        rewards: NDArray[np.float64] = np.zeros(actions.shape[:2])
-        for i in range(trials.shape[1]):
-            repeated = np.repeat(trials[:, i], tried, axis=0)
-            rewards += self.descend(repeated, actions.reshape(-1, actions.shape[2])).jam.reward.reshape(rewards.shape)
-        rewards /= trials.shape[1]
-        return rewards
+        task, (count, tried) = self.task, actions.shape[:2]
+        flat, many = actions.reshape(count * tried, -1), trials.shape[1]
+        means: NDArray[np.float64] = np.empty(len(flat))
+        size = max(1, _BLOCK // many)
+        for start in range(0, len(flat), size):
+            rows = np.arange(start, min(start + size, len(flat)))
+            contexts = trials[rows // tried].reshape(-1, trials.shape[2])
+            batch = task.descend_batch(contexts, task.launches(contexts, np.repeat(flat[rows], many, axis=0)))
+            means[rows] = batch.jam.reward.reshape(len(rows), many).mean(axis=1)
+        return means.reshape(count, tried)
 
-    def judge(self, agent: Agent, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def judge(self, agent: Agent, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Simulate what an agent does in contexts, on all cores.
 
         Parameters
         ----------
         agent : Agent
-        contexts : ndarray, shape (n, 11) or (n, 13)
+            It is asked for the launch of a context once, because it sees the same in all of its trials.
+        trials : ndarray, shape (n, t, 13), or (n, 11) or (n, 13)
+            Of :meth:`trials`, or contexts of which each is judged once.
 
         Returns
         -------
         DescentBatch
-            Equal bit for bit to episodes of the environment.
+            Of n t descents, the trials of a context side by side; equal bit for bit to episodes of the environment.
         ndarray, shape (n, k)
             The launches that it chose, in [-1, 1].
 
@@ -232,14 +241,17 @@ class Problem:
         RuntimeError
             If it raises an error itself, which is the cause.
         """
-        task = self.task
-        seen = task.observe(contexts)
+        trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
+        task, many = self.task, trials.shape[1]
+        first, contexts = task.observe(trials[:, 0]), trials.reshape(-1, trials.shape[2])
         if self.environment == "launch":
-            actions = self._answer(agent, seen)
-            return task.descend_batch(contexts, task.launches(contexts, actions)), actions
-        ground = np.zeros((len(seen), len(FLIGHT)), np.float32)
-        actions = self._answer(agent, np.hstack([seen, ground]))[:, :-1]
-        rides = task.rides(contexts, task.launches(contexts, actions))
+            actions = self._answer(agent, first)
+            launches = task.launches(contexts, np.repeat(actions, many, axis=0))
+            return task.descend_batch(contexts, launches), actions
+        ground = np.zeros((len(first), len(FLIGHT)), np.float32)
+        actions = self._answer(agent, np.hstack([first, ground]))[:, :-1]
+        seen = np.repeat(first, many, axis=0)
+        rides = task.rides(contexts, task.launches(contexts, np.repeat(actions, many, axis=0)))
         trims = np.zeros(len(seen))
         while True:
             rides.hop(trims)
@@ -263,14 +275,6 @@ class Problem:
             return checked_actions(self.action_space, actions, len(observations))
         except InvalidAction as error:
             raise ValueError(f"{whose}: {error}") from error
-
-
-def _repeated(contexts: Contexts, sigma: NDArray[np.float64], count: int, split: Split) -> Contexts:
-    """Give each of contexts of shape (n, 11) the same quasi-random normal noise of a split, shape (n, count, 13)."""
-    noise = sigma * qmc.MultivariateNormalQMC([0.0, 0.0], rng=np.random.default_rng(_number(split))).random(count)
-    shape = len(contexts), count
-    repeated = np.broadcast_to(contexts[:, np.newaxis], (*shape, FIELDS))
-    return np.concatenate([repeated, np.broadcast_to(noise, (*shape, 2))], axis=2)
 
 
 def _number(split: Split) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import json
-import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 
 from sledenv.benchmark import figures
 from sledenv.benchmark.figures import label, title
-from sledenv.benchmark.problem import TREMBLE
 from sledenv.benchmark.scores import (
     BASELINES,
     GOOD_SCORE,
@@ -45,7 +43,6 @@ _FIGURES: Final[dict[str, Callable[[Results], Figure | None]]] = {
     "learning": figures.plot_learning,
     "seconds": partial(figures.plot_learning, against="seconds"),
     "maps": figures.plot_maps,
-    "robustness": figures.plot_robustness,
     "energy": figures.plot_energy,
 }
 _CONTENTS: Final = {PAGE, TABLE, *(f"{name}.png" for name in _FIGURES)}
@@ -102,7 +99,6 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         small_regret=SMALL_REGRET,
         small_tail=SMALL_TAIL,
         good_score=GOOD_SCORE,
-        tremble=(math.degrees(TREMBLE[0]), TREMBLE[1]),
         verdicts=verdicts(table).to_dict("records"),
         tasks=_grouped(summary(results), "environment"),
         problems=_grouped(table, PROBLEM),
@@ -111,7 +107,6 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         suites=_known(runs["suite"]),
         commits=_known(runs["commit"]),
         seeds=_known(judged["seed"]),
-        noises=_known(judged["noise"]),
         judged=len(judged),
         hashes=hashes.itertuples(index=False),
         versions=[

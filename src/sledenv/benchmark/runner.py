@@ -7,16 +7,16 @@ import json
 import logging
 import subprocess
 from pathlib import Path
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sledenv.benchmark.oracle import map_table, oracle
-from sledenv.benchmark.problem import TREMBLE, TREMBLES, TRIALS, Agent, Problem
+from sledenv.benchmark.problem import TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
+from sledenv.benchmark.scores import STATUSES
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
@@ -96,8 +96,7 @@ def _warm_up(job: Job) -> None:
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:
     """Digest of all that the numbers of a job depend on."""
-    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, suite.noise]
-    content += [TRIALS, TREMBLE, TREMBLES]
+    content = [meant(job.module, problem, job.settings, job.seed), suite.contexts, TRIALS]
     content += [DescentJam._fields, LIBRARY.fingerprint]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
@@ -128,7 +127,7 @@ def _is_sound(file: Path) -> bool:
 
 def _search(suite: Suite, scenario: str, folder: Path) -> str:
     """Search the best launches of the held-out contexts of a scenario."""
-    problem = Problem(scenario)
+    problem = suite.problem(scenario)
     contexts = problem.contexts("test", suite.contexts)
     oracle(problem, contexts, folder / "searched")
     return f"oracle of {problem.scenario.id}"
@@ -140,17 +139,12 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
     place = folder / "trained" / job.name
     if not is_trained(job.module, problem, job.settings, job.seed, place):
         train(job.module, problem, job.settings, job.seed, place)
-    contexts = problem.contexts("test", suite.contexts)
+    trials = problem.trials(problem.contexts("test", suite.contexts), "test")
     _, agent, _ = load_run(place)
-    rows = _rows(problem, agent, problem.trials(contexts, "test")).assign(stage="trained", noise=0.0)
-    parts = [rows.assign(steady=_steady(problem, contexts, rows))]
-    for level in suite.noise:
-        noisy = problem.disturbed(contexts, level)[:, np.newaxis]
-        parts.append(_rows(problem, agent, noisy).assign(stage="trained", noise=level))
+    parts = [_rows(problem, agent, trials).assign(stage="trained")]
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        untrained = _rows(problem, before(problem, place), problem.trials(contexts, "test")[:, :1])
-        parts.append(untrained.assign(stage="untrained", noise=0.0))
+        parts.append(_rows(problem, before(problem, place), trials).assign(stage="untrained"))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
     table.attrs["digest"] = _digest(table)
@@ -160,28 +154,18 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
 
 
 def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
-    """Return one row a judged descent, for contexts of shape (n, t, 11) or (n, t, 13)."""
-    batch, actions = problem.judge(agent, trials.reshape(-1, trials.shape[2]))
-    outcomes, jam = batch.outcomes, batch.jam
-    context, trial = np.indices(trials.shape[:2]).reshape(2, -1)
-    columns = {"context": context, "trial": trial, "reward": jam.reward, "status": batch.status}
-    columns |= jam._asdict()
+    """Return one row a context, means over its trials, for contexts of shape (n, t, 11) or (n, t, 13)."""
+    batch, actions = problem.judge(agent, trials)
+    outcomes, status = batch.outcomes, batch.status
+    columns: dict[str, Any] = batch.jam._asdict()
+    columns |= {name: status == name for name in STATUSES}
     columns |= {f"loss_{name}": outcomes[name] for name in LOSSES}
     columns |= {"supplied": outcomes["supplied"], "rebounds": outcomes["rebounds"], "time": outcomes["t"]}
+    means = {name: np.reshape(column, trials.shape[:2]).mean(axis=1) for name, column in columns.items()}
     for i in range(len(CONTROLS)):
-        columns[f"action_{i}"] = actions[:, i] if i < actions.shape[1] else np.full(len(actions), np.nan)
-    columns["on_bound"] = np.abs(actions).max(axis=1) >= 1.0 - _ON_BOUND
-    return pd.DataFrame(columns)
-
-
-def _steady(problem: Problem, contexts: Contexts, rows: pd.DataFrame) -> NDArray[np.float64]:
-    """Return what the launches of judged descents earn in the mean under a tremble; NaN where hops are trimmed too."""
-    if problem.environment != "launch":
-        return np.full(len(rows), np.nan)
-    actions = rows[[f"action_{i}" for i in range(problem.actions)]].to_numpy(np.float64)
-    launches = actions[(rows["trial"] == 0).to_numpy()]  # the same in all trials
-    earned: NDArray[np.float64] = problem.expect(contexts, launches[:, np.newaxis], "test", trembling=True)[:, 0]
-    return np.asarray(earned[rows["context"].to_numpy()])
+        means[f"action_{i}"] = actions[:, i] if i < actions.shape[1] else np.full(len(actions), np.nan)
+    means["on_bound"] = np.abs(actions).max(axis=1) >= 1.0 - _ON_BOUND
+    return pd.DataFrame({"context": np.arange(len(trials)), **means})
 
 
 def _curve(folder: Path) -> list[list[float]]:
@@ -211,7 +195,7 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
         results.append(table.assign(scenario_hash=problem.scenario.hash, **named))
     searched, maps = [], []
     for scenario in suite.scenarios:
-        problem = Problem(scenario)
+        problem = suite.problem(scenario)
         contexts = problem.contexts("test", suite.contexts)
         best = oracle(problem, contexts, folder / "searched")
         searched.append(best.assign(scenario=problem.scenario.id, context=np.arange(len(best))))

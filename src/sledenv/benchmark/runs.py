@@ -131,6 +131,8 @@ def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) ->
         "scenario_hash": problem.scenario.hash,
         "environment": problem.environment,
         "control": problem.control,
+        "observe": list(problem.task.observed),
+        "launch_noise": problem.noise.tolist(),
         "seed": seed,
         "settings": settings,
     }
@@ -183,7 +185,8 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
         folder = TRAINED / folder
     config = read_config(folder)
     scenario = Scenario.model_validate(config["scenario"])
-    problem = Problem(scenario, config["environment"], config["control"])
+    given = {"observe": config["observe"], "launch_noise": config["launch_noise"]}
+    problem = Problem(scenario, config["environment"], config["control"], **given)
     return problem, agent_class(config["agent"]).load(problem, folder), config
 
 

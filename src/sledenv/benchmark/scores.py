@@ -27,13 +27,13 @@ RESAMPLES: Final = 1000
 _SEED: Final = 0
 _COLUMNS: Final = {
     "results": (
-        "environment scenario scenario_hash agent seed stage context trial noise status supplied "
-        f"{' '.join(f'loss_{name}' for name in LOSSES)} rebounds time action_0 on_bound steady "
+        f"environment scenario scenario_hash agent seed stage context {' '.join(STATUSES)} supplied "
+        f"{' '.join(f'loss_{name}' for name in LOSSES)} rebounds time action_0 on_bound "
         f"{' '.join(DescentJam._fields)}"
     ),
     "curves": "environment scenario agent seed descents seconds mean_reward",
     "runs": "environment scenario agent seed descents train_seconds commit versions suite",
-    "oracle": "scenario context action_0 reward left steady uniform width step_median step_p99",
+    "oracle": "scenario context action_0 reward low high uniform width",
     "maps": "scenario context reward",
 }
 
@@ -41,7 +41,7 @@ _COLUMNS: Final = {
 class Results(NamedTuple):
     """What a run of the benchmark leaves, one DataFrame a Parquet file; docs/benchmark.md lists the columns."""
 
-    results: pd.DataFrame  # a row each judged descent
+    results: pd.DataFrame  # a row each context in which an agent was judged, means over its trials
     curves: pd.DataFrame  # a row each validation during training
     runs: pd.DataFrame  # a row each trained agent
     oracle: pd.DataFrame  # a row each context: its best launch
@@ -87,7 +87,7 @@ def read_results(folder: Path) -> Results:
             raise ValueError(f"{path} has no column {missing[0]!r}")
         if name in ("results", "oracle") and tables[name].empty:
             raise ValueError(f"{path} has no rows")
-    key = [*AGENT, "seed", "stage", "context", "noise", "trial"]
+    key = [*AGENT, "seed", "stage", "context"]
     twice = tables["results"].duplicated(key)
     if twice.any():
         row = tables["results"][twice].iloc[0]
@@ -110,16 +110,14 @@ def ordered(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def regrets(results: Results) -> pd.DataFrame:
-    """Compare trained agents with the best launch of each context, without extra noise.
+    """Compare trained agents with the best launch of each context, both under the tremble.
 
     Returns
     -------
     DataFrame
-        A row for each environment, scenario, agent, seed and context: mean over the trials of ``reward`` and whatever
-        else is in ``SHOWN``, of ``on_bound`` and ``finished``; ``best`` and ``uniform``, the rewards of the best and of
-        a random launch; ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is
-        lost there. ``steady_regret`` is that of the launch against the best one, both under a tremble; NaN where hops
-        are trimmed too.
+        A row for each environment, scenario, agent, seed and context: ``reward`` and whatever else is in ``SHOWN``,
+        ``on_bound`` and ``finished``; ``best`` and ``uniform``, the rewards of the best and of a random launch;
+        ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is lost there.
 
     Raises
     ------
@@ -127,25 +125,16 @@ def regrets(results: Results) -> pd.DataFrame:
         If a context has no best launch.
     """
     judged = results.results
-    judged = judged[(judged["stage"] == "trained") & (judged["noise"] == 0.0)]
-    judged = judged.assign(finished=judged["status"] == "finish")
-    table = judged.groupby([*AGENT, "seed", "context"], as_index=False)[
-        [*SHOWN, "on_bound", "finished", "steady"]
-    ].mean()
-    names = {"reward": "best", "steady": "steady_best"}
-    oracle = results.oracle[["scenario", "context", "reward", "steady", "uniform"]].rename(columns=names)
+    table = judged[judged["stage"] == "trained"].rename(columns={"finish": "finished"})
+    table = table[[*AGENT, "seed", "context", *SHOWN, "on_bound", "finished"]]
+    oracle = results.oracle[["scenario", "context", "reward", "uniform"]].rename(columns={"reward": "best"})
     table = table.merge(oracle, "left", ["scenario", "context"], validate="many_to_one")
     if table["best"].isna().any():
         row = table[table["best"].isna()].iloc[0]
         raise ValueError(f"oracle.parquet has no context {row['context']} of {row['scenario']}")
-    regret = _regret(table["reward"], table["best"])
-    return ordered(table.assign(regret=regret, steady_regret=_regret(table["steady"], table["steady_best"])))
-
-
-def _regret(rewards: pd.Series, best: pd.Series) -> NDArray[np.float64]:
-    most = best.to_numpy()
-    shares: NDArray[np.float64] = np.divide(rewards.to_numpy(), most, out=np.ones(len(most)), where=most > 0.0)
-    return 1.0 - shares
+    most = table["best"].to_numpy()
+    shares = np.divide(table["reward"].to_numpy(), most, out=np.ones(len(most)), where=most > 0.0)
+    return ordered(table.assign(regret=1.0 - shares))
 
 
 def iqm(values: NDArray[np.float64]) -> float:
@@ -153,8 +142,13 @@ def iqm(values: NDArray[np.float64]) -> float:
     return float(stats.trim_mean(np.ravel(values), 0.25))
 
 
-def estimate(values: NDArray[np.float64]) -> Estimate:
-    """Estimate the interquartile mean of values of shape (seeds, contexts).
+def tail(values: NDArray[np.float64]) -> float:
+    """90th percentile of all values: the least that at least nine tenths of them do not exceed."""
+    return float(np.quantile(values, 0.9, method="inverted_cdf"))
+
+
+def estimates(values: NDArray[np.float64]) -> tuple[Estimate, Estimate]:
+    """Estimate the interquartile mean and the 90th percentile of values of shape (seeds, contexts).
 
     Seeds and contexts are crossed: every seed met the same contexts, so the values of a seed share its luck and those
     of a context its difficulty. Each of the two is resampled as a whole while the other stays as it is. Contexts are
@@ -163,9 +157,13 @@ def estimate(values: NDArray[np.float64]) -> Estimate:
     seeds, contexts = values.shape
     rng = np.random.default_rng(_SEED)
     drawn = _draws(rng, contexts)
-    over_contexts = _resampled_iqm(values, np.ones((RESAMPLES, seeds), np.int64), drawn)
-    over_seeds = _resampled_iqm(values, _draws(rng, seeds), np.ones_like(drawn)) if seeds > 1 else np.zeros(1)
-    return Estimate(iqm(values), _unbiased(over_seeds, seeds), seeds - 1, over_contexts, contexts)
+    over_contexts = _resampled(values, np.ones((RESAMPLES, seeds), np.int64), drawn)
+    over_seeds = _resampled(values, _draws(rng, seeds), np.ones_like(drawn)) if seeds > 1 else np.zeros((2, 1))
+    middle, high = (
+        Estimate(statistic(values), _unbiased(theirs, seeds), seeds - 1, each, contexts)
+        for statistic, theirs, each in zip((iqm, tail), over_seeds, over_contexts, strict=True)
+    )
+    return middle, high
 
 
 def interval(one: Estimate, other: Estimate | None = None) -> tuple[float, float]:
@@ -180,7 +178,7 @@ def interval(one: Estimate, other: Estimate | None = None) -> tuple[float, float
         parts.append((other.seeds, other.freedom))
     parts.append((_unbiased(contexts, one.sampled), one.sampled - 1))
     total = sum(variance for variance, _ in parts)
-    if not total > 0.0:  # NaN too: where hops are trimmed there is no steady regret
+    if not total > 0.0:
         return value, value
     freedom = total**2 / sum(variance**2 / freedom for variance, freedom in parts if variance > 0.0)
     half = float(stats.t.ppf(0.975, freedom)) * total**0.5
@@ -194,10 +192,10 @@ def scores(results: Results) -> pd.DataFrame:
     -------
     DataFrame
         A row each: ``seeds``, ``contexts``, mean ``reward`` and whatever else is in ``SHOWN``; interquartile mean of
-        the ``regret`` with its interval ``regret_low``, ``regret_high``, and ``regret_p90``; the same of the
-        ``steady_regret``; the normalised ``score``;
-        shares ``on_bound`` and ``finished``; and for each of ``BASELINES`` the difference of the interquartile means,
-        ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
+        the ``regret`` with its interval ``regret_low``, ``regret_high``, and the 90th percentile, ``regret_p90``, with
+        its own; the normalised ``score``; shares ``on_bound`` and ``finished``; and for each of ``BASELINES`` the
+        difference of the interquartile means, ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where
+        the baseline was not judged.
 
     Raises
     ------
@@ -205,7 +203,7 @@ def scores(results: Results) -> pd.DataFrame:
         If seeds or agents met different contexts of one environment and scenario.
     """
     table = regrets(results)
-    estimates: dict[tuple[str, ...], Estimate] = {}
+    found: dict[tuple[str, ...], Estimate] = {}
     rows = []
     met: dict[tuple[str, str], pd.Index] = {}
     for key, group in table.groupby(AGENT, sort=False):
@@ -213,24 +211,21 @@ def scores(results: Results) -> pd.DataFrame:
         contexts = met.setdefault(key[:2], values.columns)
         if values.isna().any(axis=None) or not values.columns.equals(contexts):
             raise ValueError(f"{' '.join(key)}: not all of its seeds met the same contexts as other agents")
-        estimates[key] = estimate(values.to_numpy())
-        low, high = interval(estimates[key])
-        steady = estimate(group.pivot(index="seed", columns="context", values="steady_regret").to_numpy())
-        steady_low, steady_high = interval(steady)
+        found[key], high = estimates(values.to_numpy())
+        low, upper = interval(found[key])
+        least, most = interval(high)
         rows.append(
             {
                 **dict(zip(AGENT, key, strict=True)),
                 "seeds": len(values),
                 "contexts": len(contexts),
                 **group[list(SHOWN)].mean(),
-                "regret": estimates[key].value,
+                "regret": found[key].value,
                 "regret_low": low,
-                "regret_high": high,
-                "regret_p90": group["regret"].quantile(0.9),
-                "steady_regret": steady.value,
-                "steady_regret_low": steady_low,
-                "steady_regret_high": steady_high,
-                "steady_regret_p90": group["steady_regret"].quantile(0.9),
+                "regret_high": upper,
+                "regret_p90": high.value,
+                "regret_p90_low": least,
+                "regret_p90_high": most,
                 "score": float(_normalised(group["reward"].mean(), group["uniform"].mean(), group["best"].mean())),
                 "on_bound": group["on_bound"].mean(),
                 "finished": group["finished"].mean(),
@@ -238,11 +233,11 @@ def scores(results: Results) -> pd.DataFrame:
         )
     for row in rows:
         environment, scenario, agent = (row[name] for name in AGENT)
-        mine = estimates[environment, scenario, agent]
+        mine = found[environment, scenario, agent]
         for baseline in BASELINES:
-            theirs = estimates.get((environment, scenario, baseline))
+            theirs = found.get((environment, scenario, baseline))
             if theirs is None and met[environment, scenario].equals(met.get(("launch", scenario))):
-                theirs = estimates.get(("launch", scenario, baseline))  # it only launches and is judged there
+                theirs = found.get(("launch", scenario, baseline))  # it only launches and is judged there
             difference = (np.nan, np.nan, np.nan)
             if theirs is not None and agent != baseline:
                 difference = (mine.value - theirs.value, *interval(mine, theirs))
@@ -338,29 +333,22 @@ def decomposition(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each environment, scenario, agent and stage, without extra noise: means over descents of the shares
+        A row for each environment, scenario, agent and stage: means over descents of the shares
         of LOSSES (``hysteresis``, ``sliding``, ``rolling``), ``kept`` as motion along the slope at the finish, and
         ``other`` (spin, motion across the slope, height, and motion that never reached the finish), which add up to 1;
         shares of the descents that ``finish``, are ``jammed``, ``tumbled``, or ended in ``another way``.
     """
     judged = results.results
-    judged = judged[judged["noise"] == 0.0]
     supplied = judged["supplied"].where(judged["supplied"] > 0.0)
     shares = pd.DataFrame({name: judged[f"loss_{name}"] / supplied for name in LOSSES}, index=judged.index)
     shares["kept"] = judged["retention"]
     shares["other"] = 1.0 - shares.sum(axis=1, skipna=False)
     for status in STATUSES:
-        shares[status] = judged["status"] == status
-    shares["another way"] = ~judged["status"].isin(STATUSES)
+        shares[status] = judged[status]
+    shares["another way"] = 1.0 - judged[list(STATUSES)].sum(axis=1)
     keys = [*AGENT, "stage"]
     means = pd.concat([judged[keys], shares.astype(float)], axis=1).groupby(keys, as_index=False).mean()
     return ordered(means.sort_values("stage", ascending=False, kind="stable"))  # untrained before trained
-
-
-def robustness(results: Results) -> pd.DataFrame:
-    """Mean reward of each trained agent at each level of extra launch noise: ``noise``, ``reward``."""
-    judged = results.results[results.results["stage"] == "trained"]
-    return ordered(judged.groupby([*AGENT, "noise"], as_index=False)["reward"].mean())
 
 
 def separation(results: Results) -> pd.DataFrame:
@@ -370,15 +358,15 @@ def separation(results: Results) -> pd.DataFrame:
     -------
     DataFrame
         A row for each environment and scenario: mean rewards ``zero``, ``random_launch``, ``best_fixed`` and
-        ``land_flat`` (NaN where not judged) and ``best``; mean ``width`` (share of launches within 1 % of the best) and
-        ``step_median``, ``step_p99`` (change of reward between neighbours on the grid of launches).
+        ``land_flat`` (NaN where not judged) and ``best``; means of ``low`` and ``high``, the interval of the best
+        there is, and of ``width``, the share of launches within 1 % of the best.
     """
     table = regrets(results)
     means = table.groupby(AGENT)["reward"].mean().unstack("agent")
     means = means.reindex(columns=["zero", "random_launch", *BASELINES])
     judged = table.drop_duplicates([*PROBLEM, "context"])
     oracle = judged[[*PROBLEM, "context", "best"]].merge(
-        results.oracle[["scenario", "context", "width", "step_median", "step_p99"]], "left", ["scenario", "context"]
+        results.oracle[["scenario", "context", "low", "high", "width"]], "left", ["scenario", "context"]
     )
     landscape = oracle.drop(columns="context").groupby(PROBLEM).mean()
     return ordered(means.join(landscape).reset_index())
@@ -389,18 +377,19 @@ def _draws(rng: np.random.Generator, count: int) -> NDArray[np.int64]:
     return rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)
 
 
-def _resampled_iqm(
+def _resampled(
     values: NDArray[np.float64], seeds: NDArray[np.int64], contexts: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Interquartile mean where value (i, j) is taken seeds[b, i] * contexts[b, j] times, for every b."""
+    """Interquartile mean and 90th percentile where value (i, j) is taken seeds[b, i] * contexts[b, j] times, (2, b)."""
     order = values.ravel().argsort(kind="stable")
     ranked = values.ravel()[order]
     cut = values.size // 4
-    found = np.empty(len(seeds))
+    found = np.empty((2, len(seeds)))
     for b in range(len(seeds)):
         upto = np.cumsum(np.outer(seeds[b], contexts[b]).ravel()[order])
         kept = np.diff(np.clip(upto, cut, values.size - cut), prepend=cut)
-        found[b] = kept @ ranked / (values.size - 2 * cut)
+        found[0, b] = kept @ ranked / (values.size - 2 * cut)
+        found[1, b] = ranked[np.searchsorted(upto, 0.9 * values.size)]
     return found
 
 

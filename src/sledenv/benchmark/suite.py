@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenarios.configuration import CONFIGS, Document, Quantity, Whole
-from sledenv.scenarios.scenario import ScenarioError, load_scenario
+from sledenv.scenarios.configuration import CONFIGS, Document, Whole
+from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 
 
 class SuiteError(ScenarioError):
@@ -27,6 +27,7 @@ class Job(NamedTuple):
     scenario: str
     seed: int
     settings: dict[str, Any]
+    given: Mapping[str, Any] = {}  # what the suite says of its problems
 
     @property
     def agent(self) -> str:
@@ -40,7 +41,7 @@ class Job(NamedTuple):
 
     def problem(self) -> Problem:
         """Return what the agent is given."""
-        return Problem(self.scenario, self.environment)
+        return Problem(self.scenario, self.environment, **self.given)
 
 
 class Suite(Document):
@@ -63,7 +64,8 @@ class Suite(Document):
     ]
     settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
     steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
-    noise: tuple[Annotated[float, Quantity("(0, inf)")], ...] = ()  # extra launch noise, see Problem.disturbed
+    observe: Literal["all"] | tuple[str, ...] = "all"  # fields of the context that agents see
+    exact: bool = False  # whether launches do not tremble, which is a track of its own
     maps: Annotated[int, Whole("[0, inf)")] = 2  # contexts of each scenario whose jam map is kept
 
     @field_validator("scenarios")
@@ -85,12 +87,20 @@ class Suite(Document):
                     raise ValueError(f"must not have two agents called {name!r}")
         return agents
 
-    @field_validator("noise")
+    @field_validator("observe")
     @classmethod
-    def _once(cls, levels: tuple[float, ...]) -> tuple[float, ...]:
-        if len(set(levels)) < len(levels):
-            raise ValueError("must not repeat a level")
-        return levels
+    def _seen(cls, observe: Literal["all"] | tuple[str, ...]) -> Literal["all"] | tuple[str, ...]:
+        unknown = [] if observe == "all" else [name for name in observe if name not in Context._fields]
+        if unknown:
+            raise ValueError(f"must be 'all' or list fields of the context, {', '.join(Context._fields)}")
+        return observe
+
+    def problem(self, scenario: str, environment: Environment = "launch") -> Problem:
+        """Return what the agents of the suite are given in a scenario."""
+        return Problem(scenario, environment, **self._given())
+
+    def _given(self) -> dict[str, Any]:
+        return {"observe": self.observe} | ({"launch_noise": (0.0, 0.0)} if self.exact else {})
 
     @classmethod
     def seen_from(cls, folder: Path, content: Any) -> Any:
@@ -117,12 +127,12 @@ class Suite(Document):
             for scenario in self.scenarios:
                 for kind, module, seeds in named:
                     if seed < seeds:
-                        yield Job(module, kind, scenario, seed, self._settings(kind, module, scenario))
+                        yield Job(module, kind, scenario, seed, self._settings(kind, module, scenario), self._given())
 
     def _settings(self, kind: Environment, module: str, scenario: str) -> dict[str, Any]:
         try:
             agent_class(module)
-            settings = read_settings(Path(self.settings), module, Problem(scenario, kind))
+            settings = read_settings(Path(self.settings), module, self.problem(scenario, kind))
         except ValueError as error:
             raise SuiteError(f"suite {self.id}: {error}") from error
         return settings | {"n_timesteps": self.steps} if self.steps is not None and settings else settings

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,12 +42,13 @@ def markdown(results: Results, table: pd.DataFrame) -> str:
 
 def shown(table: pd.DataFrame) -> Table:
     """Return scores, of :func:`sledenv.benchmark.scores.scores`, for a terminal: least regret of a scenario first."""
-    names = "scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile"
+    names = "scenario", "agent", "seeds", "reward", "regret, interquartile mean [95 %]", "90th percentile [95 %]"
     rows = []
     for problem, group in table.groupby(PROBLEM, sort=False):
         for row in group.sort_values("regret", kind="stable").itertuples():
             interval = f"{row.regret:z.2%} [{row.regret_low:z.2%}, {row.regret_high:z.2%}]"
-            numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, f"{row.regret_p90:z.2%}"
+            high = f"{row.regret_p90:z.2%} [{row.regret_p90_low:z.2%}, {row.regret_p90_high:z.2%}]"
+            numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, high
             rows.append((title(*problem), label(row.agent), *numbers))
     return tables.fitted(names, rows, words=2)
 
@@ -72,7 +72,7 @@ def _verdicts(table: pd.DataFrame) -> str:
 
 def _scores(table: pd.DataFrame) -> str:
     names = ["scenario", "agent", "seeds", *(f"mean {metric_name(name)}" for name in SHOWN)]
-    names += ["regret, IQM [95 %]", "regret, p90", "steady regret, IQM [95 %]", "p90", "score", "on bound", "finished"]
+    names += ["regret, IQM [95 %]", "regret, p90 [95 %]", "score", "on bound", "finished"]
     rows = [
         [
             _place(table, row["environment"], row["scenario"]),
@@ -80,8 +80,7 @@ def _scores(table: pd.DataFrame) -> str:
             str(row["seeds"]),
             *(f"{row[name]:.3f}" for name in SHOWN),
             f"{row['regret']:.2%} [{row['regret_low']:.2%}, {row['regret_high']:.2%}]",
-            f"{row['regret_p90']:.2%}",
-            *_steady(row),
+            f"{row['regret_p90']:.2%} [{row['regret_p90_low']:.2%}, {row['regret_p90_high']:.2%}]",
             f"{row['score']:.3f}",
             f"{row['on_bound']:.1%}",
             f"{row['finished']:.1%}",
@@ -91,24 +90,25 @@ def _scores(table: pd.DataFrame) -> str:
     return tables.markdown(names, rows)
 
 
-def _steady(row: Mapping[str, float]) -> list[str]:
-    if np.isnan(row["steady_regret"]):
-        return ["-", "-"]
-    low, high = (f"{row[f'steady_regret_{end}']:.2%}" for end in ("low", "high"))
-    return [f"{row['steady_regret']:.2%} [{low}, {high}]", f"{row['steady_regret_p90']:.2%}"]
-
-
 def _separation(results: Results, table: pd.DataFrame) -> str:
     fixed = table[table["agent"] == "best_fixed"].set_index(["environment", "scenario"])
     rewards = ("best", *BASELINES, "random_launch", "zero")
-    names = ["scenario", *map(_words, rewards), "regret of best fixed, IQM", "p90", "width"]
+    names = [
+        "scenario",
+        *map(_words, rewards),
+        "best there is, from",
+        "to",
+        "regret of best fixed, IQM",
+        "p90",
+        "width",
+    ]
     rows = []
     for row in separation(results).to_dict("records"):
         if np.isnan([row[name] for name in rewards[1:]]).all():  # no agent there that shows what is asked for
             continue
         key = row["environment"], row["scenario"]
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
-        numbers = [*(row[name] for name in rewards), *regret, row["width"]]
+        numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, row["width"]]
         rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
     return tables.markdown(names, rows)
 

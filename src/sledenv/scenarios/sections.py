@@ -29,19 +29,16 @@ class LaunchControl(Bounds):
         Field of ``Context`` in whose place the choice stands.
     printed : str
         Format of a value, for a reader.
-    searched : int
-        Values on the grid of the oracle.
     drawn : int
         Values along an axis of the map of one context.
     turn : float
         Values that differ by this are the same launch; 0 where none are.
     """
 
-    def __init__(self, interval: str, name: str, *, printed: str, searched: int, drawn: int, turn: float = 0.0) -> None:
+    def __init__(self, interval: str, name: str, *, printed: str, drawn: int, turn: float = 0.0) -> None:
         super().__init__(interval)
         self.name = name
         self.printed = printed
-        self.searched = searched
         self.drawn = drawn
         self.turn = turn
 
@@ -262,15 +259,15 @@ class ControlSection(Section):
 
     orientation_deg: Annotated[
         Pair,
-        LaunchControl("[-360, 360] deg", "orientation", printed="8.2f", searched=72, drawn=180, turn=360.0),
+        LaunchControl("[-360, 360] deg", "orientation", printed="8.2f", drawn=180, turn=360.0),
     ]
     spin_rad_s: Annotated[
         Pair,
-        LaunchControl("(-inf, inf) rad/s", "spin", printed="7.3f", searched=33, drawn=81),
+        LaunchControl("(-inf, inf) rad/s", "spin", printed="7.3f", drawn=81),
     ]
     speed_m_s: Annotated[
         Pair | None,
-        LaunchControl("[0, inf) m/s", "speed", printed="7.3f", searched=9, drawn=81),
+        LaunchControl("[0, inf) m/s", "speed", printed="7.3f", drawn=81),
     ] = None
     chosen: str = "both"  # a word of control_words, unless an environment is made with another
     noise_orientation_deg: Annotated[float, Quantity("[0, inf) deg")] = 0.0  # standard deviations at launch

@@ -425,7 +425,7 @@ function story() {
   }[status] ?? [status.replace("_", " "), `after ${after} and ${met}, ${where}.`];
   $("story").innerHTML = `<b class="${status}">${escaped(word)}</b> ${escaped(said)}`;
   const best = context().marks[0].expected;
-  const mean = D.trials > 1 ? [["mean reward", fixed(R.expected, 3)]] : [];
+  const mean = D.tremble ? [["mean reward", fixed(R.expected, 3)]] : [];
   $("outcome").innerHTML = entries([
     ["reward", fixed(R.reward, 3)],
     ...mean,
@@ -583,8 +583,8 @@ const slice = D.controls
       `All cells have the ${named(control, control.values[0])}, the middle of what may be chosen; marks have their own. `,
   );
 const noise =
-  D.trials > 1
-    ? `Launches miss what is chosen by chance: the ${flat ? "curve" : "map"} and the regret show the mean reward of ${D.trials} launches, the descent is played as it was aimed. `
+  D.tremble
+    ? `The launch trembles: the ${flat ? "curve" : "map"} and the regret show the expected reward, the descent is played as it was aimed. `
     : "";
 $("about").textContent =
   grid +
