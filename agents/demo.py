@@ -10,8 +10,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from sledenv.benchmark.oracle import best_launches
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import load_run
+from sledenv.benchmark.scores import iqm
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
 from sledenv.envs.inputs import Contexts
@@ -24,6 +26,7 @@ from .train import run_folder, train, trained
 
 SCENARIO = "sled_snow"
 ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
+SEARCHED = 40  # contexts whose best launch is searched: half a minute of two cores
 
 
 def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, path: Path) -> None:
@@ -45,6 +48,19 @@ def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
     candidates = failed if failed.size else np.arange(gain.size)
     middle = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
     return problem.contexts("test", gain.size)[[middle]]
+
+
+def against_best(problem: Problem, scores: list[Score]) -> str:
+    """Say how near the agents come to the best launches of some of the contexts."""
+    best = best_launches(problem, problem.contexts("test", SEARCHED))
+    mean, low, high = (float(best[name].mean()) for name in ("reward", "low", "high"))
+    lines = [
+        f"The best launches of the first {SEARCHED} of these contexts, by a dense search, earn {mean:.4f};",
+        f"the best there are earn {low:.4f} to {high:.4f}. What agents lose there, interquartile mean:",
+    ]
+    lost = [(score.name, iqm(1.0 - score.rewards[:SEARCHED] / best["reward"].to_numpy())) for score in scores]
+    lines += [f"  {name:<14} {share:>7.2%}" for name, share in lost]
+    return "\n".join(lines)
 
 
 command = app("python -m sledenv.agents.demo", __doc__)
@@ -75,7 +91,7 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None 
     for algo in ALGORITHMS:
         _, agent, _ = load_run(run_folder(out, algo, problem, seed))
         scores.append(evaluate(problem, agent, algo))
-    text = table(scores)
+    text = f"{table(scores)}\n\n{against_best(problem, scores)}"
     print(text)
     (out / "table.txt").write_text(text + "\n")
     (out / "scores.json").write_text(json.dumps(as_json(scores)))

@@ -202,8 +202,11 @@ def test_the_table_compares_context_by_context():
 
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
+    monkeypatch.setattr(sledenv.agents.demo, "SEARCHED", 2)
     assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
-    assert "minus agent" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "minus agent" in told
+    assert "The best launches of the first 2 of these contexts" in told
     scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
     assert [score["agent"] for score in scores] == list(sledenv.agents.demo.ALGORITHMS)
     assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
