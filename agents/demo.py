@@ -90,7 +90,7 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None 
     scores = []
     for algo in ALGORITHMS:
         _, agent, _ = load_run(run_folder(out, algo, problem, seed))
-        scores.append(evaluate(problem, agent, algo))
+        scores.append(evaluate(problem, agent, algo, CONTEXTS))
     text = f"{table(scores)}\n\n{against_best(problem, scores)}"
     print(text)
     (out / "table.txt").write_text(text + "\n")
@@ -98,7 +98,7 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None 
 
     sac_run = run_folder(out, "sac", problem, seed)
     untrained = Sac.load_untrained(problem, sac_run)
-    before = evaluate(problem, untrained, "untrained")
+    before = evaluate(problem, untrained, "untrained", CONTEXTS)
     picture = out / "before_after.png"
     strobe(problem, untrained, agent, telling_context(problem, before, scores[-1]), picture)
     print(f"\nSAC before any learning: {before.mean:.4f}")

@@ -17,7 +17,7 @@ from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.command.arguments import number
 from sledenv.command.running import app, run
 
-CONTEXTS = 400
+CONTEXTS = 200
 
 
 class Score(NamedTuple):
