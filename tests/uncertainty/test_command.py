@@ -37,9 +37,9 @@ def test_study_prints_and_writes_what_it_has_found(
     told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert (told["study"], told["launches"], told["written"]) == ("drop", 96, ["runs/study/drop"])
     assert sum(row["share"] for row in told["shares"]) == pytest.approx(1.0)
-    assert {row["output"] for row in told["quantiles"]} >= {"run_out_m"}
-    mean = pd.read_parquet("runs/study/drop/quantiles.parquet").set_index("output").loc["run_out_m", "mean"]
-    printed = next(line.split() for line in out.splitlines() if line.startswith("  run_out_m "))
+    assert {row["output"] for row in told["quantiles"]} >= {"stop_m"}
+    mean = pd.read_parquet("runs/study/drop/quantiles.parquet").set_index("output").loc["stop_m", "mean"]
+    printed = next(line.split() for line in out.splitlines() if line.startswith("  stop_m "))
     assert float(printed[1]) == pytest.approx(mean, rel=1e-3)
 
 

@@ -59,16 +59,16 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> sledenv.StudyResult:
     return find(PUSH, tmp_path_factory.mktemp("push") / "out")
 
 
-def test_a_fall_has_the_run_out_of_the_textbook(tmp_path: Path) -> None:
+def test_a_fall_ends_where_the_textbook_has_it(tmp_path: Path) -> None:
     """Oracle: u sqrt(2 h / g), launch by launch; its quantiles are those of the drop; speeds u and g t on the way."""
     result = find(DROP, tmp_path / "out")
     table = result.read()
     drop = table["launch.drop_m"].to_numpy()
     assert len(table) == result.launches == 3 * 128
-    assert table["run_out_m"].to_numpy() == pytest.approx(3.0 * np.sqrt(2.0 * drop / GRAVITY), rel=1e-12)
+    assert table["stop_m"].to_numpy() == pytest.approx(3.0 * np.sqrt(2.0 * drop / GRAVITY), rel=1e-12)
     for share, name in zip(summary.QUANTILES, summary.NAMES, strict=True):
         expected = 3.0 * math.sqrt(2.0 * (0.5 + 1.5 * share) / GRAVITY)
-        found = result.quantiles.set_index("output").loc["run_out_m", name]
+        found = result.quantiles.set_index("output").loc["stop_m", name]
         assert found == pytest.approx(expected, rel=5e-3)
     for k, x in enumerate((0.0, 0.5, 1.0, 1.5)):
         there = drop > 0.5 * GRAVITY * (x / 3.0) ** 2
@@ -195,7 +195,7 @@ def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     assert np.array_equal(table[list(study.parameters)], values)
     assert (table["status"].astype(str) == batch.status).all()
     outcomes = batch.outcomes
-    plain = {"run_out_m": outcomes["x"], "time_s": outcomes["t"], "kinetic_j": outcomes["kinetic"]}
+    plain = {"stop_m": outcomes["x"], "time_s": outcomes["t"], "kinetic_j": outcomes["kinetic"]}
     plain |= {"reward": batch.jam.reward, "lost_sliding_j": outcomes["sliding"], "rebounds": outcomes["rebounds"]}
     quantiles = pushed.quantiles.set_index("output")
     for name, output in plain.items():
@@ -222,7 +222,7 @@ def test_envelopes_count_every_launch_once_at_every_distance(pushed: sledenv.Stu
     assert last["finished"] == pytest.approx(shares["finish"])
     assert last["jammed"] == pytest.approx(shares["jammed"])
     for k, row in envelopes.iterrows():
-        stopped = (table["status"] == "tumbled") & (table["run_out_m"] < row["x_m"])
+        stopped = (table["status"] == "tumbled") & (table["stop_m"] < row["x_m"])
         assert row["tumbled"] == pytest.approx(stopped.mean())
         speeds = table[f"speed_m_s_{k}"].dropna()
         assert row["speed_m_s_q75"] == np.quantile(speeds, 0.75)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _WAYS: Final = {"moving": SKY, "finished": BLUE, "jammed": RED, "tumbled": ORANGE, "other": POTENTIAL}
 _FANS: Final = (("speed_m_s", "speed [m/s]", 1.0), ("kinetic_j", "kinetic energy [kJ]", 1e-3))
 _OUTPUTS: Final = {
-    "run_out_m": "run-out",
+    "stop_m": "where it stops",
     "time_s": "duration",
     "kinetic_j": "kinetic energy at the end",
     "reward": "reward",

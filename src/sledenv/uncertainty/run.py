@@ -156,7 +156,7 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
     columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])
-    columns |= {"run_out_m": outcomes["x"], "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
+    columns |= {"stop_m": outcomes["x"], "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
     columns |= {"speed_m_s": np.hypot(outcomes["u"], outcomes["v"]), "kinetic_j": outcomes["kinetic"]}
     columns |= found.jam._asdict() | {f"lost_{name}_j": outcomes[name] for name in LOSSES}
     for k in range(len(one.stations)):

@@ -17,16 +17,12 @@ from sledenv.simulation.jam import DescentJam
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 NAMES: Final = tuple(f"q{100 * share:02.0f}" for share in QUANTILES)
 OUTPUTS: Final = (  # numbers that each descent ends with
-    *("run_out_m", "time_s", "rebounds", "speed_m_s", "kinetic_j", *DescentJam._fields),
+    *("stop_m", "time_s", "rebounds", "speed_m_s", "kinetic_j", *DescentJam._fields),
     *(f"lost_{name}_j" for name in LOSSES),
 )
 ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other status is a limit that was met
-_ANALYSED: Final = (
-    "run_out_m",
-    "time_s",
-    "kinetic_j",
-    "reward",
-)  # outputs with Sobol indices, and whether each of ENDS
+# Outputs with Sobol indices, and whether each of ENDS.
+_ANALYSED: Final = ("stop_m", "time_s", "kinetic_j", "reward")
 _MIDDLE: Final = (0.005, 0.995)
 _SURE: Final = float(stats.norm.ppf(0.975))  # standard deviations to each side of an interval of 95 %
 
@@ -75,7 +71,7 @@ def envelope(x: float, ends: pd.DataFrame, passing: NDArray[np.float64], group: 
         Launches in a group of Saltelli's scheme.
     """
     status, there = ends["status"], ~np.isnan(passing[0])
-    finished = ((status == Status.FINISH) & (ends["run_out_m"] <= x)).to_numpy()
+    finished = ((status == Status.FINISH) & (ends["stop_m"] <= x)).to_numpy()
     stopped = ~there & ~finished
     ways = {"moving": there & ~finished, "finished": finished}
     ways |= {str(one): stopped & (status == one).to_numpy() for one in ENDS[1:]}
