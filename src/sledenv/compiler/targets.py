@@ -15,6 +15,8 @@ class Target(NamedTuple):
 
     triple: str
     processor: str
+    features: str = ""  # of the processor, besides what its name says
+    fused: bool = True  # it has an instruction for a fused multiply-add, or programs stand for it: see fused.py
 
 
 TARGETS: Final = {
@@ -22,6 +24,7 @@ TARGETS: Final = {
     "linux-aarch64": Target("aarch64-unknown-linux-gnu", "generic"),
     "darwin-arm64": Target("arm64-apple-macosx11.0.0", "apple-m1"),
     "win32-x86_64": Target("x86_64-pc-windows-msvc", "x86-64-v3"),
+    "wasm32": Target("wasm32-unknown-unknown", "generic", "+simd128", fused=False),  # to be linked: see pages/kernel.py
 }
 OTHER: Final = "other"  # any other machine: an object that it makes for itself
 _V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
@@ -41,4 +44,5 @@ def target_of(name: str) -> Target:
     if name in TARGETS:
         return TARGETS[name]
     triple = llvm.get_default_triple()
-    return Target(triple, "x86-64" if triple.startswith("x86_64") else "generic")
+    x86 = triple.startswith("x86_64")
+    return Target(triple, "x86-64" if x86 else "generic", fused=not x86)

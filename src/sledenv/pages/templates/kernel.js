@@ -1,0 +1,160 @@
+"use strict";
+/* The kernel in a page: descents with the bits of those that Python simulates. The WebAssembly file tells its own
+   layouts, so no table of fields stands here. */
+class Kernel {
+  /* Of the bytes of kernel.wasm; a promise. */
+  static async load(bytes) {
+    const { module, instance } = await WebAssembly.instantiate(bytes);
+    return new Kernel(module, instance.exports);
+  }
+
+  constructor(module, functions) {
+    const [told] = WebAssembly.Module.customSections(module, "sledenv");
+    this.layout = JSON.parse(new TextDecoder().decode(told));
+    this.functions = functions;
+    this.memory = functions.memory;
+    this.free = 0; // where the next table begins
+  }
+
+  /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
+     zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant", "rigid"
+     or "euler". Limits that are missing are those of the default settings. With rows: false there is no trajectory.
+
+     Returns { status, outcome, rebounds, trajectory }: the name of the status; an object of numbers, with the ledger;
+     and tables as objects of columns, arrays of numbers with the names, units and order of REBOUND and TRAJECTORY in
+     kernel/records.py. */
+  descend(given) {
+    let room = given.rows === false ? 0 : 4096;
+    for (;;) {
+      const found = this.#run(given, room);
+      if (found.outcome.samples <= room || room === 0) return found;
+      room = found.outcome.samples;
+    }
+  }
+
+  #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
+    const most = { ...this.layout.limits, ...limits };
+    this.free = (this.functions.__heap_base.value + 63) & ~63;
+    const kind = solver === "rigid" ? "RigidLaw" : "ContactLaw";
+    const touching = this.#fields(kind, law, "law");
+    const ends = this.#fields("Limits", most, "limits");
+    const start = this.#fields("State", launch, "launch");
+    const zones = (slope.zones ?? []).flatMap((zone) => this.#fields("Zone", zone, "zone"));
+    const bodies = this.#body(body);
+    const slopes = this.#row([...this.#fields("Slope", slope, "slope"), ...zones]);
+    const flights = this.#table("OUTCOME", 1);
+    const log = this.#table("REBOUND", Number(most.max_rebounds));
+    const rows = this.#table("TRAJECTORY", room);
+    const space = this.#table("SPACE", 1);
+    if (solver === "euler")
+      while (this.#get("OUTCOME", "status", flights.place) === 0)
+        this.#call("descend_euler", bodies, touching, slopes, start, ends, log, space, rows, flights);
+    else {
+      for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
+      this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
+      const logs = { place: log.place, lengths: [1, ...log.lengths] };
+      const trims = { place: 0, lengths: [0, 2] };
+      const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
+      const name = `descend_lanes_${solver}`;
+      while (this.#get("SPACE", "lane", space.place) < 1) this.#call(name, touching, ends, ...tables, 1);
+    }
+    const outcome = Object.fromEntries(
+      Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
+    );
+    return {
+      status: this.layout.status[outcome.status],
+      outcome,
+      rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
+      trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
+    };
+  }
+
+  /* Numbers of a tuple, in the order of its fields; throws if one is missing. */
+  #fields(kind, values, what) {
+    return this.layout.tuples[kind].map((name) => {
+      const number = Number(values[name] ?? undefined);
+      if (Number.isNaN(number)) throw new TypeError(`${what}.${name} = ${values[name]}: must be a number`);
+      return number;
+    });
+  }
+
+  /* Room for some records, all zero. */
+  #table(record, count) {
+    const place = this.#take(count * this.layout.records[record].size);
+    return { place, lengths: [count] };
+  }
+
+  #row(numbers) {
+    const place = this.#take(8 * numbers.length);
+    new Float64Array(this.memory.buffer, place, numbers.length).set(numbers);
+    return { place, lengths: [1, numbers.length] };
+  }
+
+  #take(bytes) {
+    const place = this.free;
+    this.free = (place + bytes + 63) & ~63;
+    const missing = this.free - this.memory.buffer.byteLength;
+    if (missing > 0) this.memory.grow(Math.ceil(missing / 65536));
+    new Uint8Array(this.memory.buffer, place, bytes).fill(0);
+    return place;
+  }
+
+  #body({ mass, inertia, arcs }) {
+    const bodies = this.#table("BODY", 1);
+    const [, , most] = this.layout.records.BODY.fields.begin;
+    if (arcs.length > most) throw new RangeError(`body.arcs holds ${arcs.length}: must hold at most ${most}`);
+    for (const [name, value] of Object.entries({ mass, inertia, count: arcs.length }))
+      this.#set("BODY", name, bodies.place, value);
+    arcs.forEach((arc, i) => {
+      for (const name of this.layout.arc) this.#set("BODY", name, bodies.place, arc[name], i);
+    });
+    this.#call("complete", bodies);
+    return bodies;
+  }
+
+  /* Call an entry as Python does: the numbers of all tuples in one table, then the other arguments in order. */
+  #call(name, ...given) {
+    const kept = this.free;
+    const numbers = [];
+    const passed = [];
+    this.layout.entries[name].forEach((kind, i) => {
+      const one = given[i];
+      if (kind.table) passed.push(one.place, ...one.lengths.map(BigInt));
+      else if (kind === "int") passed.push(BigInt(one));
+      else if (kind === "float") passed.push(one);
+      else numbers.push(...one);
+    });
+    const nowhere = this.#take(16); // neither a result nor an error
+    const failed = this.functions[`sledenv_${name}`](nowhere, nowhere + 8, this.#row(numbers).place, ...passed);
+    this.free = kept;
+    if (failed) throw new Error(`${name} has failed`);
+  }
+
+  #get(record, name, place) {
+    const [kind, offset] = this.layout.records[record].fields[name];
+    const view = new DataView(this.memory.buffer);
+    if (kind === "f8") return view.getFloat64(place + offset, true);
+    return kind === "i4" ? view.getInt32(place + offset, true) : Number(view.getBigInt64(place + offset, true));
+  }
+
+  #set(record, name, place, value, i = 0) {
+    const [, offset] = this.layout.records[record].fields[name];
+    new DataView(this.memory.buffer).setFloat64(place + offset + 8 * i, Number(value), true);
+  }
+
+  /* Copy a table of records without series, column by column. */
+  #columns(record, place, count) {
+    const { size, fields } = this.layout.records[record];
+    const columns = {};
+    for (const [name, [kind, offset]] of Object.entries(fields)) {
+      const wide = kind === "f8";
+      const of = wide ? Float64Array : Int32Array;
+      const numbers = new of(this.memory.buffer, place, (count * size) / of.BYTES_PER_ELEMENT);
+      const column = new of(count);
+      const step = size / of.BYTES_PER_ELEMENT;
+      for (let i = 0, k = offset / of.BYTES_PER_ELEMENT; i < count; i++, k += step) column[i] = numbers[k];
+      columns[name] = column;
+    }
+    return columns;
+  }
+}
