@@ -15,7 +15,7 @@ TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents bench bench-instructions clients docs reproduce wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
+.PHONY: help install demo agents bench bench-instructions clients docs reproduce wasm wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +35,11 @@ $(STAMP): pyproject.toml constraints.txt
 		/Building editable.*started/ {print "  compiling the kernel, about a minute"; fflush()}'
 	@touch $@
 	@echo "Ready: $(BIN)/python"
+
+# The linker is wasm-ld of LLVM, which comes with ziglang.
+wasm: $(STAMP) ## compile the kernel for pages, src/sledenv/pages/kernel.wasm: to be committed with its sources
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt ziglang
+	$(BIN)/python -m sledenv.pages.kernel
 
 wheel: $(STAMP) ## build the wheel with the kernel for all platforms, dist/
 	SLEDENV_TARGETS="linux-x86_64 linux-aarch64 darwin-arm64 win32-x86_64" $(BIN)/python -m pip wheel \

@@ -76,7 +76,7 @@ def _module(library: Library) -> Any:
     register_all()
     whole = llvm.parse_assembly(_NO_COUNTS)
     exported = {}
-    made = {f"sledenv_{entry.name}": _in_c(entry) for entry in library.entries.values()}
+    made: dict[str, Any] = {f"sledenv_{entry.name}": _in_c(entry) for entry in library.entries.values()}
     made[EXACTLY] = exactly, numba.types.float64(*[numba.types.float64] * 3)
     for name, (function, signature) in made.items():
         compiled = numba.cfunc(signature, **OPTIONS)(function)

@@ -1,7 +1,7 @@
-"""``a * b + c`` rounded once, as processors without such an instruction compute it: with the bits of those that have it.
+"""``a * b + c`` rounded once, for processors without such an instruction: with the bits of those that have it.
 
-Nearly always some thirty additions and multiplications give it: the error of a product and that of a sum are numbers
-themselves (Dekker, Knuth). Where those do not decide, :func:`exactly` computes with whole numbers.
+Nearly always some thirty operations give it: the error of a product and that of a sum are numbers
+themselves (Dekker, Knuth). Where they do not decide, :func:`exactly` computes with whole numbers.
 """
 
 from __future__ import annotations
@@ -16,47 +16,78 @@ import numpy as np
 from llvmlite import ir
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.values import DOUBLE, Value, absolute, less
+from sledenv.compiler.values import DOUBLE, Value, absolute, equal, less, where
 
-_SPLIT: Final = 2.0**27 + 1.0  # a number times this, and minus that again, leaves its upper 26 bits (Veltkamp)
 _LEAST: Final = 2.0**-900  # of a product: its error is then no subnormal number
 _LOWER: Final = 2**49 - 1  # bits of a number that has more than four significant ones
+_HALF: Final = 2**26  # of what is cut off by
+_UPPER: Final = 2**64 - 2**27
 _WORD: Final = ir.IntType(64)
 _PLACE: Final = ir.IntType(32)  # of a number in a vector
 EXACTLY, _GENERAL = "fused.exactly", "fused.general"
 
 
-def attempt(a: Value, b: Value, c: Value) -> tuple[Value, Value]:
-    """``a * b + c`` rounded once, and a mask of where that is sure.
+class _Sum:
+    """``a * b + c`` as a sum of three numbers, ``s + t + e``, exactly, unless something overflows or underflows.
 
-    The sum is ``s + t + e`` exactly: ``s`` is the rounded product plus c, rounded; ``t`` what rounding that sum has
-    left, ``e`` what rounding the product has left. If ``t`` is 0, ``s + e`` is a sum of two numbers, rounded once. If
-    not, ``s`` is at least half as large as the product, so ``t + e`` is at most 1.5 units in the last place of ``s``.
-    Rounding it to ``r`` then changes the result only if ``r`` falls just between two results; such an ``r`` is a
-    multiple of a quarter of that unit, and has three significant bits at most. One with so few bits is not sure, nor is
-    what is not finite: where something overflows, ``r`` is infinite or not a number, and its lower bits are 0 too.
+    ``s`` is the rounded product plus c, rounded; ``t`` what rounding that sum has left, ``e`` what rounding the product
+    has left.
     """
-    upper_a, upper_b = _upper(a), _upper(b)
-    lower_a, lower_b = a - upper_a, b - upper_b
-    product = a * b
-    e = lower_a * lower_b - (((product - upper_a * upper_b) - lower_a * upper_b) - upper_a * lower_b)
-    s = product + c
-    share = s - product
-    t = (product - (s - share)) + (c - share)
-    r = t + e
-    return s + r, _many_bits(r) & less(_LEAST, absolute(product))
+
+    def __init__(self, a: Value, b: Value, c: Value) -> None:
+        self.product = a * b
+        upper_a, upper_b = _upper(a), _upper(b)
+        lower_a, lower_b = a - upper_a, b - upper_b
+        rest = (self.product - upper_a * upper_b) - lower_a * upper_b
+        self.e = lower_a * lower_b - (rest - upper_a * lower_b)
+        self.s = self.product + c
+        self.t = _left(self.product, c, self.s)
+        self.r = self.t + self.e
+        self.result = self.s + self.r
+        self.normal = less(_LEAST, absolute(self.product))
+
+    def sure(self) -> Any:
+        """Mask of where ``result`` is sure, which is nearly everywhere.
+
+        If ``t`` is 0, ``s + e`` is a sum of two numbers, rounded once. If not, ``s`` is at least half as large as the
+        product, so ``t + e`` is at most 1.5 units in the last place of ``s``. That it is rounded, to ``r``, then
+        changes the result only if ``r`` falls just between two results; such an ``r`` is a multiple of a quarter of
+        that unit, and has three significant bits at most. One with so few bits is not sure, nor is what is not finite:
+        where something overflows, ``r`` is infinite or not a number, and its lower bits are 0 too.
+        """
+        return _many_bits(self.r) & self.normal
+
+    def sure_at_last(self, a: Value, b: Value) -> tuple[Value, Value]:
+        """Return the result, and a mask of where it is sure: also of zero factors, or because ``r`` is exact."""
+        zero = equal(a, 0.0) | equal(b, 0.0)
+        exact = equal(_left(self.t, self.e, self.r), 0.0) & self.normal
+        return where(zero, self.s, self.result), zero | exact | self.sure()
+
+
+def _left(a: Value, b: Value, s: Value) -> Value:
+    """What rounding ``a + b`` to ``s`` has left."""
+    share = s - a
+    return (a - (s - share)) + (b - share)
+
+
+def _whole(kind: Any, number: int) -> ir.Constant:
+    """Return a whole number, or as many as there are in a vector."""
+    if isinstance(kind, ir.VectorType):
+        return ir.Constant(ir.VectorType(_WORD, kind.count), [number] * kind.count)
+    return ir.Constant(_WORD, number)
 
 
 def _upper(a: Value) -> Value:
-    large = a * _SPLIT
-    return large - (large - a)
+    """Nearest number of 26 bits; what is left has 26 bits too, so that products of both are exact."""
+    half, mask = _whole(a.value.type, _HALF), _whole(a.value.type, _UPPER)
+    bits = a.builder.add(a.builder.bitcast(a.value, half.type), half)
+    return a.make(a.builder.bitcast(a.builder.and_(bits, mask), a.value.type))
 
 
 def _many_bits(a: Value) -> Value:
-    kind = ir.VectorType(_WORD, a.value.type.count) if isinstance(a.value.type, ir.VectorType) else _WORD
-    one: Any = [_LOWER] * kind.count if isinstance(kind, ir.VectorType) else _LOWER
-    lower = a.builder.and_(a.builder.bitcast(a.value, kind), ir.Constant(kind, one))
-    return a.make(a.builder.icmp_unsigned("!=", lower, ir.Constant(kind, None)))
+    lower, zero = _whole(a.value.type, _LOWER), _whole(a.value.type, 0)
+    bits = a.builder.and_(a.builder.bitcast(a.value, lower.type), lower)
+    return a.make(a.builder.icmp_unsigned("!=", bits, zero))
 
 
 # Whole numbers of 64 bits without sign; numba makes a float of one together with a number of another kind.
@@ -68,7 +99,7 @@ _NORMALIZED: Final = 2.0**54  # makes a subnormal number normal
 
 
 @kernel
-def _parts(a: float) -> tuple[Any, int]:
+def _parts(a: float) -> tuple[Any, Any]:
     """Whole number of 53 bits and power of two, whose product is the size of a finite number that is not 0."""
     subnormal = abs(a) < 2.0**-1022
     bits = np.float64(a * _NORMALIZED if subnormal else a).view(np.uint64)
@@ -188,8 +219,12 @@ def _programs() -> ir.Module:
             builder.ret(builder.shuffle_vector(*both, _places(range(count))))
             continue
         function.attributes.add("noinline")
-        result, sure = attempt(*(Value(builder, given) for given in function.args))
-        with builder.if_then(_all(builder, sure.value, count), likely=True):
+        a, b, c = (Value(builder, given) for given in function.args)
+        found = _Sum(a, b, c)
+        with builder.if_then(_all(builder, found.sure(), count), likely=True):
+            builder.ret(found.result.value)
+        result, sure = found.sure_at_last(a, b)
+        with builder.if_then(_all(builder, sure, count), likely=True):
             builder.ret(result.value)
         builder.ret(_each(builder, general, function.args, count))
     return module
@@ -217,10 +252,10 @@ def _halves(builder: ir.IRBuilder, vector: ir.Value, count: int) -> list[ir.Valu
     return [builder.shuffle_vector(vector, nothing, _places(range(i, i + count))) for i in (0, count)]
 
 
-def _all(builder: ir.IRBuilder, mask: ir.Value, count: int) -> ir.Value:
+def _all(builder: ir.IRBuilder, mask: Value, count: int) -> ir.Value:
     if count == 1:
-        return mask
-    return functools.reduce(builder.and_, (builder.extract_element(mask, _PLACE(i)) for i in range(count)))
+        return mask.value
+    return functools.reduce(builder.and_, (builder.extract_element(mask.value, _PLACE(i)) for i in range(count)))
 
 
 def _each(builder: ir.IRBuilder, function: ir.Function, given: Sequence[ir.Value], count: int) -> ir.Value:

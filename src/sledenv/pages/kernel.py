@@ -1,6 +1,7 @@
-"""The kernel for pages: WebAssembly, linked from its object by ``python -m sledenv.pages.kernel``, and what it is given.
+"""The kernel for pages: how it is linked as WebAssembly, and what it is given.
 
-The file holds all that a script needs: the layouts of records and tuples travel in it as JSON, in a section of its own.
+``python -m sledenv.pages.kernel`` writes the file kernel.wasm. It holds all that a script needs: layouts of records and
+tuples travel in it as JSON, in a section of its own.
 """
 
 from __future__ import annotations

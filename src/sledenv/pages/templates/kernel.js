@@ -34,7 +34,7 @@ class Kernel {
 
   #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
     const most = { ...this.layout.limits, ...limits };
-    this.free = (this.functions.__heap_base.value + 63) & ~63;
+    this.free = (this.functions["__heap_base"].value + 63) & ~63;
     const kind = solver === "rigid" ? "RigidLaw" : "ContactLaw";
     const touching = this.#fields(kind, law, "law");
     const ends = this.#fields("Limits", most, "limits");

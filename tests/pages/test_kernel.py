@@ -1,0 +1,157 @@
+"""The kernel for pages computes what Python does, bit for bit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv.kernel.entries import LIBRARY
+from sledenv.pages import kernel
+from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.settings import DEFAULT, Settings
+from sledenv.simulation.shapes import circular_segment, hull, polygon
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.sleds import sled
+from sledenv.simulation.support import support_height
+from tests.bodies import rod
+from tests.fused import fused_exactly, hard_cases
+
+NODE = shutil.which("node")
+RUNNER, SCRIPT = Path(__file__).with_name("kernels.mjs"), kernel.KERNEL.parent / "templates/kernel.js"
+needs_node = pytest.mark.skipif(NODE is None, reason="needs node, which runs WebAssembly (Debian: nodejs)")
+REMAKE = "the kernel has other sources than kernel.wasm: make wasm, and commit what it writes"
+
+
+def in_node(task: str, given: bytes, folder: Path) -> np.ndarray:
+    """Numbers that the kernel for pages gives in Node."""
+    assert NODE is not None
+    given_file, found = folder / "given", folder / "found"
+    given_file.write_bytes(given)
+    command = [NODE, RUNNER, SCRIPT, kernel.KERNEL, task, given_file, found]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr
+    return np.frombuffer(found.read_bytes())
+
+
+def test_the_kernel_for_pages_is_of_these_sources() -> None:
+    """Oracle: the digest of the sources, and the layouts that they give now."""
+    told = kernel.told(kernel.KERNEL.read_bytes())
+    assert told["fingerprint"] == LIBRARY.fingerprint, REMAKE
+    assert told == json.loads(json.dumps(kernel.layout())), REMAKE
+
+
+def test_the_kernel_for_pages_asks_nothing_of_who_runs_it() -> None:
+    """Oracle: it has no section 2, of imports; it is small enough for a page."""
+    content = kernel.KERNEL.read_bytes()
+    assert content.startswith(b"\0asm")
+    assert 2 not in [kind for kind, _ in kernel.sections(content)]
+    assert len(content) < 230_000
+
+
+@needs_node
+def test_a_fused_multiply_add_rounds_once_in_a_page(tmp_path: Path) -> None:
+    """Oracle: fractions; subnormal numbers, overflow and near ties among the cases."""
+    cases = hard_cases(100_000)
+    found = in_node("fused", cases.tobytes(), tmp_path)
+    expected = np.array([fused_exactly(*case) for case in cases.tolist()])
+    np.testing.assert_array_equal(found.view(np.int64), expected.view(np.int64))
+
+
+def _body(rng: np.random.Generator) -> Body:
+    """A sled with its rider, a hull, a polygon, a segment, a rod or a disc."""
+    mass, size = rng.uniform(1.0, 120.0), rng.uniform(0.1, 1.0)
+    match rng.integers(6):
+        case 0:
+            return sled(rider_mass=rng.uniform(50.0, 100.0), balance=rng.uniform(-0.3, 0.3))
+        case 1:
+            circles = [(*rng.uniform(-size, size, 2), rng.uniform(0.02, 0.3) * size) for _ in range(4)]
+            return hull(mass, circles)
+        case 2:
+            angles = np.sort(rng.uniform(0.0, math.tau / 5.0, 5)) * 0.8 + np.arange(5) * math.tau / 5.0
+            corners = [(size * math.cos(angle), size * math.sin(angle)) for angle in angles]
+            return polygon(mass, corners, rounding=rng.choice([0.0, 0.02]) * size)
+        case 3:
+            return circular_segment(mass, size, rng.uniform(0.3, math.pi))
+        case 4:
+            return rod(mass, size, mass * size**2 * rng.uniform(0.1, 0.5))
+        case _:
+            return segment(mass, size, size * rng.uniform(0.0, 0.8), mass * size**2)
+
+
+def _case(rng: np.random.Generator) -> tuple[Body, ContactLaw, Slope, State, Settings]:
+    """A random descent."""
+    body = _body(rng)
+    arm = rng.choice([0.0, 1e-3, 1e-2])
+    friction = rng.choice([0.0, rng.uniform(0.0, 0.8)])
+    law = ContactLaw(10.0 ** rng.uniform(4.0, 7.5), rng.uniform(0.0, 0.95), friction, arm)
+    edges = np.sort(rng.uniform(0.0, 8.0, 4)).tolist()
+    zones = [Zone(*edges[2 * k : 2 * k + 2], rng.uniform(0.0, 0.6), arm) for k in range(rng.integers(3))]
+    slope = Slope(rng.uniform(-0.1, 0.5), rng.uniform(8.0, 15.0), zones=zones)
+    phi = rng.uniform(-math.pi, math.pi)
+    height = support_height(body, phi) + rng.uniform(0.01, 1.0)
+    velocity = rng.uniform([-1.0, -3.0, -8.0], [8.0, 1.0, 8.0])
+    solver = rng.choice(["compliant", "rigid", "euler"], p=[0.55, 0.4, 0.05])
+    settings = Settings(solver=str(solver), max_time=4.0, max_rebounds=40, run_out=float(rng.choice([0.0, 2.0])))
+    if solver == "euler":
+        settings = dataclasses.replace(settings, step=1e-4, run_out=0.0)
+    return body, law, slope, State(0.0, height, phi, *velocity.tolist()), settings
+
+
+def _numbers(descent: Descent) -> Iterator[Any]:
+    """All numbers of a descent, in the order in which the runner writes them."""
+    yield [descent.outcome[name] for name in descent.outcome.dtype.names]
+    yield [len(descent.rebounds), len(descent.trajectory)]
+    for table in (descent.rebounds, descent.trajectory):
+        yield from (table[name] for name in table.dtype.names)
+
+
+def _compare(count: int, seed: int, folder: Path) -> None:
+    rng = np.random.default_rng(seed)
+    cases = [_case(rng) for _ in range(count)]
+    given = json.dumps([kernel.descent_input(*case) for case in cases]).encode()
+    found = in_node("descend", given, folder)
+    place = rebounds = 0
+    for case in cases:
+        *scene, settings = case
+        descent = simulate(*scene, settings, record="trajectory")
+        expected = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
+        there = found[place : place + len(expected)]
+        # By their bits, so that signs of zeros count; not those of NaN, whose bits no processor promises.
+        same = (there.view(np.int64) == expected.view(np.int64)) | (np.isnan(there) & np.isnan(expected))
+        assert same.all(), case
+        place, rebounds = place + len(expected), rebounds + len(descent.rebounds)
+    assert place == len(found)
+    assert rebounds > 2 * count  # there is something to compare
+
+
+@needs_node
+@pytest.mark.jit_only
+def test_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
+    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
+    _compare(200, 1, tmp_path)
+
+
+@needs_node
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_many_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
+    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
+    for seed in range(2, 27):
+        _compare(200, seed, tmp_path)
+
+
+def test_default_limits_travel_with_the_kernel() -> None:
+    """Oracle: the default settings; infinities are strings there."""
+    told = kernel.told(kernel.KERNEL.read_bytes())["limits"]
+    assert {name: float(value) for name, value in told.items()} == DEFAULT.limits._asdict()
