@@ -201,6 +201,13 @@ def test_one_rebound_is_enough_for_one_parameter() -> None:
     assert found.fit.covariance_kind == "model"
 
 
+def test_one_rebound_is_refused_for_three_parameters() -> None:
+    """Any law that gives its three velocities would fit, so that no interval means anything."""
+    with pytest.raises(ValueError, match=r"1 rebounds: .* 3 parameters that are fitted \(restitution, friction, roll"):
+        identified(table(15, 1, 0.0))
+    assert len(identified(table(15, 2, 0.0)).intervals) == 3
+
+
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 

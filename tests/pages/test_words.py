@@ -7,7 +7,8 @@ import json
 import pytest
 
 from sledenv.pages.as_json import plain_descent, plain_setting
-from sledenv.pages.words import part_name, rebound_cells, setting, story, trajectory_rows
+from sledenv.pages.columns import trajectory_columns
+from sledenv.pages.words import part_name, rebound_cells, setting, story
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import Arc
@@ -59,7 +60,7 @@ def test_tables_name_the_part_that_touched(name: str, solver: str) -> None:
     assert [cells[3] for cells in rebound_cells(descent)] == expected
     assert [rebound["feature"] for rebound in plain_descent(descent)["rebounds"]] == expected
     codes = descent.trajectory["feature"].tolist()
-    told = [row[10] for row in trajectory_rows(descent)]
+    told = trajectory_columns(descent)["feature"]
     assert told == [("none", *descent.body.parts)[code] for code in codes]
     assert {"none", *expected} <= set(told) or solver == "rigid"
     json.dumps(plain_descent(descent), default=float)

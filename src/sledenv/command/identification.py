@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import CoercionError, Group, Parameter, Token
 
 from sledenv.command.arguments import BatchSolver, Count, File, Folder, Json, Seed, positive, within
-from sledenv.command.running import taken, tell, working
+from sledenv.command.running import progress, taken, tell, working
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -197,15 +197,20 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
     from sledenv.identification.rebound_fit import identify
+    from sledenv.identification.rebounds import read_rebounds
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
     body = None if shape.radius is None else shape.body(1.0)
+    radius = None if body else shape.gyration_radius
+    warn = progress("identify: warning")
+    for doubt in read_rebounds(table, body, gyration_radius=radius).doubts():  # a fit may take long
+        warn(doubt)
 
     def fit() -> tuple[str, dict[str, Any], Callable[[Path], None]]:
         found = identify(
             table,
             body,
-            gyration_radius=None if body else shape.gyration_radius,
+            gyration_radius=radius,
             hypothesis=how.hypothesis,
             fixed=fixed,
             speed_dependent=how.softening,

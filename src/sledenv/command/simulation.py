@@ -67,6 +67,7 @@ def simulate(
     solver: Annotated[Solver, Surfaces] = "compliant",
     out: Folder | None = None,
     csv: File | None = None,
+    rebounds_csv: File | None = None,
     json: Json = False,
 ) -> None:
     """Simulate one descent of a scenario.
@@ -84,30 +85,40 @@ def simulate(
     out
         Write strobe.png and series.png into this folder.
     csv
-        Write the trajectory as this table, units in the header.
+        Write the trajectory as this table, units in the header; a file that ends in .parquet is one. It and that of
+        the rebounds can be given to identify.
+    rebounds_csv
+        Write the rebounds as another table.
     """
-    from sledenv.machine.files import publish, replacing, write_csv
+    from sledenv.machine.files import publish, replacing, write_table
     from sledenv.pages.as_json import plain_descent
-    from sledenv.pages.words import TRAJECTORY_COLUMNS, story, trajectory_rows
+    from sledenv.pages.columns import rebound_columns, trajectory_columns
+    from sledenv.pages.words import story
 
-    if out is not None and csv is not None and csv.parent.resolve() == out.resolve():
-        raise ValueError(f"--csv = {csv}: must lie outside {out}, which --out replaces as a whole")
+    asked_for = {"--csv": (csv, trajectory_columns), "--rebounds-csv": (rebounds_csv, rebound_columns)}
+    for option, (file, _) in asked_for.items():
+        if out is not None and file is not None and file.parent.resolve() == out.resolve():
+            raise ValueError(f"{option} = {file}: must lie outside {out}, which --out replaces as a whole")
     with ExitStack() as places:  # taken before anything is simulated
-        table = csv and taken(places, "--csv", replacing(csv, ".csv"))
+        tables = [
+            (file, columns_of, taken(places, option, replacing(file, ".csv", ".parquet")))
+            for option, (file, columns_of) in asked_for.items()
+            if file
+        ]
         folder = out and taken(places, "--out", publish(out, PICTURES))
         asked = _asked(scenario, launch, solver)
-        descent = _descend(asked, "trajectory" if table or folder else "rebounds")
-        if table:
-            write_csv(table, list(TRAJECTORY_COLUMNS.values()), trajectory_rows(descent))
+        descent = _descend(asked, "trajectory" if csv or folder else "rebounds")
+        lines = [asked.title, story(descent)]
+        for file, columns_of, place in tables:
+            columns = columns_of(descent)
+            write_table(place, columns, parquet=file.suffix.lower() == ".parquet")
+            count = len(next(iter(columns.values())))
+            lines.append(f"simulate: wrote {count} rows into {file}\n  columns {', '.join(columns)}")
         if folder:
             _draw(descent, folder)
-    lines = [asked.title, story(descent)]
-    if table:
-        columns = ", ".join(TRAJECTORY_COLUMNS.values())
-        lines.append(f"simulate: wrote {len(descent.trajectory)} rows into {csv}\n  columns {columns}")
     if folder:
         lines.append(f"simulate: wrote {' and '.join(PICTURES)} into {out}")
-    written = [file for file in (csv, *(out / name for name in PICTURES if out)) if file]
+    written = [file for file in (csv, rebounds_csv, *(out / name for name in PICTURES if out)) if file]
     tell("\n".join(lines), asked.named | plain_descent(descent) | {"written": written}, json)
 
 

@@ -89,7 +89,13 @@ class ImpactModel:
         starts: int = _STARTS,
         seed: int = 0,
     ) -> Fit:
-        """Fit the parameters that are not fixed; its arguments are those of :func:`sledenv.identify`."""
+        """Fit the parameters that are not fixed; its arguments are those of :func:`sledenv.identify`.
+
+        Raises
+        ------
+        ValueError
+            Naming an argument, or if the rebounds are too few for the parameters.
+        """
         unused = {} if rebounds.corner.any() else {"corner_rolling_arm": 0.0}
         if rebounds.corner.all():
             unused = {"rolling_arm": 0.0}
@@ -106,5 +112,12 @@ class ImpactModel:
             loss,
             loss_scale,
         )
+        equations = 3 * len(rebounds)
+        if equations <= len(problem.free):
+            raise ValueError(
+                f"{len(rebounds)} rebounds: their {equations} velocities would follow from many values of the "
+                f"{len(problem.free)} parameters that are fitted ({', '.join(problem.free)}), and no interval; give "
+                f"more rebounds than {len(problem.free) / 3:.3g}, or fix parameters"
+            )
         usual = {one.name: min(max(_USUAL.get(one.name, 0.0), one.low), one.high) for one in problem.parameters}
         return solve(problem, {**usual, **(start or {})}, starts=starts, seed=seed)

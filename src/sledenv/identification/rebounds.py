@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -14,18 +14,22 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sledenv.identification.objective import Floats
-from sledenv.identification.recorded_tables import RECORDING, columns, read_table
+from sledenv.identification.plausibility import friction_drives, off_balance, remedy
+from sledenv.identification.recorded_tables import columns, numbered, place, read_table, recorded_names
+from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import POSITIVE, checked
 from sledenv.simulation.support import lowest_arms, within_a_turn
 
-BEFORE: Final = ("u_before_m_s", "v_before_m_s", "omega_before_rad_s")
-AFTER: Final = ("u_after_m_s", "v_after_m_s", "omega_after_rad_s")
-POSE: Final = ("phi_rad",)
+BEFORE: Final = tuple(REBOUND_COLUMNS[f"{name}_before"] for name in ("u", "v", "omega"))
+AFTER: Final = tuple(REBOUND_COLUMNS[f"{name}_after"] for name in ("u", "v", "omega"))
+POSE: Final = (TRAJECTORY_COLUMNS["phi"],)
 ARMS: Final = ("a_m", "b_m")
 
-_UNBALANCED = 0.5  # share of a moment below which its arm is doubted
-_SURE = 4.0  # standard errors
+_OTHER_POSES: Final = {  # what else a column of orientations may hold, and what it is then multiplied by
+    "phi_rad were in degrees": math.pi / 180.0,
+    "phi_rad counted from x to y, and not clockwise": -1.0,
+}
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,10 @@ class Rebounds:
         Whether a corner touched.
     recordings : ndarray, shape (N,)
         Which recording each is of.
+    places : ndarray of str, shape (N,)
+        Where each was read, such as "line 6"; empty if it was not read from a table.
+    other_arms : mapping of str to ndarray, shape (N, 2)
+        Arms [m] that the body would have if orientations were told in another way, by what that is.
     """
 
     gyration_radius: float
@@ -51,6 +59,8 @@ class Rebounds:
     after: Floats
     corner: NDArray[np.bool_]
     recordings: NDArray[np.generic]
+    places: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, str))
+    other_arms: Mapping[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -63,6 +73,8 @@ class Rebounds:
             after=self.after[chosen],
             corner=self.corner[chosen],
             recordings=self.recordings[chosen],
+            places=self.places[chosen] if len(self.places) else self.places,
+            other_arms={words: arms[chosen] for words, arms in self.other_arms.items()},
         )
 
     @property
@@ -90,6 +102,21 @@ class Rebounds:
     def approach(self) -> Floats:
         """Speed [m/s] at which the gap closes, shape (N,)."""
         return self.contacts[:, 0] * self.contacts[:, 4] - self.contacts[:, 3]
+
+    @property
+    def opening(self) -> Floats:
+        """Speed [m/s] at which the gap opens afterwards, shape (N,)."""
+        return self.after[:, 1] - self.contacts[:, 0] * self.after[:, 2]
+
+    @property
+    def energy_after(self) -> Floats:
+        """``v' M v / m`` after [m^2/s^2], shape (N,)."""
+        energy: Floats = np.sum((self.after * self.scales) ** 2, axis=1)
+        return energy
+
+    def place(self, row: int) -> str:
+        """Return where a rebound was read, such as "line 6" of a file."""
+        return str(self.places[row]) if len(self.places) else f"row {row}"
 
     def residuals(self, velocities: Floats) -> Floats:
         """Differences from the velocities after, shape (N, 3), in the energy norm and relative to the speed before."""
@@ -130,21 +157,29 @@ class Rebounds:
 
     def doubts(self) -> Iterator[str]:
         """What is strange about them, whatever the law, a sentence each."""
+        found = list(self._contradictions())
+        if found:
+            mended = remedy(self)
+            yield from (f"{text}{mended}" for text in found)
+        for what, rows in (
+            ("still approach afterwards", self.opening < 0.0),
+            ("have more energy after than before", self.energy_after > self.speed**2),
+        ):
+            if rows.any():
+                first = self.place(int(np.argmax(rows)))
+                yield f"{np.count_nonzero(rows)} rebounds {what}, the first of them in {first}"
+
+    def _contradictions(self) -> Iterator[str]:
+        """What no law explains, taken over all rebounds."""
         for name, (share, error) in self.balance().iterrows():
-            if share < _UNBALANCED and share + _SURE * error < 1.0:
+            if off_balance(share, error):
                 yield (
-                    f"the spins do not balance: they change by {share:.2f} +- {error:.2f} times the moment of the "
+                    f"the spins do not balance: they change by {share:.3g} +- {error:.2g} times the moment of the "
                     f"impulse at the arm {name}, not by 1 times; is the sign of an arm, of omega or of u told wrongly, "
                     "or a unit?"
                 )
-        opening = self.after[:, 1] - self.arms[:, 0] * self.after[:, 2]
-        energy = np.sum((self.after * self.scales) ** 2, axis=1)
-        for what, rows in (
-            ("still approach afterwards", opening < 0.0),
-            ("have more energy after than before", energy > self.speed**2),
-        ):
-            if rows.any():
-                yield f"{np.count_nonzero(rows)} rebounds {what}, the first of them in row {int(np.argmax(rows))}"
+        if friction_drives(self):
+            yield "friction speeds up the slips of the contact point, u + b omega, where it can only slow them"
 
 
 def read_rebounds(
@@ -169,25 +204,30 @@ def read_rebounds(
         table = read_table(table)
     if not len(table):
         raise ValueError("the table has no rows")
+    table = numbered(table)
+    others: dict[str, Floats] = {}
     before = columns(table, BEFORE)
     after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
     if body is not None:
         body = made_body(body)
         k = math.sqrt(body.inertia / body.mass)
-        reach, corner = arms_of(body, columns(table, POSE)[:, 0])
+        phi = columns(table, POSE)[:, 0]
+        reach, corner = arms_of(body, phi)
+        others = {words: arms_of(body, factor * phi)[0] for words, factor in _OTHER_POSES.items()}
     else:
         k = checked("identify", "gyration_radius", gyration_radius, POSITIVE)
         reach, corner = columns(table, ARMS), np.zeros(len(table), bool)
-    recordings = table[RECORDING].to_numpy() if RECORDING in table else np.arange(len(table))
-    if pd.isna(recordings).any():
-        raise ValueError(f"{RECORDING}, row {int(np.argmax(pd.isna(recordings)))}: there is no value")
-    found = Rebounds(k, np.hstack([reach, before]), after, corner, pd.factorize(recordings)[0])
+    names = recorded_names(table)
+    recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]
+    places = np.array([place(table, row) for row in range(len(table))])
+    found = Rebounds(k, np.hstack([reach, before]), after, corner, recordings, places, others)
     leaving = found.approach <= 0.0
     if leaving.any():
         row = int(np.argmax(leaving))
         raise ValueError(
-            f"row {row}: the gap opens at {-found.approach[row]:.4g} m/s before the impact, where it must close "
-            f"(v_before - a omega_before < 0); {np.count_nonzero(leaving)} such rows are no rebounds"
+            f"{found.place(row)}: the gap opens at {-found.approach[row]:.4g} m/s before the impact, where it must "
+            f"close (v_before - a omega_before < 0); {np.count_nonzero(leaving)} of {len(found)} rows are no rebounds"
+            + (remedy(found) if measured else "")
         )
     return found
 

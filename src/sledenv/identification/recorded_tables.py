@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import reprlib
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +14,8 @@ import pandas as pd
 from sledenv.identification.objective import Floats
 
 RECORDING: Final = "recording"  # column that tells recordings apart
+_LINE: Final = "line"  # index of a table read from text: the lines of the file, which count its header and from 1
+_ROW: Final = "row"  # of any other table: its rows, counted from 0
 
 
 def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
@@ -29,12 +33,42 @@ def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
 
 
 def _read_csv(file: Path) -> pd.DataFrame:
-    table = pd.read_csv(file)
+    table = pd.read_csv(file, skip_blank_lines=False)
     if len(table.columns) == 1:  # as spreadsheets write them where the comma is the decimal sign
         for sign, name in ((";", "semicolons"), ("\t", "tabs")):
             if sign in str(table.columns[0]):
                 raise ValueError(f"{name} separate its columns: commas must, and numbers have a decimal point")
-    return table
+    table.index = pd.RangeIndex(2, len(table) + 2, name=_LINE)
+    return table.dropna(how="all")  # blank lines count as lines
+
+
+def numbered(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose index tells where its rows are, whatever is taken of it afterwards: see :func:`place`."""
+    return table if table.index.name == _LINE else table.reset_index(drop=True).rename_axis(_ROW)
+
+
+def place(table: pd.DataFrame, row: int) -> str:
+    """Return where a row of a numbered table is: "line 6" of a file, or "row 4" of other tables."""
+    return f"{table.index.name} {table.index[row]}"
+
+
+def recorded_names(table: pd.DataFrame) -> pd.Series | None:
+    """Return what the rows of a numbered table say which recording they are of, None if there is no such column.
+
+    Raises
+    ------
+    ValueError
+        Naming the row where there is none, or something that is no name.
+    """
+    if RECORDING not in table:
+        return None
+    names = table[RECORDING]
+    for row, name in enumerate(names):
+        if not isinstance(name, Hashable):
+            raise ValueError(f"{RECORDING}, {place(table, row)}: is {name!r}, must be a text or a number")
+        if pd.isna(name):
+            raise ValueError(f"{RECORDING}, {place(table, row)}: there is no value, must name the recording")
+    return names
 
 
 def numbers(table: pd.DataFrame, name: str) -> Floats:
@@ -48,7 +82,8 @@ def numbers(table: pd.DataFrame, name: str) -> Floats:
     wrong = (found.isna() & column.notna()).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise ValueError(f"{name}, row {row}: is {column.iloc[row]!r}, must be a number, with a decimal point")
+        value = reprlib.repr(column.iloc[row])
+        raise ValueError(f"{name}, {place(table, row)}: is {value}, must be a number, with a decimal point")
     floats: Floats = found.to_numpy(float, na_value=np.nan)
     return floats
 
@@ -61,7 +96,8 @@ def columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     found = np.stack([numbers(table, name) for name in names], axis=-1)
     if not np.isfinite(found).all():
         row, column = (int(place[0]) for place in np.nonzero(~np.isfinite(found)))
-        raise ValueError(f"{names[column]}, row {row}: is {found[row, column]}, must be a finite number")
+        where = f"{names[column]}, {place(table, row)}"
+        raise ValueError(f"{where}: is {found[row, column]}, must be a finite number")
     return found
 
 

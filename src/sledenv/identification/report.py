@@ -12,8 +12,8 @@ from sledenv.identification.figures import plot_errors, plot_profiles, plot_resi
 from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from sledenv.identification.tracks import TrackFit
+from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import replay_page
-from sledenv.pages.words import TRAJECTORY_COLUMNS
 from sledenv.simulation.scene import State
 
 FILES: Final = ("parameters.csv", "starts.csv", "balance.csv", "rebounds.csv", "residuals.png", "profiles.png")

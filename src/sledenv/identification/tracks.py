@@ -10,15 +10,17 @@ from typing import get_args
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sledenv.identification.fitting import Fit
 from sledenv.identification.flights import FEWEST, LAW, Noise, Recording, law_of
+from sledenv.identification.frame import check_frame
 from sledenv.identification.intervals import Interval
 from sledenv.identification.objective import Floats, Loss
-from sledenv.identification.recorded_tables import RECORDING, numbers
+from sledenv.identification.recorded_tables import RECORDING, numbered, numbers, place, recorded_names
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
+from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import Ghost
-from sledenv.pages.words import TRAJECTORY_COLUMNS
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.outcomes import Descent
@@ -31,6 +33,7 @@ POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))
 
 _MISFIT = 1.5  # mean square of residuals, in noise levels, from which it is said
 _DRAWN = 0.01  # [s] between two rows in flight of a descent that is shown, simulate's default
+_NORMAL = 0.6745  # median of the size of a normal error, in standard deviations
 _FLOOR = 1e-6  # least noise, of the size of the body and [rad]: about the precision of a single float
 
 
@@ -85,8 +88,8 @@ def identify_tracks(
     Raises
     ------
     TypeError, ValueError
-        Naming recording, column, value and what is allowed; if no body touches the slope; or if no rebound can be
-        explained.
+        Naming recording, column, value and what is allowed; if another sign or unit would explain the poses; if no
+        body touches the slope; or if no rebound can be explained.
     """
     checked_choice("solver", solver, get_args(BatchSolver))
     checked_choice("loss", loss, get_args(Loss))
@@ -97,6 +100,7 @@ def identify_tracks(
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
     held = known_of(fixed or {}, bounds or {}, solver)
     recordings = recordings_of(table, reach(body), known)
+    check_frame(body, slope, recordings)
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, bounds or {}), loss)
     if solver == "rigid":
         held[STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
@@ -122,7 +126,8 @@ def _nothing_told(search: Search) -> str:
     return (
         "the table: no law explains the first rebound of any recording to within its noise "
         f"({noise}): are the body, the slope, the units and the frame right, and is the noise? "
-        "A contact that lasts for some frames needs compliant surfaces"
+        "A contact that lasts for some frames needs compliant surfaces, poses without noise a body and a slope that "
+        "are told as exactly, or a noise that makes up for it"
     )
 
 
@@ -141,12 +146,11 @@ def recordings_of(table: pd.DataFrame, size: float, noise: Noise | None = None) 
     missing = [name for name in (TIME, *POSE) if name not in table.columns]
     if missing:
         raise ValueError(f"the table has no column {missing[0]!r}: must have {', '.join((TIME, *POSE))}")
-    if RECORDING not in table.columns:
+    table = numbered(table)
+    names = recorded_names(table)
+    if names is None:
         return [_recording("0", table, size, noise)]
-    if table[RECORDING].isna().any():
-        row = int(np.argmax(table[RECORDING].isna()))
-        raise ValueError(f"column {RECORDING!r}, row {row}: must name the recording")
-    return [_recording(str(name), rows, size, noise) for name, rows in table.groupby(RECORDING, sort=False)]
+    return [_recording(str(name), rows, size, noise) for name, rows in table.groupby(names, sort=False)]
 
 
 def _recording(name: str, table: pd.DataFrame, size: float, noise: Noise | None) -> Recording:
@@ -159,35 +163,43 @@ def _recording(name: str, table: pd.DataFrame, size: float, noise: Noise | None)
     times, poses = columns[0], np.stack(columns[1:], axis=-1)
     if not np.isfinite(times).all():
         row = int(np.argmin(np.isfinite(times)))
-        raise ValueError(f"recording {name!r}: {TIME} = {times[row]} in row {row}: must be a finite number")
-    if (np.diff(times) <= 0.0).any():
-        row = int(np.argmax(np.diff(times) <= 0.0)) + 1
-        raise ValueError(
-            f"recording {name!r}: {TIME} = {times[row]!r} in row {row}: must increase from {times[row - 1]!r}"
-        )
+        raise ValueError(f"recording {name!r}: {TIME} = {times[row]} in {place(table, row)}: must be a finite number")
     if np.isinf(poses).any():
         row, column = np.argwhere(np.isinf(poses))[0].tolist()
         raise ValueError(
-            f"recording {name!r}: {POSE[column]} = {poses[row, column]} in row {row}: must be finite or NaN"
+            f"recording {name!r}: {POSE[column]} = {poses[row, column]} in {place(table, row)}: must be finite or NaN"
+        )
+    # A simulated trajectory has the same pose twice, but for rounding, where forces jump.
+    alike = np.abs(np.diff(poses, axis=0)) <= np.array([_FLOOR * size, _FLOOR * size, _FLOOR])
+    again = np.zeros(len(times), bool)
+    again[1:] = (np.diff(times) == 0.0) & alike.all(axis=1)
+    times, poses, table = times[~again], poses[~again], table[~again]
+    if (np.diff(times) <= 0.0).any():
+        row = int(np.argmax(np.diff(times) <= 0.0)) + 1
+        raise ValueError(
+            f"recording {name!r}: {TIME} = {times[row]} in {place(table, row)}: must increase from {times[row - 1]}"
         )
     seen = np.isfinite(poses).all(axis=1)
     if seen.sum() < FEWEST:
         raise ValueError(f"recording {name!r}: {seen.sum()} frames with a pose: must be at least {FEWEST}")
     times, poses = times[seen], poses[seen]
-    found = noise if noise is not None else _noise(name, times, poses)
+    found = noise if noise is not None else _noise(times, poses)
     return Recording(name, times, poses, Noise(max(found.position, _FLOOR * size), max(found.angle, _FLOOR)))
 
 
-def _noise(name: str, times: Floats, poses: Floats) -> Noise:
-    """Estimate the noise from third differences of equally spaced poses, whose variance is 20 times that of a pose."""
-    steps = np.diff(times)
-    even = np.abs(steps - np.median(steps)) < 0.01 * np.median(steps)
-    even = even[:-2] & even[1:-1] & even[2:]
-    if even.sum() < FEWEST:
-        raise ValueError(f"recording {name!r}: frames are too unevenly spaced to tell the noise: noise must be given")
+def _noise(times: Floats, poses: Floats) -> Noise:
+    """Estimate the noise from four poses in a row, of which the third divided difference holds no parabola.
+
+    Divided by the length of its coefficients it has the standard deviation of a pose, however frames are spaced.
+    """
+    four = sliding_window_view(times, 4)
+    apart = four[:, :, np.newaxis] - four[:, np.newaxis, :] + np.eye(4)
+    apart /= np.abs(apart).max(axis=(1, 2), keepdims=True)  # or the products below could overflow
+    weights = 1.0 / apart.prod(axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     turned = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    sizes = np.abs(np.diff(turned, n=3, axis=0)[even])
-    position, angle = (float(np.median(part)) / (0.6745 * math.sqrt(20.0)) for part in (sizes[:, :2], sizes[:, 2]))
+    sizes = np.abs(np.einsum("ni,nki->nk", weights, sliding_window_view(turned, 4, axis=0)))
+    position, angle = (float(np.median(part)) / _NORMAL for part in (sizes[:, :2], sizes[:, 2]))
     return Noise(position, angle)
 
 

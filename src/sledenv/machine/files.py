@@ -8,10 +8,12 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
+
+from sledenv.machine.extras import needs
 
 if sys.platform == "win32":
     import msvcrt
@@ -39,7 +41,7 @@ def replacing(file: str | os.PathLike[str], *suffixes: str) -> Iterator[Path]:
     """
     place = Path(file)
     if place.suffix.lower() not in suffixes:
-        raise OSError(f"{place}: must end in {suffixes[0]}")
+        raise OSError(f"{place}: must end in {' or '.join(suffixes)}")
     if place.is_dir():
         raise OSError(f"{place} is a folder: name a file in it")
     if not place.parent.is_dir():
@@ -150,6 +152,22 @@ def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]
         writer = csv.writer(lines, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
+
+
+def write_table(file: Path, columns: Mapping[str, Sequence[object]], *, parquet: bool) -> None:
+    """Write the columns of a table by their names, as comma-separated values or as a Parquet file.
+
+    Raises
+    ------
+    ImportError
+        Naming what Parquet needs.
+    """
+    if not parquet:
+        return write_csv(file, list(columns), zip(*columns.values(), strict=True))
+    with needs("analysis", "a Parquet file"):
+        import pyarrow
+        from pyarrow.parquet import write_table as write
+    write(pyarrow.table(dict(columns)), file)
 
 
 def check_free(place: Path, folder: str | Path, files: Collection[str]) -> None:

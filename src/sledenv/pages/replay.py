@@ -11,7 +11,7 @@ from sledenv.machine.files import replacing
 from sledenv.pages.html import filled
 from sledenv.pages.scenes import drawn_body, drawn_slope
 from sledenv.pages.words import (
-    REBOUND_COLUMNS,
+    REBOUND_HEADER,
     metric_name,
     mode_name,
     motion_words,
@@ -122,7 +122,7 @@ def _content(descent: Descent, title: str) -> dict[str, Any]:
         "film": {"film": film[:, 0], "time": film[:, 1]},
         "strobe": poses[:, :3],
         "contacts": _contacts(descent, film),
-        "table": {"columns": REBOUND_COLUMNS, "rows": rebound_cells(descent)},
+        "table": {"columns": REBOUND_HEADER, "rows": rebound_cells(descent)},
     }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from sledenv.kernel.records import Mode
 from sledenv.pages.tables import aligned
@@ -13,23 +12,6 @@ from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import AnyLaw, Slope, State, Zone
 from sledenv.simulation.support import support_height
-
-# Fields of TRAJECTORY and how a table calls them, with their units; parts of the body are written as words.
-TRAJECTORY_COLUMNS = {
-    "t": "t_s",
-    "x": "x_m",
-    "y": "y_m",
-    "phi": "phi_rad",
-    "u": "u_m_s",
-    "v": "v_m_s",
-    "omega": "omega_rad_s",
-    "normal": "normal_n",
-    "tangential": "tangential_n",
-    "rolling": "rolling_n_m",
-    "feature": "feature",
-    "slip": "slip_sign",
-    "spin": "spin_sign",
-}
 
 
 def part_name(body: Body, code: int) -> str:
@@ -98,15 +80,7 @@ def _body_words(body: Body) -> str:
     return f"{mass}, {inertia}, size {body.size:.4g} m, {arcs}; parts: {', '.join(body.parts)}"
 
 
-def trajectory_rows(descent: Descent) -> Iterator[tuple[object, ...]]:
-    """Return the rows of the table of the trajectory, one cell for each of ``TRAJECTORY_COLUMNS``."""
-    columns = [descent.trajectory[field].tolist() for field in TRAJECTORY_COLUMNS]
-    feature = list(TRAJECTORY_COLUMNS).index("feature")
-    columns[feature] = [part_name(descent.body, code) for code in columns[feature]]
-    return zip(*columns, strict=True)
-
-
-REBOUND_COLUMNS = (
+REBOUND_HEADER = (
     "#",
     "t [s]",
     "x [m]",
@@ -139,7 +113,7 @@ def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
 
 def rebound_table(descent: Descent) -> str:
     """Return a header and one line for each rebound."""
-    lines = aligned((REBOUND_COLUMNS, *rebound_cells(descent)), _REBOUND_FORMS, gap=" ")
+    lines = aligned((REBOUND_HEADER, *rebound_cells(descent)), _REBOUND_FORMS, gap=" ")
     return "\n".join(lines if len(lines) > 1 else [*lines, "    no rebounds"])
 
 

@@ -1,0 +1,79 @@
+"""Tables of a descent for other programs, columns named with their units: what is written here ``identify`` reads."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.kernel.records import CONTACT_LOSSES
+from sledenv.pages.words import mode_name, part_name
+from sledenv.simulation.outcomes import Descent
+
+# Fields of TRAJECTORY and how a table calls them; parts of the body are written as words.
+TRAJECTORY_COLUMNS: Final = {
+    "t": "t_s",
+    "x": "x_m",
+    "y": "y_m",
+    "phi": "phi_rad",
+    "u": "u_m_s",
+    "v": "v_m_s",
+    "omega": "omega_rad_s",
+    "normal": "normal_n",
+    "tangential": "tangential_n",
+    "rolling": "rolling_n_m",
+    "feature": "feature",
+    "slip": "slip_sign",
+    "spin": "spin_sign",
+}
+# Of REBOUND; ``phi_rad`` is not among them, see rebound_columns.
+REBOUND_COLUMNS: Final = {
+    "t_touchdown": "t_touchdown_s",
+    "x_contact": "x_contact_m",
+    "u_before": "u_before_m_s",
+    "v_before": "v_before_m_s",
+    "omega_before": "omega_before_rad_s",
+    "u_after": "u_after_m_s",
+    "v_after": "v_after_m_s",
+    "omega_after": "omega_after_rad_s",
+    "t": "t_end_s",
+    "x": "x_end_m",
+    "phi": "phi_end_rad",
+    "duration": "duration_s",
+    "feature": "feature",
+    "mode": "mode",
+    "normal_impulse": "normal_impulse_n_s",
+    "tangential_impulse": "tangential_impulse_n_s",
+    "rolling_impulse": "rolling_impulse_n_m_s",
+    "peak_force": "peak_force_n",
+    "peak_penetration": "peak_penetration_m",
+    **{f"loss_{name}": f"loss_{name}_j" for name in CONTACT_LOSSES},
+}
+
+
+def trajectory_columns(descent: Descent) -> dict[str, list[Any]]:
+    """Return the table of a trajectory: the cells of each column by its name, in SI units.
+
+    Parameters
+    ----------
+    descent : Descent
+        Simulated with ``record="trajectory"``; the columns are empty otherwise.
+    """
+    columns = {name: descent.trajectory[field].tolist() for field, name in TRAJECTORY_COLUMNS.items()}
+    columns["feature"] = [part_name(descent.body, code) for code in columns["feature"]]
+    return columns
+
+
+def rebound_columns(descent: Descent) -> dict[str, list[Any]]:
+    """Return the table of the rebounds of a descent: the cells of each column by its name, in SI units.
+
+    ``phi_rad`` is the orientation at touchdown [rad], where a contact begins, and follows from the spin of the flight
+    before it: a record has that at the end of the contact, which is ``phi_end_rad`` here.
+    """
+    rows = descent.rebounds
+    columns = {name: rows[field].tolist() for field, name in REBOUND_COLUMNS.items()}
+    columns["feature"] = [part_name(descent.body, code) for code in columns["feature"]]
+    columns["mode"] = [mode_name(code) for code in columns["mode"]]
+    since, begun = np.append(0.0, rows["t"])[:-1], np.append(descent.launch.phi, rows["phi"])[:-1]
+    phi = begun + rows["omega_before"] * (rows["t_touchdown"] - since)
+    return {"t_touchdown_s": columns.pop("t_touchdown_s"), "phi_rad": phi.tolist(), **columns}

@@ -1,0 +1,169 @@
+"""Recordings that are spoiled on purpose: what is said before a law is fitted, and that sound ones are let be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sledenv
+from sledenv.command.cli import main
+from sledenv.identification.frame import check_frame
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds, read_rebounds
+from sledenv.identification.tracks import recordings_of
+from sledenv.simulation.scene import ContactLaw
+from tests.identification.drops import drop, track
+from tests.identification.rebound_tables import GYRATION, SEGMENT, of_body, rebounding, told_by_arms
+
+Table = pd.DataFrame
+
+U, V, OMEGA = ((before, after) for before, after in zip(BEFORE, AFTER, strict=True))
+
+
+def scaled(**factors: float) -> Callable[[Table], Table]:
+    return lambda table: table.assign(**{name: table[name] * factor for name, factor in factors.items()})
+
+
+def exchanged(table: Table) -> Table:
+    names = dict(zip((*BEFORE, *AFTER), (*AFTER, *BEFORE), strict=True))
+    return table.rename(columns=names)
+
+
+def all_of(names: tuple[str, ...], factor: float) -> dict[str, float]:
+    return dict.fromkeys(names, factor)
+
+
+def by_arms(seed: int, noise: float = 0.02) -> Table:
+    rng = np.random.default_rng(seed)
+    return rebounding(told_by_arms(rng, 80), rng, noise)
+
+
+def said(table: Table, **body: object) -> str:
+    """What is said of a table before a fit: the doubts, or why it is refused."""
+    try:
+        return " ".join(read_rebounds(table, **body).doubts())  # type: ignore[arg-type]
+    except ValueError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (scaled(b_m=-1.0), "the sign of b, or of u, were turned"),
+        (scaled(**all_of(U, -1.0)), "the sign of b, or of u, were turned"),
+        (scaled(a_m=-1.0), "the sign of a were turned"),
+        (scaled(**all_of(OMEGA, -1.0)), "the sign of omega were turned"),
+        (scaled(**all_of(OMEGA, np.degrees(1.0))), "omega were in degrees a second"),
+        (scaled(**all_of(ARMS, 1e3)), "the arms were in mm"),
+        (scaled(**all_of((*U, *V), 1e3)), "u and v were in mm/s"),
+        (scaled(a_m=-1.0, **all_of((*V, *OMEGA), -1.0)), "y pointed away from the surface"),
+        (scaled(**all_of(V, -1.0)), "the sign of v were turned"),
+        (exchanged, "before and after were exchanged"),
+    ],
+    ids=["b", "u", "a", "omega", "degrees", "mm", "mm/s", "y down", "v", "exchanged"],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_sign_or_unit_of_rebounds_is_named(spoil: Callable[[Table], Table], words: str, seed: int) -> None:
+    assert words in said(spoil(by_arms(seed)), gyration_radius=GYRATION)
+
+
+def test_a_radius_of_gyration_in_mm_is_named() -> None:
+    assert "the radius of gyration were in mm" in said(by_arms(0), gyration_radius=1e3 * GYRATION)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(180.0 / np.pi, "phi_rad were in degrees"), (-1.0, "phi_rad counted from x to y")]
+)
+def test_an_orientation_in_degrees_or_clockwise_is_named(factor: float, words: str) -> None:
+    table = of_body(SEGMENT, ContactLaw(1e6, 0.0, 0.12, 0.004), 0.55, np.random.default_rng(2), 80)
+    assert said(table, body=SEGMENT) == ""
+    assert words in said(scaled(phi_rad=factor)(table), body=SEGMENT)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_nothing_is_said_of_sound_rebounds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    laws = {"restitution": rng.uniform(0.2, 0.9), "friction": rng.uniform(0.0, 0.5), "rolling_arm": 0.0005}
+    assert said(rebounding(told_by_arms(rng, 80), rng, 0.01, **laws), gyration_radius=GYRATION) == ""
+
+
+def test_friction_that_drives_a_slip_is_noticed_where_spins_balance() -> None:
+    """Oracle: the impulses of friction turned, and the spins that follow from them."""
+    sound = read_rebounds(by_arms(1, 0.0), gyration_radius=GYRATION)
+    after = sound.after.copy()
+    after[:, 0] = 2.0 * sound.before[:, 0] - sound.after[:, 0]
+    turned = sound.arms[:, 1] * (after[:, 0] - sound.after[:, 0]) / GYRATION**2
+    after[:, 2] += turned
+    driven = Rebounds(GYRATION, sound.contacts, after, sound.corner, sound.recordings)
+    shares = [list(one.balance()["share"]) for one in (sound, driven)]
+    assert shares[0][0] == pytest.approx(shares[1][0], abs=0.3)
+    assert any("friction speeds up the slips" in text for text in driven.doubts())
+
+
+def test_the_command_tells_doubts_before_it_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A fit that cannot begin, so that what is said was said before it."""
+    file = tmp_path / "rebounds.csv"
+    scaled(b_m=-1.0)(by_arms(0)).to_csv(file, index=False)
+    assert main(["identify", str(file), "--gyration-radius", str(GYRATION), "--fix", "friction=9"]) == 2
+    first, last = capsys.readouterr().err.splitlines()
+    assert "identify: warning: the spins do not balance" in first
+    assert "fixed.friction = 9.0" in last
+
+
+def test_places_in_a_file_are_its_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A blank line counts, as an editor counts it."""
+    file = tmp_path / "rebounds.csv"
+    lines = by_arms(0).to_csv(index=False).splitlines()
+    lines[5] = lines[5].replace(lines[5].split(",")[2], "fast", 1)
+    lines.insert(3, "")
+    file.write_text("\n".join(lines))
+    assert main(["identify", str(file), "--gyration-radius", str(GYRATION)]) == 2
+    assert "line 7: is 'fast', must be a number" in capsys.readouterr().err
+    poses = track(drop(np.random.default_rng(0)), np.random.default_rng(0), seconds=0.1)
+    poses.loc[4, "t_s"] = 0.0
+    poses.to_csv(tmp_path / "poses.csv", index=False)
+    with pytest.raises(ValueError, match=r"t_s = 0\.0 in line 6: must increase from"):
+        sledenv.identify(tmp_path / "poses.csv", SEGMENT, sledenv.Slope(0.1))
+
+
+@pytest.mark.parametrize("name", [{"film": 1}, ["film"]])
+def test_recordings_that_have_no_names_are_refused(name: object) -> None:
+    with pytest.raises(ValueError, match=r"recording, row 0: is .*, must be a text or a number"):
+        read_rebounds(by_arms(0).assign(recording=[name] * 80), gyration_radius=GYRATION)
+
+
+# --- poses over time -------------------------------------------------------------------------------------------------
+
+
+def drops(seed: int) -> tuple[Table, sledenv.Body, sledenv.Slope]:
+    rng = np.random.default_rng(seed)
+    one = drop(rng)
+    return track(one, rng), one.body, one.slope
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (scaled(y_m=-1.0, phi_rad=-1.0), "y pointed away from the surface and not down"),
+        (scaled(x_m=1e3, y_m=1e3), "x_m and y_m were in mm"),
+        (scaled(x_m=1e2, y_m=1e2), "x_m and y_m were in cm"),
+        (scaled(t_s=1e3), "t_s were in ms"),
+        (scaled(x_m=-1.0, phi_rad=-1.0), "x ran downhill"),
+        (scaled(phi_rad=180.0 / np.pi), "phi_rad were in degrees"),
+        (scaled(phi_rad=-1.0), "phi_rad counted from x to y"),
+    ],
+    ids=["y down", "mm", "cm", "ms", "uphill", "degrees", "clockwise"],
+)
+def test_a_wrong_sign_or_unit_of_poses_is_named(spoil: Callable[[Table], Table], words: str) -> None:
+    table, body, slope = drops(1)
+    with pytest.raises(ValueError, match=words):
+        sledenv.identify(spoil(table), body, slope)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nothing_is_said_of_sound_poses(seed: int) -> None:
+    table, body, slope = drops(seed)
+    check_frame(body, slope, recordings_of(table, body.size))

@@ -1,0 +1,106 @@
+"""Tables of a descent for other programs: names, units, and that ``identify`` reads what is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sledenv
+from sledenv.command.cli import main
+from sledenv.identification.rebounds import read_rebounds
+from sledenv.identification.tracks import recordings_of
+from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS, rebound_columns, trajectory_columns
+from sledenv.scenarios.scenario import load_scenario
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.settings import Solver
+from sledenv.simulation.simulate import simulate
+from tests.packs import own_pack
+
+
+def given() -> tuple:  # type: ignore[type-arg]
+    scenario = load_scenario(own_pack("ice_drop"))
+    context = scenario.sample(np.random.default_rng(0))
+    return scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
+
+
+def descent(solver: Solver = "rigid") -> Descent:
+    return simulate(*given(), solver=solver, max_time=1.0, record="trajectory")
+
+
+def test_columns_hold_the_fields_that_they_are_named_after() -> None:
+    one = descent()
+    for columns, rows, names in (
+        (trajectory_columns(one), one.trajectory, TRAJECTORY_COLUMNS),
+        (rebound_columns(one), one.rebounds, REBOUND_COLUMNS),
+    ):
+        for field, name in names.items():
+            if field not in ("feature", "mode"):
+                assert columns[name] == rows[field].tolist()
+
+
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_the_orientation_of_a_rebound_is_that_at_touchdown(solver: Solver) -> None:
+    """Oracle: the row of the trajectory at that time."""
+    one = descent(solver)
+    table = pd.DataFrame(rebound_columns(one))
+    assert len(table) >= 2
+    for _, row in table.iterrows():
+        there = one.trajectory[one.trajectory["t"] == row["t_touchdown_s"]]
+        assert len(there)
+        turns = (row["phi_rad"] - there["phi"][0]) / (2.0 * np.pi)
+        assert turns == pytest.approx(round(turns), abs=1e-12)
+
+
+def test_rebounds_that_were_simulated_give_their_law_back() -> None:
+    """Oracle: the law of the scenario; surfaces were rigid, as the fit of rebounds supposes."""
+    one = descent()
+    found = sledenv.identify(pd.DataFrame(rebound_columns(one)), one.body, starts=4)
+    assert found.values["restitution"] == pytest.approx(one.law.restitution, rel=1e-6)
+    assert found.values["friction"] == pytest.approx(one.law.friction, rel=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_identify_reads_what_simulate_writes(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the same descent, simulated here; a trajectory has event times twice."""
+    files = tmp_path / f"poses{suffix}", tmp_path / f"rebounds{suffix}"
+    words = ["simulate", own_pack("ice_drop"), "--csv", str(files[0]), "--rebounds-csv", str(files[1])]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    one = simulate(*given(), record="trajectory", end_on_chord=True)
+    assert f"wrote {len(one.trajectory)} rows into {files[0]}" in out
+    assert f"wrote {len(one.rebounds)} rows into {files[1]}" in out
+    read = pd.read_csv if suffix == ".csv" else pd.read_parquet
+    poses = read(files[0])
+    assert (poses["t_s"].diff() == 0.0).any()
+    (recording,) = recordings_of(poses, one.body.size)
+    assert recording.times == pytest.approx(np.unique(one.trajectory["t"]), rel=1e-12)
+    assert recording.noise == pytest.approx((1e-6 * one.body.size, 1e-6))
+    rebounds = read_rebounds(files[1], one.body)
+    assert rebounds.before == pytest.approx(
+        np.stack([one.rebounds[f"{name}_before"] for name in ("u", "v", "omega")], axis=1), rel=1e-9, abs=1e-12
+    )
+    assert rebounds.place(1) == ("line 3" if suffix == ".csv" else "row 1")
+
+
+@pytest.mark.slow
+def test_a_compliant_trajectory_gives_its_law_and_its_launch_back(tmp_path: Path) -> None:
+    """Oracle: what was simulated; the file is that of the command, with contacts of 13 ms in hundreds of rows."""
+    file = tmp_path / "poses.csv"
+    assert main(["simulate", own_pack("ice_drop"), "--csv", str(file)]) == 0
+    body, law, slope, launch = given()
+    found = sledenv.identify(file, body, slope, solver="compliant")
+    assert found.used.loc["0", "whole"]
+    for name in ("restitution", "friction", "rolling_arm", "stiffness"):
+        assert found.values[name] == pytest.approx(getattr(law, name), rel=1e-5)
+    assert found.launches["0"] == pytest.approx(launch, abs=1e-6)
+
+
+def test_a_table_in_the_folder_that_is_replaced_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    both = "--out", str(tmp_path / "out"), "--rebounds-csv", str(tmp_path / "out" / "fall.csv")
+    assert main(["simulate", "paper_impact", *both]) == 2
+    assert "--rebounds-csv = " in capsys.readouterr().err
+    assert main(["simulate", "paper_impact", "--rebounds-csv", str(tmp_path / "fall.txt")]) == 2
+    assert "must end in .csv or .parquet" in capsys.readouterr().err
