@@ -252,7 +252,7 @@ def _axes(problem: Problem, cells: int, number: int) -> list[_Axis]:
         step = 2.0 / steps
         beyond = 0 if turning else math.ceil(REACH * one / step)
         last = steps if turning else steps + 1  # the bounds of a full turn are the same launch
-        values: Floats = np.asarray(-1.0 + step * np.arange(-beyond, last + beyond), np.float64)
+        values: Floats = np.asarray(-1.0 + 2.0 * (np.arange(-beyond, last + beyond) / steps), np.float64)  # 1 exactly
         axes.append(_Axis(values, step, one, beyond))
     return axes
 

@@ -582,10 +582,9 @@ const slice = D.controls
     (control) =>
       `All cells have the ${named(control, control.values[0])}, the middle of what may be chosen; marks have their own. `,
   );
-const noise =
-  D.tremble
-    ? `The launch trembles: the ${flat ? "curve" : "map"} and the regret show the expected reward, the descent is played as it was aimed. `
-    : "";
+const noise = D.tremble
+  ? `The launch trembles: the ${flat ? "curve" : "map"} and the regret show the expected reward, the descent is played as it was aimed. `
+  : "";
 $("about").textContent =
   grid +
   slice.join("") +
