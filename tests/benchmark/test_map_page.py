@@ -36,8 +36,8 @@ def in_haste() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "DESCENTS", 320)
         patch.setattr(module, "_SAMPLE", 64)
-        hasty = {"FINE": 4, "STARTS": 6, "LEVELS": 4, "NEIGHBOURS": 12, "SEARCHES": (2, 2)}
-        for name, value in (hasty | {"STEADY": 2, "STEADY_LEVELS": 1}).items():
+        hasty = {"CELLS": 600, "SHOWN": 300, "STARTS": 6, "NEIGHBOURS": 4, "DRAWS": 16, "JUDGED": (2, 16)}
+        for name, value in hasty.items():
             patch.setattr(oracle, name, value)
         yield
 
@@ -117,14 +117,16 @@ def test_a_page_refers_to_nothing_outside(made: MapPage) -> None:
 
 
 def test_a_page_marks_what_the_words_tell(made: MapPage) -> None:
-    """Oracle: the marked launches earn their rewards when they are simulated."""
+    """Oracle: the marked launches earn their rewards in the mean over the draws that judge launches."""
     problem, data = Problem(PACK), data_of(made.html)
+    low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
     assert [context["seed"] for context in data["contexts"]] == list(SEEDS)
     for context in data["contexts"]:
         assert [mark["name"] for mark in context["marks"]] == ["best launch", "critic"]
         for mark in context["marks"]:
-            chosen = dict(zip(problem.task.controlled, mark["values"], strict=True))
-            reward = float(descended(problem, context["seed"], chosen).jam.reward)
+            given = np.array([problem.scenario.sample(np.random.default_rng(context["seed"]))])
+            chosen = 2.0 * (np.array([[mark["values"]]], float) - low) / (high - low) - 1.0
+            reward = problem.expect(problem.trials(given, "test"), chosen)[0, 0]
             assert mark["expected"] == pytest.approx(reward, abs=1e-3)  # values are rounded to nine digits
             assert f"reward {mark['expected']:.4f}" in made.words
     assert made.words.count("context of seed") == len(SEEDS)
