@@ -80,7 +80,7 @@ def _one_hop(phi: float, around: float) -> Prepared:
 
 def episodes() -> Callable[[], list[float]]:
     """Return a run of episodes of one step each, which gives their rewards."""
-    env = gym.make(IDS[_KIND], scenario=SCENARIO, info=("jam",))
+    env = gym.make(IDS[_KIND], scenario=SCENARIO, info=("jam",), launch_noise=(0.0, 0.0))
     action = np.zeros(env.action_space.shape or (), np.float32)
 
     def episode(i: int) -> float:
@@ -92,7 +92,7 @@ def episodes() -> Callable[[], list[float]]:
 
 def descents_of_episodes() -> tuple[tuple[Any, ...], dict[str, Any]]:
     """What simulate_batch takes for the descents of these episodes, and the fields of its settings."""
-    env = gym.make(IDS[_KIND], scenario=SCENARIO)
+    env = gym.make(IDS[_KIND], scenario=SCENARIO, launch_noise=(0.0, 0.0))
     drawn = np.array([[*env.reset(seed=None if i else 0)[1]["context"].values()] for i in range(_SINGLE)])
     drawn[:, sledenv.Context._fields.index("spin")] = 0.0  # what the zero action chooses
     return problem(SCENARIO, drawn)

@@ -290,7 +290,7 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
 ) -> None:
     """Oracle: the launch that is told earns its reward when it is simulated."""
     content = load_scenario("talus").model_dump(mode="json", by_alias=True)
-    content["control"] |= {"speed_m_s": [2, 8], "chosen": "all"}
+    content["control"] |= {"speed_m_s": [2, 8], "chosen": "all", "noise_orientation_deg": 0, "noise_spin_rad_s": 0}
     pack, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
     pack.write_text(json.dumps(content))  # JSON is YAML
     assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0

@@ -75,8 +75,9 @@ def _body(rng: np.random.Generator) -> Body:
         case 0:
             return sled(rider_mass=rng.uniform(50.0, 100.0), balance=rng.uniform(-0.3, 0.3))
         case 1:
-            circles = [(*rng.uniform(-size, size, 2), rng.uniform(0.02, 0.3) * size) for _ in range(4)]
-            return hull(mass, circles)
+            angles = np.arange(4) * math.tau / 4.0 + rng.uniform(0.0, 1.0, 4)
+            circles = [(size * math.cos(t), size * math.sin(t), size * rng.uniform(0.02, 0.3)) for t in angles]
+            return hull(mass, mass * size**2 * rng.uniform(0.3, 1.0), circles, list("abcd"))
         case 2:
             angles = np.sort(rng.uniform(0.0, math.tau / 5.0, 5)) * 0.8 + np.arange(5) * math.tau / 5.0
             corners = [(size * math.cos(angle), size * math.sin(angle)) for angle in angles]
