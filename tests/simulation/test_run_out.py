@@ -125,21 +125,6 @@ def test_a_sliding_block_stops_in_the_run_out() -> None:
     assert descent.state.x == 106.0
 
 
-def test_a_zone_in_the_run_out_brakes_there() -> None:
-    """Oracle: constant deceleration on a level zone behind the line, which one slope and rows of a batch may have."""
-    block = sledenv.polygon(2.0, [(-0.5, -0.1), (0.5, -0.1), (0.5, 0.1), (-0.5, 0.1)])
-    law = ContactLaw.from_restitution(0.3, stiffness=1e8, friction=0.0, rolling_arm=0.0)
-    slope = Slope(0.0, 2.0, 9.81, [Zone(4.0, math.inf, 0.4, 0.0)])
-    start, settings = State(0.0, 0.1, 0.0, 3.0), Settings(solver="rigid", run_out=100.0, max_time=20.0)
-    descent = simulate(block, law, slope, start, settings)
-    assert descent.status == "jammed"
-    # The load of an end is on the ice while the other one is in the zone: 1 m of a share of friction that grows.
-    assert 4.0 < descent.state.x < 4.5 + 9.0 / (2.0 * 0.4 * 9.81)
-    batch = simulate_batch(block, law, [slope], [start], settings)
-    rows = simulate_batch(block, law, np.array([slope.row]), [start], settings)
-    assert batch.outcomes.tobytes() == rows.outcomes.tobytes() == descent.outcome.tobytes()
-
-
 def test_eulers_method_has_a_run_out_too() -> None:
     launch = launches(DISC)[0]
     exact = simulate(DISC, LAW, SLOPE, launch, run_out=1.0)

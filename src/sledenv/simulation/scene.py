@@ -159,13 +159,13 @@ class Slope(Checked, _SlopeFields):
         Gravitational acceleration [m/s^2], >= 0.
     zones : sequence of Zone
         Up to 8 parts with friction and rolling arms of their own, one behind the other along the slope; elsewhere
-        those of the contact law hold, and stiffness and restitution are its own everywhere. They may lie behind the
-        end of the slope, where a run-out goes on. None by default.
+        those of the contact law hold, and stiffness and restitution are its own everywhere. None by default.
 
     Raises
     ------
     TypeError, ValueError
-        Naming the field, its value and the allowed range; zones must be in order and must not overlap.
+        Naming the field, its value and the allowed range; zones must be in order, must not overlap, and must not go
+        beyond the end of the slope, unless without end.
     """
 
     __slots__ = ()
@@ -176,7 +176,7 @@ class Slope(Checked, _SlopeFields):
             checked("Slope", name, value, rule)
             for name, value, rule in zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
         )
-        return super().__new__(cls, angle, length, gravity, _checked_zones(zones))
+        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length))
 
     @property
     def row(self) -> tuple[float, ...]:
@@ -191,8 +191,8 @@ class Slope(Checked, _SlopeFields):
         return friction
 
 
-def _checked_zones(zones: Any) -> tuple[Zone, ...]:
-    """Return the zones of a slope, each checked, or raise TypeError or ValueError."""
+def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
+    """Return the zones of a slope of some length [m], each checked, or raise TypeError or ValueError."""
     if isinstance(zones, tuple) and not zones:
         return ()
     if isinstance(zones, str | Zone) or not isinstance(zones, Iterable):
@@ -202,9 +202,13 @@ def _checked_zones(zones: Any) -> tuple[Zone, ...]:
         raise ValueError(f"Slope.zones holds {len(made_zones)}: must hold at most {MOST_ZONES}")
     reached = -math.inf
     for k, zone in enumerate(made_zones):
+        name = f"Slope.zones[{k}]"
         if zone.begin < reached:
-            what = f"must be >= the end of the zone before, {reached!r} m"
-            raise ValueError(f"Slope.zones[{k}].begin = {zone.begin!r}: {what}")
+            raise ValueError(f"{name}.begin = {zone.begin!r}: must be >= the end of the zone before, {reached!r} m")
+        if zone.begin >= length:
+            raise ValueError(f"{name}.begin = {zone.begin!r}: must be < Slope.length = {length!r} m")
+        if length < zone.end < math.inf:
+            raise ValueError(f"{name}.end = {zone.end!r}: must be <= Slope.length = {length!r} m, or inf")
         reached = zone.end
     return made_zones
 
