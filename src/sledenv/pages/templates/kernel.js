@@ -46,13 +46,13 @@ class Kernel {
     const log = this.#table("REBOUND", Number(most.max_rebounds));
     const rows = this.#table("TRAJECTORY", room);
     const space = this.#table("SPACE", 1);
+    const logs = { place: log.place, lengths: [1, ...log.lengths] };
     if (solver === "euler")
       while (this.#get("OUTCOME", "status", flights.place) === 0)
-        this.#call("descend_euler", bodies, touching, slopes, start, ends, log, space, rows, flights);
+        this.#call("descend_euler", bodies, touching, slopes, start, ends, flights, logs, rows, space);
     else {
       for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
       this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-      const logs = { place: log.place, lengths: [1, ...log.lengths] };
       const trims = { place: 0, lengths: [0, 2] };
       const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
       const name = `descend_lanes_${solver}`;
