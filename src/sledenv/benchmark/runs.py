@@ -172,7 +172,7 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     Parameters
     ----------
     folder : Path
-        Where there is none, the run of that name that ships, such as "sled_snow-launch-both-critic-s0".
+        Where there is none, the run of that name that ships, such as "sled_snow-launch-orientation-critic-s0".
 
     Raises
     ------
