@@ -21,6 +21,7 @@ from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
 from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.records import LOSSES
+from sledenv.machine.blame import blaming
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, runner
@@ -128,7 +129,9 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
     parts = [_rows(problem, agent, trials).assign(stage="trained")]
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        parts.append(_rows(problem, before(problem, place), trials).assign(stage="untrained"))
+        with blaming(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
+            untrained = before(problem, place)
+        parts.append(_rows(problem, untrained, trials).assign(stage="untrained"))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
     write_sealed(table, _judged(suite, job, folder))
@@ -155,10 +158,12 @@ def _curve(folder: Path) -> list[list[float]]:
     path = folder / _CURVE
     if not path.is_file():
         return []
-    curve: list[list[float]] = (
-        pd.read_csv(path).reindex(columns=["descents", "seconds", "mean_reward"]).to_numpy().tolist()
-    )
-    return curve
+    try:
+        curve = pd.read_csv(path).reindex(columns=["descents", "seconds", "mean_reward"]).astype(float)
+    except ValueError as error:  # among them those of pandas
+        raise ValueError(f"{path} is no table of numbers: {' '.join(str(error).split())}") from error
+    rows: list[list[float]] = curve.to_numpy().tolist()
+    return rows
 
 
 def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
+from sledenv.machine.blame import GivenCodeError
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -56,8 +58,9 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
     -------
     int
         Exit status: what the command returns, 0 for None; 1 with a message on standard error where the memory is too
-        small; 2 with one where an argument is wrong, a file cannot be read or written, or a package is missing; 130 and
-        143 after an interrupt and a request to terminate; 141 where nobody reads on.
+        small, or code that was given raised an error, such as an agent; 2 with one where an argument is wrong, a file
+        cannot be read or written, or a package is missing; 130 and 143 after an interrupt and a request to terminate;
+        141 where nobody reads on.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     if not words and command.default_command is None:
@@ -74,7 +77,7 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         return _told(f"{name}: error: {' '.join(str(error).removeprefix('Invalid value for ').split())}", WRONG)
     except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
         return _told(f"{name}: error: {error}", WRONG)
-    except MemoryError as error:
+    except (MemoryError, GivenCodeError) as error:
         return _told(f"{name}: error: {error}", FAILED)
     except KeyboardInterrupt:
         return _told(f"{name}: interrupted", _INTERRUPTED)
