@@ -236,7 +236,7 @@ def _read(path: Path, kind: type[Section]) -> dict[str, Any]:
     try:
         kind.model_validate(content)
     except ValidationError as error:
-        raise ValueError("; ".join(f"{path}: {kind.explain(details)}" for details in error.errors())) from error
+        raise ValueError("; ".join(f"{path}: {line}" for line in kind.problems(error))) from error
     return cast("dict[str, Any]", content)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
 
 from sledenv.machine.blame import GivenCodeError
 
@@ -74,7 +74,7 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _BROKEN_PIPE
     except CycloptsError as error:
-        return _told(f"{name}: error: {' '.join(str(error).removeprefix('Invalid value for ').split())}", WRONG)
+        return _told(f"{name}: error: {_words(error)}", WRONG)
     except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
         return _told(f"{name}: error: {error}", WRONG)
     except (MemoryError, GivenCodeError) as error:
@@ -84,6 +84,16 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
     finally:
         signal.signal(signal.SIGTERM, before)
     return status or 0
+
+
+def _words(error: CycloptsError) -> str:
+    """Return what is wrong with the words of a command, in one line."""
+    words = " ".join(str(error).removeprefix("Invalid value for ").split())
+    if type(error) is not MissingArgumentError or error.argument is None:
+        return words
+    _, meant, suggestion = words.partition(" Did you mean ")
+    what = f"{error.keyword} needs a value" if error.keyword else f"{error.argument.name} is required"
+    return f"{what}.{meant}{suggestion}" if meant else what
 
 
 def _told(message: str, status: int) -> int:
