@@ -214,7 +214,13 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "--solver: bowl_snow ends where the body lies on its chord" in refused(
         capsys, "simulate", own_pack("bowl_snow"), "--solver", "euler"
     )
-    assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
+    assert refused(capsys, "simulate") == "sledenv simulate: error: SCENARIO is required\n"
+    assert refused(capsys, "identify", "x.csv") == "sledenv identify: error: --gyration-radius is required\n"
+    needed = refused(capsys, "identify", "x.csv", "--gyraton-radius", "3")
+    assert needed.endswith(
+        "--gyration-radius is required. Did you mean --gyration-radius instead of --gyraton-radius?\n"
+    )
+    assert refused(capsys, "simulate", "talus", "--seed") == "sledenv simulate: error: --seed needs a value\n"
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
     assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_pack("ice_drop"), "snow")
