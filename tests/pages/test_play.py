@@ -25,7 +25,7 @@ from sledenv.plot.shapes import drawable_rows, pace
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
-from sledenv.simulation.simulate import simulate
+from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
@@ -342,6 +342,111 @@ def test_the_launch_can_be_dragged(page: Browser, what: str) -> None:
         assert launch["speed"] > earlier["speed"]
         assert launch["fall"] < earlier["fall"]
     assert run_lines(page) == told_result(page)
+
+
+# Maps and clouds.
+
+
+def wait_for_map(page: Browser) -> None:
+    wait_until(page, "map?.complete && !asking")
+
+
+def rewards_of(page: Browser) -> np.ndarray:
+    return np.array([float(value) for value in page.run("return Array.from(map.rewards, String)")]).reshape(50, 50)
+
+
+@needs_chromium
+@pytest.mark.jit_only
+@pytest.mark.parametrize("name", ["sled_snow", "bedrock"])
+def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name: str) -> None:
+    """Oracle: ``simulate_batch``, bit for bit; the axes end where the hand may still tremble to."""
+    scenario, context = drawn(name)
+    place = tmp_path / "play.html"
+    place.write_text(play_page(scenario, context), encoding="utf-8")
+    visit(chromium, place)
+    wait_for_map(chromium)
+    axes = [np.array(values) for values in chromium.run("return map.axes.map(axis => axis.values)")]
+    low, high = scenario.control_bounds["spin"]
+    error = scenario.control.noise_spin_rad_s
+    assert axes[1][[0, -1]] == pytest.approx([low - 3.0 * error, high + 3.0 * error])
+    if name == "bedrock":  # goes all around
+        assert np.append(axes[0], axes[0][0] + 360.0) == pytest.approx(np.linspace(-180.0, 180.0, 51))
+    orientation, spin = np.meshgrid(axes[0] * (math.pi / 180.0), axes[1], indexing="ij")
+    contexts = np.tile(np.array(context), (orientation.size, 1))
+    contexts[:, Context._fields.index("orientation")] = orientation.ravel()
+    contexts[:, Context._fields.index("spin")] = spin.ravel()
+    given = scenario.body(context), scenario.law(context), scenario.slope(context)
+    batch = simulate_batch(*given, scenario.launches(contexts), scenario.settings())
+    np.testing.assert_array_equal(rewards_of(chromium).ravel(), batch.jam.reward)
+    best = chromium.run("return valuesOf(map, map.best)")
+    assert all(low <= value <= high for value, (low, high) in zip(best, scenario.control_bounds.values(), strict=False))
+    chromium.click("#best")
+    wait_until(chromium, "!asking")
+    assert chromium.run("return AXES.map(shownOf)") == pytest.approx(best, abs=6e-3)
+    assert run_lines(chromium) == told_result(chromium)
+    assert chromium.log() == []
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_map_under_the_tremble_is_the_mean_of_the_map(page: Browser) -> None:
+    """Oracle: the mean of what is linear between the cells, by a quadrature of many points along each axis."""
+    put(page, "error_orientation", 2.5)
+    put(page, "error_spin", 0.21)
+    wait_for_map(page)
+    rewards = rewards_of(page)
+    expected = np.array(page.run("return Array.from(map.expected)")).reshape(50, 50)
+    z = np.linspace(-6.0, 6.0, 4001)
+    density = np.exp(-0.5 * z * z)
+    weights = []
+    for k, error in enumerate((2.5, 0.21)):
+        values = np.array(page.run("return map.axes[arguments[0]].values", k))
+        hats = np.stack([np.interp(values[25] + error * z, values, row) for row in np.eye(50)])
+        weights.append(hats @ density / density.sum())
+    assert expected[25, 25] == pytest.approx(weights[0] @ rewards @ weights[1], abs=2e-6)
+    constant = page.run("return smoothed({ ...map, rewards: map.rewards.map(() => 0.7) })[77]")
+    assert constant == pytest.approx(0.7)
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_click_on_a_map_chooses_a_launch(page: Browser) -> None:
+    wait_for_map(page)
+    page.run("document.querySelector('#map').scrollIntoView({ block: 'center' })")
+    page.click("#map")  # its middle
+    wait_until(page, "!asking")
+    found = page.run(
+        "const { width, height, left, top, w, h } = chartOf($('map'), map.axes); const [x, y] = map.axes;"
+        "return [x.low + (width / 2 - left) / w * (x.high - x.low), y.high - (height / 2 - top) / h * (y.high - y.low)]"
+    )
+    assert page.run("return AXES.map(shownOf)") == pytest.approx(found, abs=0.3)
+    place = page.run("return AXES.map(shownOf)")
+    page.press("#map", "\ue014")  # the right arrow key
+    wait_until(page, "!asking")
+    step = page.run("return map.axes[0].step")
+    assert page.run("return AXES.map(shownOf)") == pytest.approx([place[0] + step, place[1]], abs=6e-3)
+    assert page.run("return document.querySelectorAll('.cursor').length") == 2
+    assert page.run("return map.complete")  # the launch changes nothing in it
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_cloud_is_of_normal_errors(page: Browser) -> None:
+    """Oracle: moments of the draws; ``simulate`` of each of them."""
+    wait_until(page, "cloud?.paths")
+    draws = np.array(page.run("return NORMAL"))
+    assert draws.shape == (64, 2)
+    assert draws.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.06)
+    assert draws.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.1)
+    assert abs(np.corrcoef(draws.T)[0, 1]) < 0.1
+    scenario, context = drawn("sled_snow")
+    errors = draws * [math.radians(scenario.control.noise_orientation_deg), scenario.control.noise_spin_rad_s]
+    told = [float(value) for value in page.run("return cloud.paths.map(({ reward }) => String(reward))")]
+    for (orientation, spin), reward in zip(errors.tolist(), told, strict=True):
+        tried = context._replace(orientation=context.orientation + orientation, spin=context.spin + spin)
+        assert reward == pytest.approx(float(in_python(scenario, tried).jam.reward), abs=1e-9)
+    assert f"mean reward {np.mean(told):.3f}" in page.text("#cloud-words")
+    assert page.run("return document.querySelectorAll('#cloud polyline').length") == 64
 
 
 # What cannot be simulated.

@@ -55,6 +55,7 @@ function accept(found) {
   const first = shown === null;
   const other = !first && (shown.input.body !== found.input.body || !grabbed);
   shown = { ...found, rows, film };
+  cloud = null;
   selected = clamp(selected, 0, Math.max(found.rebounds.t.length - 1, 0));
   pause();
   position = 0;
@@ -62,26 +63,31 @@ function accept(found) {
   draw();
 }
 
-/* Something has been chosen. */
+/* Something has been chosen: the descent is simulated at once, all else a moment after the last change. */
 function changed() {
   said = [];
+  crew.forget("rewards");
   fillPanel();
   simulate();
 }
 
 let pending = 0;
 
-/* A moment after the last change: Safari allows few changes of the address. */
 function settled() {
   clearTimeout(pending);
   pending = setTimeout(() => {
-    if (!problem()) history.replaceState(null, "", `#${address()}`);
+    if (problem()) return;
+    history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
+    refreshCloud();
+    refreshMap();
   }, 250);
 }
 
 /* Everything that follows from the descent. */
 function draw() {
   drawPath();
+  drawCloud();
+  requestDraw();
   drawOutcome();
   drawTable();
   drawLedger();
@@ -99,7 +105,7 @@ function drawOutcome() {
     ["status", status.replace("_", " ")],
     ["reward", fixed(jam.reward, 3)],
     ["time", fixed(outcome.t, 3, "s")],
-    ["at x", fixed(outcome.x, 2, "m")],
+    ["end at x", fixed(outcome.x, 2, "m")],
     ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],
     ["energy kept", fixed(100 * jam.retention, 1, "%")],
     ["rebounds", String(outcome.rebounds)],
@@ -265,6 +271,7 @@ async function openPage() {
     return;
   }
   live = new Pool(1, $("worker").textContent, bytes);
+  crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
   buildPanel();
   openAddress();
 }

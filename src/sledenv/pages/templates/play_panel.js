@@ -44,7 +44,8 @@ function buildPanel() {
         group === "slope"
           ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
           : "";
-      return `<details ${i < 3 ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
+      const open = i < (window.innerWidth > 860 ? 3 : 1);
+      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
     })
     .join("");
   $("chosen-body").innerHTML = E.bodies.map(({ name }, i) => `<option value="${i}">${escaped(name)}</option>`).join("");

@@ -18,9 +18,11 @@ class Pool {
   }
 
   /* A promise of what a task of play_worker.js returns; it fails if that takes too long. */
-  ask(message, descents = 1) {
+  ask(message, descents = 1, first = false) {
     return new Promise((resolve, reject) => {
-      this.waiting.push({ message, seconds: PATIENCE * descents, resolve, reject });
+      const task = { message, seconds: PATIENCE * descents, resolve, reject };
+      if (first) this.waiting.unshift(task);
+      else this.waiting.push(task);
       this.#next();
     });
   }

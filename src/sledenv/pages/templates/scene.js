@@ -15,6 +15,18 @@ const entries = (pairs) =>
   pairs.map(([name, value]) => `<div><dt>${escaped(name)}</dt><dd>${escaped(value)}</dd></div>`).join("");
 const far = (value) => clamp(value, -1e7, 1e7).toFixed(2);
 
+/* Places of the ticks of an axis, at most so many. */
+function ticks(low, high, most, unit) {
+  const power = 10 ** Math.floor(Math.log10((high - low) / most));
+  const known =
+    unit === "°" && high - low > 60 ? [15, 30, 45, 90, 180, 360] : [1, 2, 5, 10].map((factor) => factor * power);
+  const step = known.find((candidate) => (high - low) / candidate <= most) ?? high - low;
+  const found = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++)
+    found.push(+(i * step).toPrecision(12));
+  return found;
+}
+
 /* Interpolation. */
 function before(values, value) {
   // index of the last entry <= value, at least 0
