@@ -271,6 +271,8 @@ def test_an_address_holds_all_that_can_be_set(page: Browser, file: Path) -> None
         ("#body=banana", "body = banana: must be one of body of sled_snow"),
         ("#solver=euler", "solver = euler: must be compliant or rigid"),
         ("#zones=5,2,.1,0,0", "zone 1 ends at 2 m: must end behind its begin, 5 m"),
+        ("#kept=1,2", "kept = 1,2: must be 5 numbers"),
+        ("#kept=0,0,99,0,0", "kept, speed along the slope = 99: must be a number from 0 to 20 m/s"),
         ("#zones=what", "zone 1: must have a begin and a friction"),
     ],
 )
@@ -342,6 +344,45 @@ def test_the_launch_can_be_dragged(page: Browser, what: str) -> None:
         assert launch["speed"] > earlier["speed"]
         assert launch["fall"] < earlier["fall"]
     assert run_lines(page) == told_result(page)
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_the_cone_of_a_rebound_and_the_ledger_are_those_of_the_descent(page: Browser) -> None:
+    """Oracle: the records and the ledger of ``simulate``."""
+    descent = in_python(*drawn("sled_snow"))
+    for i, rebound in enumerate(descent.rebounds):
+        page.click(f"[data-rebound='{i}']")
+        assert page.text("#cone-title") == f"Rebound {i + 1} in its friction cone"
+        told = page.text("#closeup").replace("\N{MINUS SIGN}", "-")
+        assert f"{rebound['normal_impulse']:.2f} N s" in told
+        assert f"{rebound['tangential_impulse']:.2f} N s" in told
+        assert f"{descent.rebound_jam.grip[i]:.3f}" in told
+    ledger, energy = page.text("#ledger").replace("\N{MINUS SIGN}", "-"), descent.energy
+    for value in (energy.kinetic, energy.stored, energy.hysteresis, energy.sliding, energy.initial - energy.potential):
+        assert f"{value:.2f} J" in ledger
+    widths = page.run("return [...document.querySelectorAll('.bar i')].map(one => parseFloat(one.style.width))")
+    assert sum(widths) == pytest.approx(100.0, abs=0.1)
+    assert f"{energy.residual:.1e}".partition("e")[0] in ledger
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_launch_is_kept_to_compare(page: Browser, file: Path) -> None:
+    """Oracle: the page itself, before another launch is chosen."""
+    first, result = page.text("#outcome"), told_result(page)
+    page.click("#keep")
+    wait_until(page, "!asking && shown.kept")
+    put(page, "speed", 7.0)
+    assert page.text("#outcome-kept") == first != page.text("#outcome")
+    assert page.run("return [shown.kept.status, String(shown.kept.jam.reward)]") == [result[0], result[1]]
+    assert page.run("return document.querySelectorAll('#other').length") == 1
+    address, both = page.run("return address()"), (page.text("#outcome"), first)
+    visit(page, file, f"#{address}")
+    assert (page.text("#outcome"), page.text("#outcome-kept")) == both
+    page.click("#keep")
+    wait_until(page, "!asking && !shown.kept")
+    assert page.run("return $('kept').hidden")
 
 
 # Maps and clouds.

@@ -38,8 +38,10 @@ async function simulate() {
     }
     const input = structuredClone(chosen);
     try {
-      const found = await live.ask({ task: "descend", scene: sceneOf(), launch: launchOf() });
-      accept({ ...found, input });
+      const launches = [launchOf(), ...(input.kept ? [input.kept] : [])];
+      const asked = launches.map((launch) => live.ask({ task: "descend", scene: sceneOf(), launch }));
+      const [found, kept] = await Promise.all(asked);
+      accept({ ...found, input, kept: kept ? { ...kept, rows: drawable(kept) } : null });
       tell(said.length ? `Left out of what the address asks for: ${said.join("; ")}.` : "");
     } catch (error) {
       tell(`The descent was given up: ${error.message}. Change something, and the next one is tried.`);
@@ -86,22 +88,24 @@ function settled() {
 /* Everything that follows from the descent. */
 function draw() {
   drawPath();
-  drawCloud();
-  requestDraw();
   drawOutcome();
   drawTable();
-  drawLedger();
-  $("python").textContent = pythonOf(shown);
+  if (!grabbed) {
+    // what takes longer, or is not looked at while something is dragged
+    drawCloud();
+    requestDraw();
+    drawLedger();
+    $("python").textContent = pythonOf(shown);
+  }
   $("slider").max = Math.ceil(filmLength() * FPS);
   show(position);
 }
 
 const filmLength = () => shown.film.film[shown.film.film.length - 1];
 
-function drawOutcome() {
-  const { status, outcome, jam } = shown;
+function outcomeOf({ status, outcome, jam }) {
   const line = outcome.t_line < Infinity;
-  $("outcome").innerHTML = entries([
+  return entries([
     ["status", status.replace("_", " ")],
     ["reward", fixed(jam.reward, 3)],
     ["time", fixed(outcome.t, 3, "s")],
@@ -110,6 +114,13 @@ function drawOutcome() {
     ["energy kept", fixed(100 * jam.retention, 1, "%")],
     ["rebounds", String(outcome.rebounds)],
   ]);
+}
+
+function drawOutcome() {
+  $("outcome").innerHTML = outcomeOf(shown);
+  $("kept").hidden = !shown.kept;
+  if (shown.kept) $("outcome-kept").innerHTML = outcomeOf(shown.kept);
+  $("keep").textContent = shown.kept ? "Forget the kept launch" : "Keep this launch to compare";
 }
 
 function gripOf({ rebounds, scene: given }, i) {
@@ -168,6 +179,44 @@ function drawLedger() {
     `<div><dt>unaccounted for</dt><dd>${residual.toExponential(1).replaceAll("-", "−")} J</dd></div></dl>`;
 }
 
+/* The impulse of one rebound; the cone is drawn as wide as there is room, so both directions have scales of their own. */
+let closest = null; // what is drawn
+
+function drawCloseup(i) {
+  const key = `${i} ${shown.rebounds.t.length}`;
+  if (closest?.of === shown && closest.key === key) return;
+  closest = { of: shown, key };
+  const { rebounds: R, scene: given } = shown;
+  $("cone-title").textContent = R.t.length ? `Rebound ${i + 1} in its friction cone` : "";
+  $("closeup").innerHTML = "";
+  if (!R.t.length) return;
+  const [normal, tangential] = [R.normal_impulse[i], R.tangential_impulse[i]];
+  const most = frictionAt(R.x_contact[i], given) * normal;
+  const wide = 1.15 * Math.max(most, Math.abs(tangential)) || 1;
+  const pixel = (t, n) => [150 + (130 * t) / wide, 172 - (140 * n) / (normal || 1)];
+  const corners = [pixel(0, 0), pixel(-most, normal), pixel(most, normal)].map((point) => point.map(far).join(","));
+  const words = (t, n, text, dy) => {
+    const [column, row] = pixel(t, n);
+    return `<text x="${far(column)}" y="${far(row + dy)}" text-anchor="middle" fill="var(--pale)">${text}</text>`;
+  };
+  $("closeup").innerHTML =
+    `<svg viewBox="0 0 300 185" id="closeup-cone"><polygon points="${corners.join(" ")}" fill="var(--cone)" stroke="var(--line)"/>` +
+    `<line x1="10" y1="172" x2="290" y2="172" stroke="var(--line)" stroke-width="2"/>` +
+    scene.arrow(pixel(0, 0), pixel(tangential, normal), 'fill="var(--force)" stroke="var(--force)"') +
+    words(-most, normal, `−f N = ${fixed(-most, 2)} N s`, -8) +
+    words(most, normal, `f N = ${fixed(most, 2)} N s`, -8) +
+    "</svg><dl>" +
+    entries([
+      ["normal impulse N", fixed(normal, 2, "N s")],
+      ["tangential impulse", fixed(tangential, 2, "N s")],
+      ["duration", fixed(1e3 * R.duration[i], 2, "ms")],
+      ["largest force", R.peak_force[i] < Infinity ? fixed(R.peak_force[i] / 1e3, 2, "kN") : "rigid"],
+      ["grip", fixed(gripOf(shown, i), 3)],
+      ...D.losses.map((name) => [`lost by ${name}`, fixed(R[`loss_${name}`][i], 2, "J")]),
+    ]) +
+    "</dl>";
+}
+
 /* The film. */
 function show(where, fromSlider) {
   position = clamp(where, 0, filmLength());
@@ -177,6 +226,7 @@ function show(where, fromSlider) {
   drawMoment(t);
   const begun = shown.rebounds.t.findLastIndex((end, i) => end - shown.rebounds.duration[i] <= t);
   if (begun >= 0) selected = begun;
+  drawCloseup(selected);
   for (const row of $("rebounds").tBodies[0].rows)
     row.classList.toggle("current", Number(row.dataset.rebound) === selected);
 }
@@ -238,6 +288,10 @@ $("csv").addEventListener("click", () => {
   link.download = `${D.id}_rebounds.csv`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
+});
+$("keep").addEventListener("click", () => {
+  chosen.kept = chosen.kept ? null : launchOf();
+  changed();
 });
 $("copy").addEventListener("click", () => {
   getSelection().selectAllChildren($("python")); // also where the clipboard is forbidden

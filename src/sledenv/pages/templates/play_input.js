@@ -7,7 +7,8 @@ const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
 const ZONES = E.slope.zones.map((zone) => Object.fromEntries(ZONE.map((name) => [name, Number(zone[name])])));
 
 /* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began. */
-const start = () => ({ body: D.chosen, solver: D.solver, changed: {}, zones: ZONES });
+// A launch that is kept, to compare others with it, is in SI units.
+const start = () => ({ body: D.chosen, solver: D.solver, changed: {}, zones: ZONES, kept: null });
 let chosen = start();
 
 const bodyOf = () => E.bodies[chosen.body];
@@ -90,7 +91,19 @@ function address() {
   if (chosen.solver !== D.solver) parts.set("solver", chosen.solver);
   for (const name in PARAMETERS) if (isChanged(name)) parts.set(name, chosen.changed[name]);
   if (chosen.zones !== ZONES) parts.set("zones", chosen.zones.map(zoneText).join(";"));
+  if (chosen.kept) parts.set("kept", LAUNCH.map((name) => chosen.kept[name]).join(","));
   return parts.toString();
+}
+
+/* A kept launch, and what is wrong with it. */
+function readLaunch(text) {
+  const numbers = text.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
+  if (numbers.length !== LAUNCH.length) return { wrong: `kept = ${text}: must be ${LAUNCH.length} numbers` };
+  const wrong = LAUNCH.map((name, i) => problemOf(name, numbers[i] / PARAMETERS[name].factor)).find(
+    (one) => one !== "",
+  );
+  if (wrong) return { wrong: `kept, ${wrong}` };
+  return { kept: Object.fromEntries(LAUNCH.map((name, i) => [name, numbers[i]])) };
 }
 
 function readZones(text) {
@@ -116,7 +129,11 @@ function readAddress(text) {
       if (["compliant", "rigid"].includes(value)) chosen.solver = value;
       else wrong.push(`solver = ${value}: must be compliant or rigid`);
     } else if (name === "zones") chosen.zones = readZones(value);
-    else if (Object.hasOwn(PARAMETERS, name)) {
+    else if (name === "kept") {
+      const { kept, wrong: found } = readLaunch(value);
+      if (found) wrong.push(found);
+      else chosen.kept = kept;
+    } else if (Object.hasOwn(PARAMETERS, name)) {
       const number = value.trim() === "" ? NaN : Number(value);
       const found = problemOf(name, number);
       if (found) wrong.push(Number.isNaN(number) ? found.replace("nothing", value) : found);

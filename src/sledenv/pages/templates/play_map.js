@@ -199,12 +199,15 @@ function drawChart(svg, values) {
     `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">spin [rad/s]</text>`,
   );
   if (map.best >= 0) parts.push(star(...valuesOf(map, map.best), chart));
-  const [here, spin] = AXES.map((name) => shownOf(name));
-  if (within(x, here) && within(y, spin))
-    parts.push(
-      `<circle class="cursor" cx="${far(column(here))}" cy="${far(row(spin))}" r="6" fill="none" stroke="#fff" stroke-width="4"/>` +
-        `<circle cx="${far(column(here))}" cy="${far(row(spin))}" r="6" fill="none" stroke="${HAND}" stroke-width="2"/>`,
-    );
+  const mark = (launch, stroke, name) => {
+    const [a, b] = AXES.map((axis) => launch[axis] / PARAMETERS[axis].factor);
+    const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
+    return within(x, a) && within(y, b)
+      ? `<circle class="${name}" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${stroke}" stroke-width="2.5"/>`
+      : "";
+  };
+  if (chosen.kept) parts.push(mark(chosen.kept, KEPT, "kept"));
+  parts.push(mark(launchOf(), HAND, "cursor"));
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.innerHTML = parts.join("");
 }

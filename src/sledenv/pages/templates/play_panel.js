@@ -44,7 +44,7 @@ function buildPanel() {
         group === "slope"
           ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
           : "";
-      const open = i < (window.innerWidth > 860 ? 3 : 1);
+      const open = i === 0 || window.innerWidth > 860;
       return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
     })
     .join("");

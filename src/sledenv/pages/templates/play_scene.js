@@ -1,6 +1,7 @@
 "use strict";
 /* The picture of a descent and of its launch, which can be dragged in it; the film, which holds impacts. */
 const HAND = "#a01e6e";
+const KEPT = "#e08214";
 const rateOf = () => scene.W / 60; // [px] of the arrow for each m/s
 let scene = null;
 let shown = null; // what the worker has found, and what follows from it
@@ -88,13 +89,15 @@ function pushAt(t) {
   return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest };
 }
 
+const pointsOf = ({ x, y }) => x.map((one, i) => [one, y[i]]);
+
 /* The scale stays as it is while something is dragged. */
 function fit() {
   const { rows, scene: given, input } = shown;
   const { size } = E.bodies[input.body];
   const slope = { ...given.slope, zones: bandsOf(given.slope.zones, given.law.friction) };
   const width = clamp($("controls").clientWidth, 260, 1160);
-  const points = rows.x.map((x, i) => [x, rows.y[i]]);
+  const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : [])];
   const room = [0.5 * size, rows.y[0] + 1.2 * size];
   scene = new Scene(
     { slope, body: D.drawn[input.body], size },
@@ -128,7 +131,8 @@ function drawPath() {
     strobe(shown)
       .map(([x, y, phi]) => scene.sled(x, y, phi, 'opacity="0.2" class="pose"'))
       .join("") +
-    scene.path(rows.x.map((x, i) => [x, rows.y[i]]));
+    (shown.kept ? scene.path(pointsOf(shown.kept.rows), KEPT) : "") +
+    scene.path(pointsOf(rows));
 }
 
 const ring = () => Math.max(0.9 * scene.size, 40 / scene.scale); // [m] from the mass centre
@@ -155,12 +159,20 @@ function handles({ x, y, phi, u, v }) {
   );
 }
 
+/* The kept launch at the same time. */
+function keptAt(t) {
+  if (!shown.kept) return "";
+  const { x, y, phi } = stateAt(shown.kept.rows, t);
+  const points = scene.outline(scene.body.outline, x, y, phi);
+  return `<polygon id="other" points="${points}" fill="${KEPT}" fill-opacity="0.45" stroke="${KEPT}" stroke-width="1.5"/>`;
+}
+
 function drawMoment(t) {
   const state = stateAt(shown.rows, t);
   const push = pushAt(t);
   const { cone, force } = push ? scene.push(push) : { cone: "", force: "" };
   const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.part);
-  $("live").innerHTML = cone + sled + force + (t > 0 ? "" : handles(state));
+  $("live").innerHTML = cone + keptAt(t) + sled + force + (t > 0 ? "" : handles(state));
   $("world").setAttribute("transform", scene.shift(state.x, state.y));
 }
 

@@ -252,8 +252,8 @@ class Scene {
     return { cone, force };
   }
 
-  path(points) {
-    return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="var(--blue)" stroke-width="1.3"/>`;
+  path(points, stroke = "var(--blue)") {
+    return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="${stroke}" stroke-width="1.3"/>`;
   }
 
   shift(x, y) {
