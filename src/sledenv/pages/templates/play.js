@@ -195,16 +195,14 @@ function drawCloseup(i) {
   const wide = 1.15 * Math.max(most, Math.abs(tangential)) || 1;
   const pixel = (t, n) => [150 + (130 * t) / wide, 172 - (140 * n) / (normal || 1)];
   const corners = [pixel(0, 0), pixel(-most, normal), pixel(most, normal)].map((point) => point.map(far).join(","));
-  const words = (t, n, text, dy) => {
-    const [column, row] = pixel(t, n);
-    return `<text x="${far(column)}" y="${far(row + dy)}" text-anchor="middle" fill="var(--pale)">${text}</text>`;
-  };
+  const words = (column, anchor, text) =>
+    `<text x="${column}" y="20" text-anchor="${anchor}" fill="var(--pale)">${text} N s</text>`;
   $("closeup").innerHTML =
     `<svg viewBox="0 0 300 185" id="closeup-cone"><polygon points="${corners.join(" ")}" fill="var(--cone)" stroke="var(--line)"/>` +
     `<line x1="10" y1="172" x2="290" y2="172" stroke="var(--line)" stroke-width="2"/>` +
     scene.arrow(pixel(0, 0), pixel(tangential, normal), 'fill="var(--force)" stroke="var(--force)"') +
-    words(-most, normal, `−f N = ${fixed(-most, 2)} N s`, -8) +
-    words(most, normal, `f N = ${fixed(most, 2)} N s`, -8) +
+    words(2, "start", `−f N = ${fixed(-most, 2)}`) +
+    words(298, "end", `f N = ${fixed(most, 2)}`) +
     "</svg><dl>" +
     entries([
       ["normal impulse N", fixed(normal, 2, "N s")],

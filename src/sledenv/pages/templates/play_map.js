@@ -166,7 +166,7 @@ function pictureOf(values) {
 
 function chartOf(svg, [x, y]) {
   const width = Math.max(svg.parentElement.clientWidth, 200);
-  const [left, right, top, bottom] = [44, 8, 6, 38];
+  const [left, right, top, bottom] = [44, 16, 6, 38];
   const height = top + bottom + clamp(0.72 * (width - left - right), 170, 330);
   const [w, h] = [width - left - right, height - top - bottom];
   const column = (value) => left + ((value - x.low) / (x.high - x.low)) * w;
@@ -178,12 +178,19 @@ function drawChart(svg, values) {
   const [x, y] = map.axes;
   const chart = chartOf(svg, map.axes);
   const { width, height, left, top, w, h, column, row } = chart;
+  const picture = pictureOf(values);
   const begin = ({ values: all, step, low }) => (low - all[0]) / step + 0.5;
   const [wide, high] = [x, y].map((axis) => (axis.high - axis.low) / axis.step);
   const parts = [
     `<svg x="${left}" y="${top}" width="${w}" height="${h}" preserveAspectRatio="none" ` +
       `viewBox="${begin(x)} ${CELLS - begin(y) - high} ${wide} ${high}">` +
-      `<image href="${pictureOf(values)}" width="${CELLS}" height="${CELLS}" preserveAspectRatio="none"/></svg>`,
+      (x.turns ? [0, CELLS] : [0])
+        .map(
+          (place) =>
+            `<image href="${picture}" x="${place}" width="${CELLS}" height="${CELLS}" preserveAspectRatio="none"/>`,
+        )
+        .join("") +
+      "</svg>",
     `<rect x="${left}" y="${top}" width="${w}" height="${h}" fill="none" stroke="var(--line)"/>`,
   ];
   for (const value of ticks(x.low, x.high, width < 330 ? 5 : 8, "°"))

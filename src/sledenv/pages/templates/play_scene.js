@@ -103,7 +103,7 @@ function fit() {
     { slope, body: D.drawn[input.body], size },
     [...points, room],
     width,
-    width < 450 ? [190, 300] : [300, 470],
+    width < 450 ? [150, 300] : [230, 470],
   );
   $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
   $("scene").innerHTML =
