@@ -20,6 +20,7 @@ from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
+from tests.browser import data_of
 from tests.packs import own_pack
 
 
@@ -195,6 +196,24 @@ def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys
         capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path / "a" / "b.html")
     )
     assert list(tmp_path.iterdir()) == []
+
+
+def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
+    page, which = tmp_path / "page.html", (own_pack("ice_drop"), "--seed", "3", "--speed", "2.5", "--spin", "-1.5")
+    assert main(["play", *which, "--solver", "rigid", "--html", str(page), "--json"]) == 0
+    written = {"scenario": "ice_drop", "seed": 3, "solver": "rigid", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+    data = data_of(page.read_text(encoding="utf-8"))
+    values = json.loads(data["exact"])["values"]
+    assert data["solver"] == "rigid"
+    assert main(["simulate", *which, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [values[name] for name in ("speed", "spin", "orientation")] == [2.5, -1.5, told["launch"]["phi"]]
+    assert [values["angle"], values["friction"]] == [told["slope"]["angle"], told["law"]["friction"]]
+    assert "must end in .html" in refused(capsys, "play", "--html", str(tmp_path / "page.yaml"))
+    assert "did you mean 'sled_brow'?" in refused(capsys, "play", "sled_brw", "--html", str(page))
 
 
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
