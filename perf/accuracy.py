@@ -61,16 +61,3 @@ def draw(result: dict[str, Any]) -> None:
         ax.set_ylabel("largest velocity error of five rebounds [-]")
         ax.set_title("Accuracy against work; dotted: an engine's own contact law, tuned to the answer", loc="left")
         ax.legend(ncols=2, loc="lower center")
-
-
-def tables(result: dict[str, Any]) -> str:
-    """Return the table of docs/performance.md."""
-    return show.table(
-        result["points"],
-        {
-            "method": lambda point: point["method"],
-            "tolerance or step [s]": lambda point: f"{point['setting']:g}" if point["setting"] else "-",
-            "µs a hop": lambda point: show.median(point["us_per_hop"]),
-            "velocity error": lambda point: f"{point['error']:.1e}",
-        },
-    )

@@ -29,11 +29,10 @@ MAKE = "gym.make"
 
 def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Return runs of one step in the launches of as many contexts, one by one and as a batch."""
-    given, fields = problem(SCENARIO, contexts(SCENARIO, lanes))
-    body, *parts = given
-    kinds = (sledenv.ContactLaw, sledenv.Slope, sledenv.State)
-    singly = [[kind(*row) for row in rows.tolist()] for kind, rows in zip(kinds, parts, strict=True)]
-    problems: list[Any] = list(zip([body] * lanes, *singly, strict=True))
+    drawn, scenario = contexts(SCENARIO, lanes), sledenv.load_scenario(SCENARIO)
+    given, fields = problem(SCENARIO, drawn)
+    each = [sledenv.Context(*row) for row in drawn.tolist()]
+    problems: list[Any] = [(given[0], scenario.law(one), scenario.slope(one), scenario.launch(one)) for one in each]
     options = settings(**fields)
 
     def simulate_singly() -> None:
@@ -55,7 +54,7 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
         batch.hop(still)
         ended = np.flatnonzero(batch.outcomes()["status"] != running)
         if ended.size:
-            batch.launch(ended, *(rows[ended] for rows in parts))
+            batch.launch(ended, *(rows[ended] for rows in given[1:]))
 
     return hop_singly, hop
 

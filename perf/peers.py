@@ -127,7 +127,7 @@ def _compared(rebounds: int, rounds: int) -> list[dict[str, Any]]:
     for row in found:
         own = times[row["name"]]
         row["times_euler"] = ratio(times[EULER], own)
-        row["slower_than_base"], row["slower_than_batch"] = ratio(own, times[BASE]), ratio(own, times[BATCH])
+        row["slower_than_base"] = ratio(own, times[BASE])
     return found
 
 
@@ -172,7 +172,6 @@ def tables(result: dict[str, Any]) -> str:
         "µs a hop": lambda row: show.quartiles(row["us_per_hop"]),
         "times Euler": lambda row: show.median(row["times_euler"]),
         "times slower than the compiled loop": lambda row: show.median(row["slower_than_base"]),
-        "than the batch": lambda row: show.median(row["slower_than_batch"]),
         "velocity error": lambda row: f"{row['error']:.1e}",
         "law": lambda row: row["law"],
     }

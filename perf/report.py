@@ -8,12 +8,12 @@ import re
 from perf.harness import ROOT, load
 from perf.show import table
 
-NAMES = ("peers", "accuracy", "scaling", "env", "training", "learning", "startup", "profile")
+NAMES = ("peers", "accuracy", "scaling", "env", "training", "startup", "profile")
 DOCUMENT = ROOT / "docs" / "performance.md"
 
 
 def _section(name: str) -> str:
-    """Provenance and tables of one result, and a figure if there is one."""
+    """Provenance of one result, with its tables and its figure, as far as there are any."""
     result = load(name)
     stamp = result["stamp"]
     made = (
@@ -21,9 +21,14 @@ def _section(name: str) -> str:
         f"load {stamp['load'][2]:.2f} over the last 15 minutes, Python {stamp['python']}*"
     )
     module = importlib.import_module(f"perf.{name}")
-    figure = f"\n![{name}](../perf/results/{name}.png)\n" if hasattr(module, "draw") else ""
-    tables = module.tables(result) if hasattr(module, "tables") else table(result["rows"], module.COLUMNS)
-    return f"{made}\n\n{tables}\n{figure}"
+    parts = [made]
+    if hasattr(module, "tables"):
+        parts.append(module.tables(result))
+    elif hasattr(module, "COLUMNS"):
+        parts.append(table(result["rows"], module.COLUMNS))
+    if hasattr(module, "draw"):
+        parts.append(f"![{name}](../perf/results/{name}.png)")
+    return "\n\n".join(parts) + "\n"
 
 
 def _versions() -> str:

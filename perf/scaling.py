@@ -21,6 +21,7 @@ from sledenv.simulation.lanes import num_threads
 ROUNDS = 3  # in each of so many
 PROCESSES = 5
 LANES = (1, 10, 100, 1_000, 10_000, 100_000)
+SHOWN = (1, 10_000)  # in the table
 MOST_LOOPED = 10_000  # lanes of the compiled scalar loop
 MOST_CALLED = 1_000  # lanes simulated by one call each
 SOLVERS: tuple[Literal["compliant", "rigid"], ...] = ("compliant", "rigid")
@@ -114,7 +115,12 @@ def draw(result: dict[str, Any]) -> None:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9.5)
 
 
-COLUMNS: show.Columns = {
+def tables(result: dict[str, Any]) -> str:
+    """Return the table of docs/performance.md; the figure has the other numbers of lanes."""
+    return show.table([row for row in result["rows"] if row["lanes"] in SHOWN], _COLUMNS)
+
+
+_COLUMNS: show.Columns = {
     "solver, lanes": lambda row: f"{row['solver']}, {row['lanes']:,}",
     "how": lambda row: row["name"],
     "hops/s": lambda row: f"{row['hops_per_s']['median']:,.0f}",

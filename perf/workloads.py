@@ -23,6 +23,7 @@ import numpy as np
 import sledenv
 from perf.env import IDS, SCENARIO, vector
 from perf.harness import timed
+from perf.limit import SCENARIO as CUT_DISC
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, contexts, launches, problem, settings
 from perf.startup import BASE, STEP, first
 
@@ -73,9 +74,9 @@ def _scenario(name: str, solver: str) -> Prepared:
 
 
 def _one_hop(phi: float, around: float) -> Prepared:
-    """Prepare drops without spin from orientations around one [rad], up to the rebound."""
-    found = contexts(SCENARIO, 500, orientation=(phi - around, phi + around), spin=(0.0, 0.0))
-    return _batch(problem(SCENARIO, found), True, max_rebounds=1)
+    """Prepare drops of a cut disc without spin from orientations around one [rad], up to the rebound."""
+    found = contexts(CUT_DISC, 500, orientation=(phi - around, phi + around), spin=(0.0, 0.0))
+    return _batch(problem(CUT_DISC, found), True, max_rebounds=1)
 
 
 def episodes() -> Callable[[], list[float]]:
@@ -106,7 +107,7 @@ def _ppo() -> Prepared:
 
     torch.set_num_threads(1)
     env = make_vec_env(IDS[_KIND], _LANES, seed=0, env_kwargs={"scenario": SCENARIO})
-    return lambda: 1.0 / train(env, 10, _SAMPLES)[0], _SAMPLES
+    return lambda: 1.0 / train(env, _SAMPLES)[0], _SAMPLES
 
 
 def _start(warm: bool) -> Prepared:
@@ -129,8 +130,8 @@ WORKLOADS: dict[str, Workload] = {
     "sled-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("sled_snow", "rigid")),
     "mat": Workload("500 of sled_mat as a batch", "descent", lambda: _scenario("sled_mat", "compliant")),
     "mat-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("sled_mat", "rigid")),
-    "arc-hop": Workload("one hop of its body on the arc", "hop", lambda: _one_hop(0.0, 0.5)),
-    "chord-hop": Workload("one on the chord, both ends of which touch", "hop", lambda: _one_hop(math.pi, 0.002)),
+    "arc-hop": Workload("one hop of a cut disc on its arc", "hop", lambda: _one_hop(0.0, 0.5)),
+    "chord-hop": Workload("one on its chord, both ends of which touch", "hop", lambda: _one_hop(math.pi, 0.002)),
     "step": Workload("SledLaunch on sled_mat, info=('jam',)", "reset and step", lambda: _timed(episodes(), _SINGLE)),
     "step-kernel": Workload("these descents as a batch", "descent", lambda: _batch(descents_of_episodes(), False)),
     "env": Workload("the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES), _LANES)),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import sledenv
-from perf import harness, limit, methods, reference, report, versus, workloads
+from perf import env, harness, limit, methods, reference, report, versus, workloads
 from perf.contact_model import START
 from sledenv.kernel.records import REBOUND
 
@@ -174,6 +174,16 @@ def test_the_descents_of_steps_are_those_of_the_environment() -> None:
     given, fields = workloads.descents_of_episodes()
     batch = sledenv.simulate_batch(*given, **reference.settings(**fields))
     assert batch.jam.reward.tolist() == workloads.episodes()()
+
+
+@pytest.mark.jit_only
+def test_all_ways_to_step_run_and_a_bare_simulator_is_compared_with_itself() -> None:
+    """Oracle: a ratio of a time to itself."""
+    rows = env.measure(rounds=1, sizes=(2,))["rows"]
+    assert [row["env"] for row in rows] == [kind for kind in env.IDS for _ in range(6)]
+    alone = [row for row in rows if row["name"] == row["bare"]]
+    assert len(alone) == 4
+    assert all(row["of_bare"]["median"] == 1.0 for row in alone)
 
 
 def test_descents_part_where_a_rebound_differs() -> None:

@@ -36,8 +36,8 @@ class SledDescent(SledLaunch):
         That of the whole descent in the last step, 0 before; the work of the trims counts as energy supplied. Without
         any trim the return is the reward of :class:`SledLaunch`, bit for bit.
     Ending
-        Terminated when the sled finishes or jams, and, if the scenario says so, when it comes to lie on its chord;
-        truncated at a limit of the scenario.
+        Terminated when the sled finishes or jams, and where the rules of the scenario say so, such as where the rider
+        touches; truncated at a limit of the scenario.
     Info
         As for :class:`SledLaunch`, of the descent so far.
 
