@@ -29,9 +29,11 @@ from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
+from tests.packs import own_pack
 
 SEED: Final = 3
 MOST_BYTES: Final = 700_000
+OWN, TUMBLES = own_pack("ice_drop"), own_pack("spinning_entry")  # which Python knows no names of
 
 
 def drawn(name: str, seed: int = SEED) -> tuple[Scenario, Context]:
@@ -155,7 +157,9 @@ def told_result(page: Browser) -> list[str]:
 @needs_chromium
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact"])
+@pytest.mark.parametrize(
+    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", OWN, TUMBLES]
+)
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""
     scenario, context = drawn(name)
@@ -268,6 +272,8 @@ def test_an_address_holds_all_that_can_be_set(page: Browser, file: Path) -> None
         ("#speed=99", "speed along the slope = 99: must be a number from 0 to 20 m/s"),
         ("#friction=snow", "friction = snow: must be a number from 0 to 1.5"),
         ("#colour=red", "colour: there is no such parameter"),
+        ("#%zz=%3Cb%3E", "%zz: there is no such parameter"),
+        ("#speed=", "speed along the slope = : must be a number from 0 to 20 m/s"),
         ("#body=banana", "body = banana: must be one of body of sled_snow"),
         ("#solver=euler", "solver = euler: must be compliant or rigid"),
         ("#zones=5,2,.1,0,0", "zone 1 ends at 2 m: must end behind its begin, 5 m"),

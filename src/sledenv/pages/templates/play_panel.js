@@ -53,18 +53,22 @@ function buildPanel() {
 
 /* Show what is chosen; what someone is typing stays. */
 function fillPanel() {
+  fillRows(grabbed ? Object.keys(chosen.changed) : Object.keys(PARAMETERS));
+  if (grabbed) return;
   $("chosen-body").value = chosen.body;
   $("chosen-solver").value = chosen.solver;
-  for (const one of E.parameters) {
-    const [slider] = document.querySelectorAll(`[data-slider="${one.name}"]`);
-    const value = shownOf(one.name);
-    slider.value = toSlider(one, value);
-    const typed = $(`number-${one.name}`);
-    if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : value;
-    typed.setAttribute("aria-invalid", isChanged(one.name) && problemOf(one.name, chosen.changed[one.name]) !== "");
-  }
   if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = chosen.zones.map(zoneRow).join("");
   $("add").disabled = chosen.zones.length >= D.most_zones;
+}
+
+function fillRows(names) {
+  for (const name of names) {
+    const value = shownOf(name);
+    document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], value);
+    const typed = $(`number-${name}`);
+    if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : value;
+    typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");
+  }
 }
 
 function addZone() {
