@@ -22,6 +22,7 @@ from sledenv.pages.columns import rebound_columns
 from sledenv.pages.kernel import KERNEL
 from sledenv.pages.play import play_page
 from sledenv.plot.shapes import drawable_rows, pace
+from sledenv.scenarios.configuration import CONFIGS
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
@@ -33,7 +34,6 @@ from tests.packs import own_pack
 
 SEED: Final = 3
 MOST_BYTES: Final = 700_000
-OWN, TUMBLES = own_pack("ice_drop"), own_pack("spinning_entry")  # which Python knows no names of
 
 
 def drawn(name: str, seed: int = SEED) -> tuple[Scenario, Context]:
@@ -158,7 +158,7 @@ def told_result(page: Browser) -> list[str]:
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize(
-    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", OWN, TUMBLES]
+    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", own_pack("ice_drop")]
 )
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""
@@ -175,6 +175,21 @@ def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Pa
         == []
     )
     assert chromium.log() == []
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_lines_of_python_spell_a_body_that_has_no_name(chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the page itself; the sled is that of a file which the reader of the lines need not have."""
+    own, place = tmp_path / "my_sled.yaml", tmp_path / "play.html"
+    shipped = (CONFIGS / "scenarios/sled_snow.yaml").read_text(encoding="utf-8")
+    own.write_text(shipped.replace("id: sled_snow", "id: my_sled"), encoding="utf-8")
+    scenario, context = drawn(str(own))
+    place.write_text(play_page(scenario, context), encoding="utf-8")
+    visit(chromium, place)
+    put(chromium, "mass", 100.0)
+    assert "my_sled" not in chromium.run("return $('python').textContent")
+    assert run_lines(chromium) == told_result(chromium)
 
 
 @needs_chromium
