@@ -13,7 +13,7 @@ import numpy as np
 from docutils import nodes
 
 import sledenv
-from sledenv.pages.play import play_page
+from sledenv.pages.play import Played, play_page
 
 ROOT = Path(__file__).parents[1]
 
@@ -121,7 +121,7 @@ def write_play(app: Any, error: Exception | None) -> None:
     """Write the page that simulates beside the start page."""
     if error is None and app.builder.format == "html":
         scenario = sledenv.load_scenario("sled_snow")
-        page = play_page(scenario, scenario.sample(np.random.default_rng(3)))
+        page = play_page(scenario, [Played("seed 3", scenario.sample(np.random.default_rng(3)))])
         (Path(app.outdir) / "docs" / "play.html").write_text(page, encoding="utf-8")
 
 

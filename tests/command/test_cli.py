@@ -206,7 +206,7 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert json.loads(capsys.readouterr().out) == written
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
     data = data_of(page.read_text(encoding="utf-8"))
-    values = json.loads(data["exact"])["values"]
+    values = json.loads(data["exact"])["contexts"][0]["values"]
     assert data["solver"] == "rigid"
     assert main(["simulate", *which, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

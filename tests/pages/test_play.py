@@ -20,8 +20,9 @@ import pytest
 import sledenv
 from sledenv.pages.columns import rebound_columns
 from sledenv.pages.kernel import KERNEL
-from sledenv.pages.play import play_page
+from sledenv.pages.play import Mark, Played, play_page
 from sledenv.plot.shapes import drawable_rows, pace
+from sledenv.scenarios.configuration import CONFIGS
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
@@ -29,6 +30,7 @@ from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
+from tests.packs import own_pack
 
 SEED: Final = 3
 MOST_BYTES: Final = 700_000
@@ -39,6 +41,11 @@ def drawn(name: str, seed: int = SEED) -> tuple[Scenario, Context]:
     return scenario, scenario.sample(np.random.default_rng(seed))
 
 
+def page_of(name: str) -> str:
+    scenario, context = drawn(name)
+    return play_page(scenario, [Played("drawn", context)])
+
+
 def in_python(scenario: Scenario, context: Context, solver: Any = "compliant") -> Descent:
     given = scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context)
     return simulate(*given, scenario.settings(solver), record="trajectory")
@@ -46,7 +53,7 @@ def in_python(scenario: Scenario, context: Context, solver: Any = "compliant") -
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_every_scenario_has_a_page_that_refers_to_nothing_outside(name: str) -> None:
-    page = play_page(*drawn(name))
+    page = page_of(name)
     assert len(page.encode()) < MOST_BYTES
     assert not re.search(r"https?:|//[a-z]+\.|@import|<link|\bsrc=|url\(", page)
     assert "default-src 'none'" in page
@@ -54,7 +61,7 @@ def test_every_scenario_has_a_page_that_refers_to_nothing_outside(name: str) -> 
 
 def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of() -> None:
     """Oracle: the file of the kernel; the bodies that the lines of Python make."""
-    data = data_of(play_page(*drawn("sled_any")))
+    data = data_of(page_of("sled_any"))
     assert zlib.decompress(base64.b64decode(data["kernel"])) == KERNEL.read_bytes()
     bodies = json.loads(data["exact"])["bodies"]
     assert len(bodies) > len(load_scenario("sled_any").all_bodies()) > 1
@@ -69,14 +76,19 @@ def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of() -> None:
 def test_ranges_hold_what_the_page_begins_with() -> None:
     scenario, context = drawn("sled_snow")
     context = context._replace(speed=55.0, drop=7.0)
-    data = data_of(play_page(scenario, context))
+    data = data_of(play_page(scenario, [Played("drawn", context)]))
     exact = json.loads(data["exact"])
-    values = exact["values"]
+    values = exact["contexts"][0]["values"]
     assert values["speed"] == 55.0
     for one in exact["parameters"]:
         if one["name"] in values:
             assert one["low"] <= values[one["name"]] / one["factor"]
             assert one["high"] >= values[one["name"]] / one["factor"]
+
+
+def test_a_page_needs_a_context() -> None:
+    with pytest.raises(ValueError, match="contexts is empty"):
+        play_page(load_scenario("disc"), [])
 
 
 # What a browser shows.
@@ -91,7 +103,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("page") / "play.html"
-    place.write_text(play_page(*drawn("sled_snow")), encoding="utf-8")
+    place.write_text(page_of("sled_snow"), encoding="utf-8")
     return place
 
 
@@ -118,6 +130,16 @@ def put(page: Browser, name: str, value: float) -> None:
         value,
     )
     wait_until(page, "!asking")
+
+
+def select(page: Browser, what: str, value: str) -> None:
+    """Choose a context, a body or a solver."""
+    page.run(
+        "const list = $('chosen-' + arguments[0]); list.value = arguments[1];"
+        "list.dispatchEvent(new Event('input', { bubbles: true }))",
+        what,
+        value,
+    )
 
 
 def numbers(page: Browser, table: str) -> dict[str, list[float]]:
@@ -155,12 +177,14 @@ def told_result(page: Browser) -> list[str]:
 @needs_chromium
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact"])
+@pytest.mark.parametrize(
+    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", own_pack("ice_drop")]
+)
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""
     scenario, context = drawn(name)
     place = tmp_path / "play.html"
-    place.write_text(play_page(scenario, context, solver), encoding="utf-8")
+    place.write_text(play_page(scenario, [Played("drawn", context)], solver), encoding="utf-8")
     chromium.log()
     visit(chromium, place)
     assert_same(chromium, in_python(scenario, context, solver))
@@ -175,9 +199,24 @@ def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Pa
 
 @needs_chromium
 @pytest.mark.jit_only
+def test_lines_of_python_spell_a_body_that_has_no_name(chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the page itself; the sled is that of a file which the reader of the lines need not have."""
+    own, place = tmp_path / "my_sled.yaml", tmp_path / "play.html"
+    shipped = (CONFIGS / "scenarios/sled_snow.yaml").read_text(encoding="utf-8")
+    own.write_text(shipped.replace("id: sled_snow", "id: my_sled"), encoding="utf-8")
+    scenario, context = drawn(str(own))
+    place.write_text(play_page(scenario, [Played("drawn", context)]), encoding="utf-8")
+    visit(chromium, place)
+    put(chromium, "mass", 100.0)
+    assert "my_sled" not in chromium.run("return $('python').textContent")
+    assert run_lines(chromium) == told_result(chromium)
+
+
+@needs_chromium
+@pytest.mark.jit_only
 def test_what_is_typed_is_simulated(page: Browser) -> None:
     """Oracle: ``simulate`` with a body, a law, a slope and a launch of these numbers."""
-    page.run("$('chosen-body').value = '1'; $('chosen-body').dispatchEvent(new Event('input', { bubbles: true }))")
+    select(page, "body", "1")
     typed = {
         **{"orientation": 12.5, "spin": -1.25, "speed": 9.0, "fall": 0.5, "drop": 0.4, "angle": 9.0, "length": 15.0},
         **{"friction": 0.07, "restitution": 0.3, "stiffness": 2e4, "rolling_arm": 2.0, "corner_rolling_arm": 0.5},
@@ -246,10 +285,8 @@ def test_a_slider_changes_the_descent_and_the_address_restores_it(page: Browser,
 @pytest.mark.jit_only
 def test_an_address_holds_all_that_can_be_set(page: Browser, file: Path) -> None:
     page.click("#add")
-    page.run("$('chosen-body').value = '3'; $('chosen-body').dispatchEvent(new Event('input', { bubbles: true }))")
-    page.run(
-        "$('chosen-solver').value = 'rigid'; $('chosen-solver').dispatchEvent(new Event('input', { bubbles: true }))"
-    )
+    select(page, "body", "3")
+    select(page, "solver", "rigid")
     for one in page.run("return E.parameters.map(one => one.name)"):
         put(page, one, page.run("const { low, high } = PARAMETERS[arguments[0]]; return low + (high - low) / 3", one))
     wait_until(page, "!asking")
@@ -268,6 +305,8 @@ def test_an_address_holds_all_that_can_be_set(page: Browser, file: Path) -> None
         ("#speed=99", "speed along the slope = 99: must be a number from 0 to 20 m/s"),
         ("#friction=snow", "friction = snow: must be a number from 0 to 1.5"),
         ("#colour=red", "colour: there is no such parameter"),
+        ("#%zz=%3Cb%3E", "%zz: there is no such parameter"),
+        ("#speed=", "speed along the slope = : must be a number from 0 to 20 m/s"),
         ("#body=banana", "body = banana: must be one of body of sled_snow"),
         ("#solver=euler", "solver = euler: must be compliant or rigid"),
         ("#zones=5,2,.1,0,0", "zone 1 ends at 2 m: must end behind its begin, 5 m"),
@@ -403,7 +442,7 @@ def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name
     """Oracle: ``simulate_batch``, bit for bit; the axes end where the hand may still tremble to."""
     scenario, context = drawn(name)
     place = tmp_path / "play.html"
-    place.write_text(play_page(scenario, context), encoding="utf-8")
+    place.write_text(play_page(scenario, [Played("drawn", context)]), encoding="utf-8")
     visit(chromium, place)
     wait_for_map(chromium)
     axes = [np.array(values) for values in chromium.run("return map.axes.map(axis => axis.values)")]
@@ -488,6 +527,43 @@ def test_a_cloud_is_of_normal_errors(page: Browser) -> None:
         assert reward == pytest.approx(float(in_python(scenario, tried).jam.reward), abs=1e-9)
     assert f"mean reward {np.mean(told):.3f}" in page.text("#cloud-words")
     assert page.run("return document.querySelectorAll('#cloud polyline').length") == 64
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: ``simulate`` of the context and of the marked launch; the axes are what the scenario chooses."""
+    scenario, context = drawn("sled_patch")
+    _, other = drawn("sled_patch", 8)
+    mark = Mark("an agent", "A", "#0072b2", {"orientation": 0.1, "speed": 9.25}, 0.875)
+    best = Mark("best launch", "★", "#ffffff", {"orientation": -0.05, "speed": 8.5}, 0.9)
+    place = tmp_path / "play.html"
+    contexts = [Played("one", context), Played("another", other, (best, mark))]
+    place.write_text(play_page(scenario, contexts, axes=("orientation", "speed")), encoding="utf-8")
+    chromium.log()
+    visit(chromium, place)
+    assert_same(chromium, in_python(scenario, context))
+    assert not chromium.run("return document.querySelectorAll('#marks button').length")
+    select(chromium, "context", "1")
+    wait_for_map(chromium)
+    assert_same(chromium, in_python(scenario, other))
+    assert "speed at launch [m/s]" in chromium.text("#map")
+    chromium.click("[data-mark='1']")
+    wait_until(chromium, "!asking && isChanged('speed')")
+    marked = other._replace(orientation=0.1 / (math.pi / 180.0) * (math.pi / 180.0), speed=9.25)
+    assert_same(chromium, in_python(scenario, marked))
+    visit(chromium, place, f"#{chromium.run('return address()')}")
+    assert_same(chromium, in_python(scenario, marked))
+    wait_until(chromium, "map")
+    assert chromium.run("return [...document.querySelectorAll('#marks button')].map(one => one.textContent)") == [
+        "★best launch 0.900",
+        "Aan agent 0.875",
+    ]
+    put(chromium, "friction", 0.1)
+    wait_until(chromium, "!document.querySelector('#marks button')")  # they are of another surface
+    visit(chromium, place, "#context=none")
+    assert "context = none: must be one of one, another" in chromium.text("#problem")
+    assert chromium.log() == []
 
 
 # What cannot be simulated.

@@ -230,7 +230,7 @@ def play(
     import numpy as np
 
     from sledenv.machine.files import replacing
-    from sledenv.pages.play import play_page
+    from sledenv.pages.play import Played, play_page
     from sledenv.scenarios.scenario import load_scenario
 
     with ExitStack() as places:
@@ -241,7 +241,7 @@ def play(
         if launch.orientation_deg is not None:
             asked["orientation"] = math.radians(launch.orientation_deg)
         context = context._replace(**{name: value for name, value in asked.items() if value is not None})
-        page.write_text(play_page(loaded, context, solver), encoding="utf-8")
+        page.write_text(play_page(loaded, [Played(f"seed {launch.seed}", context)], solver), encoding="utf-8")
     named = {"scenario": loaded.id, "seed": launch.seed, "solver": solver, "written": [html]}
     tell(f"play: wrote {html}", named, json)
 

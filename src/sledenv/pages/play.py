@@ -6,7 +6,7 @@ import base64
 import json
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
@@ -78,42 +78,70 @@ _PARAMETERS: Final = (
 )
 
 
-def play_page(scenario: Scenario, context: Context, solver: BatchSolver = "compliant") -> str:
+class Mark(NamedTuple):
+    """A launch that maps mark."""
+
+    name: str
+    sign: str  # a letter, or a star
+    colour: str  # "#rrggbb"
+    launch: dict[str, float]  # what is chosen of orientation [rad], spin [rad/s] and speed [m/s]
+    expected: float  # reward under the tremble of the hand
+
+
+class Played(NamedTuple):
+    """A context that a page can be set to."""
+
+    name: str
+    context: Context
+    marks: tuple[Mark, ...] = ()
+
+
+def play_page(
+    scenario: Scenario,
+    contexts: Sequence[Played],
+    solver: BatchSolver = "compliant",
+    axes: tuple[str, str] = BOTH,
+) -> str:
     """Return a page that simulates, which needs no other file and no network: docs/browser.md.
 
-    It opens with the descent that :func:`sledenv.simulate` gives for the context, and has its numbers to the last bit.
+    It opens with the descent that :func:`sledenv.simulate` gives for the first context, and has its numbers to the last
+    bit.
 
     Parameters
     ----------
     scenario : Scenario
         Bounds of the launch, tremble of the hand, limits and ends are its own, and its bodies are the first to choose.
-    context : Context
-        One draw of it.
+    contexts : sequence of Played
+        Draws of it, at least one.
     solver : {"compliant", "rigid"}
         Chosen at first.
+    axes : pair of str
+        What the maps are over, in the order x, y: two of those that the scenario has bounds for.
 
     Raises
     ------
     TypeError, ValueError
-        If ``context`` is no context of the scenario.
+        If a context is no context of the scenario, or there is none.
     """
+    if not contexts:
+        raise ValueError("contexts is empty: must hold at least one context")
+    first = contexts[0].context
     ready = [*_own_bodies(scenario), *((name, python, make()) for name, python, make in _READY)]
-    bodies = [_body(scenario, context, *one) for one in ready]
-    values = _values(scenario, context)
+    bodies = [_body(scenario, first, *one) for one in ready]
+    told = [_context(scenario, one) for one in contexts]
     exact = {
-        "values": values,
+        "contexts": told,
         "bodies": bodies,
-        "parameters": [one._asdict() for one in _widened(values, bodies)],
-        "slope": _given(scenario, context, scenario.body(context), scenario.settings())["slope"],
+        "parameters": [one._asdict() for one in _widened([one["values"] for one in told], bodies)],
     }
     content = {
         "title": scenario.title,
         "id": scenario.id,
         "question": scenario.question,
         "solver": solver,
-        "chosen": int(context.shape),
         "own": len(scenario.all_bodies()),
-        "bounds": {name: scenario.control_bounds[name] for name in BOTH},
+        "axes": axes,
+        "bounds": scenario.control_bounds,
         # As text, because numbers of a page are rounded, and these decide bits.
         "exact": json.dumps(exact, separators=(",", ":")),
         "drawn": [drawn_body(body) for _, _, body in ready],
@@ -127,6 +155,18 @@ def play_page(scenario: Scenario, context: Context, solver: BatchSolver = "compl
         "kernel": base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii"),
     }
     return filled("play.html", data=content)
+
+
+def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
+    """What the page must know of a context, all digits of its numbers."""
+    name, context, marks = played
+    return {
+        "name": name,
+        "body": int(context.shape),
+        "values": _values(scenario, context),
+        "slope": _given(scenario, context, scenario.body(context), scenario.settings())["slope"],
+        "marks": [mark._asdict() for mark in marks],
+    }
 
 
 def _own_bodies(scenario: Scenario) -> list[tuple[str, str, Body]]:
@@ -191,9 +231,9 @@ def _values(scenario: Scenario, context: Context) -> dict[str, float]:
     }
 
 
-def _widened(values: dict[str, float], bodies: list[dict[str, Any]]) -> list[_Parameter]:
+def _widened(contexts: list[dict[str, float]], bodies: list[dict[str, Any]]) -> list[_Parameter]:
     """Return the parameters with ranges that hold what the page begins with."""
-    held = {name: [value] for name, value in values.items()}
+    held = {name: [values[name] for values in contexts] for name in contexts[0]}
     held |= {"mass": [one["given"]["mass"] for one in bodies], "gyration": [one["gyration"] for one in bodies]}
     found = []
     for one in _PARAMETERS:

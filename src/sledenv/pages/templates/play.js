@@ -89,9 +89,9 @@ function settled() {
 function draw() {
   drawPath();
   drawOutcome();
-  drawTable();
   if (!grabbed) {
-    // what takes longer, or is not looked at while something is dragged
+    // what is not looked at while something is dragged
+    drawTable();
     drawCloud();
     requestDraw();
     drawLedger();
@@ -224,6 +224,7 @@ function show(where, fromSlider) {
   drawMoment(t);
   const begun = shown.rebounds.t.findLastIndex((end, i) => end - shown.rebounds.duration[i] <= t);
   if (begun >= 0) selected = begun;
+  if (grabbed) return;
   drawCloseup(selected);
   for (const row of $("rebounds").tBodies[0].rows)
     row.classList.toggle("current", Number(row.dataset.rebound) === selected);
@@ -303,7 +304,7 @@ window.addEventListener("resize", () => {
 window.addEventListener("hashchange", openAddress);
 
 function openAddress() {
-  const wrong = readAddress(decodeURIComponent(location.hash.slice(1)));
+  const wrong = readAddress(location.hash.slice(1));
   changed();
   said = wrong;
 }
@@ -322,8 +323,13 @@ async function openPage() {
     giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
     return;
   }
-  live = new Pool(1, $("worker").textContent, bytes);
-  crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
+  try {
+    live = new Pool(1, $("worker").textContent, bytes);
+    crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
+  } catch (error) {
+    giveUp(`This browser lets no worker run in a page of its own, so it cannot simulate: ${error.message}.`);
+    return;
+  }
   buildPanel();
   openAddress();
 }

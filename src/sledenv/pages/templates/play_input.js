@@ -4,19 +4,30 @@ const D = JSON.parse($("data").textContent);
 const E = JSON.parse(D.exact); // numbers with all digits
 const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one]));
 const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
-const ZONES = E.slope.zones.map((zone) => Object.fromEntries(ZONE.map((name) => [name, Number(zone[name])])));
+const BEGUN = E.contexts.map(({ slope }) =>
+  slope.zones.map((zone) => Object.fromEntries(ZONE.map((name) => [name, Number(zone[name])]))),
+);
 
-/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began. */
-// A launch that is kept, to compare others with it, is in SI units.
-const start = () => ({ body: D.chosen, solver: D.solver, changed: {}, zones: ZONES, kept: null });
-let chosen = start();
+/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones that
+   are null. A launch that is kept, to compare others with it, is in SI units. */
+const start = (context) => ({
+  context,
+  body: E.contexts[context].body,
+  solver: D.solver,
+  changed: {},
+  zones: null,
+  kept: null,
+});
+let chosen = start(0);
 
+const here = () => E.contexts[chosen.context];
+const zonesOf = () => chosen.zones ?? BEGUN[chosen.context];
 const bodyOf = () => E.bodies[chosen.body];
 
 /* In SI units, as the page began. */
 function begun(name) {
   if (name === "mass") return bodyOf().given.mass;
-  return name === "gyration" ? bodyOf().gyration : E.values[name];
+  return name === "gyration" ? bodyOf().gyration : here().values[name];
 }
 
 const isChanged = (name) => Object.hasOwn(chosen.changed, name);
@@ -46,7 +57,7 @@ function problemOfZones(zones, length) {
     if (zone.end <= zone.begin) return `${name} ends at ${zone.end} m: must end behind its begin, ${zone.begin} m`;
     if (zone.end > length && zone.end < Infinity)
       return `${name} ends at ${zone.end} m: must end at ${length} m, the end of the slope, or have no end`;
-    for (const field of zones === ZONES ? [] : ZONE.slice(2))
+    for (const field of chosen.zones ? ZONE.slice(2) : [])
       if (!(zone[field] >= 0 && zone[field] <= 2)) return `${name}, ${field} = ${zone[field]}: must be from 0 to 2`;
     reached = zone.end;
   }
@@ -58,7 +69,7 @@ function problem() {
     const found = problemOf(name, value);
     if (found) return found;
   }
-  return problemOfZones(chosen.zones, valueOf("length"));
+  return problemOfZones(zonesOf(), valueOf("length"));
 }
 
 /* What the kernel takes. */
@@ -71,7 +82,7 @@ function sceneOf() {
   const asymmetry = Math.min((1 - squared) / (1 + squared), 1 - 2 ** -53);
   const law = { stiffness: valueOf("stiffness"), asymmetry };
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
-  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity: E.slope.gravity, zones: chosen.zones };
+  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity: here().slope.gravity, zones: zonesOf() };
   if (chosen.solver === "rigid") {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
@@ -87,10 +98,11 @@ const zoneText = (zone) => ZONE.map((name) => (zone[name] === Infinity ? "" : zo
 
 function address() {
   const parts = new URLSearchParams();
-  if (chosen.body !== D.chosen) parts.set("body", bodyOf().name);
+  if (chosen.context) parts.set("context", here().name);
+  if (chosen.body !== here().body) parts.set("body", bodyOf().name);
   if (chosen.solver !== D.solver) parts.set("solver", chosen.solver);
   for (const name in PARAMETERS) if (isChanged(name)) parts.set(name, chosen.changed[name]);
-  if (chosen.zones !== ZONES) parts.set("zones", chosen.zones.map(zoneText).join(";"));
+  if (chosen.zones) parts.set("zones", chosen.zones.map(zoneText).join(";"));
   if (chosen.kept) parts.set("kept", LAUNCH.map((name) => chosen.kept[name]).join(","));
   return parts.toString();
 }
@@ -118,9 +130,14 @@ function readZones(text) {
 
 /* Take what an address holds; returns what is wrong with it, and is left out. */
 function readAddress(text) {
-  chosen = start();
   const wrong = [];
-  for (const [name, value] of new URLSearchParams(text)) {
+  const asked = new URLSearchParams(text);
+  const context = asked.has("context") ? E.contexts.findIndex(({ name }) => name === asked.get("context")) : 0;
+  if (context < 0)
+    wrong.push(`context = ${asked.get("context")}: must be one of ${E.contexts.map(({ name }) => name).join(", ")}`);
+  asked.delete("context");
+  chosen = start(Math.max(context, 0));
+  for (const [name, value] of asked) {
     if (name === "body") {
       const found = E.bodies.findIndex((one) => one.name === value);
       if (found >= 0) chosen.body = found;
@@ -140,11 +157,11 @@ function readAddress(text) {
       else chosen.changed[name] = number;
     } else wrong.push(`${name}: there is no such parameter`);
   }
-  const found = problemOfZones(chosen.zones, valueOf("length"));
+  const found = problemOfZones(zonesOf(), valueOf("length"));
   if (found) {
     wrong.push(found);
-    chosen.zones = ZONES;
-    if (problemOfZones(ZONES, valueOf("length"))) delete chosen.changed.length;
+    chosen.zones = null;
+    if (problemOfZones(zonesOf(), valueOf("length"))) delete chosen.changed.length;
   }
   return wrong;
 }

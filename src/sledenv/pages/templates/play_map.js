@@ -4,18 +4,19 @@ const CELLS = 50; // along each axis
 const COARSE = 5; // cells of which one is computed first, along each axis
 const CHUNK = 40; // launches that a worker is asked for at once
 const DRAWS = 64; // of a trembling hand
-const AXES = ["orientation", "spin"];
+const AXES = D.axes;
+const TREMBLE = ["orientation", "spin"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
 let crew = null; // workers of maps and clouds
 let map = null;
 let cloud = null;
 
-const errorOf = (name) => valueOf(`error_${name}`) / PARAMETERS[name].factor; // in the unit that a reader sees
+const errorOf = (name) => (TREMBLE.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
 
 /* Values of an axis. Beyond the bounds it goes on as far as the hand trembles, unless it goes all around. */
 function axisOf(name) {
   const own = chosen.body < D.own;
-  const [low, high] = own ? D.bounds[name] : { orientation: [-180, 180], spin: [-10, 10] }[name];
+  const [low, high] = own ? D.bounds[name] : { orientation: [-180, 180], spin: [-10, 10], speed: [0, 20] }[name];
   const turns = name === "orientation" && high - low >= 360;
   const beyond = turns ? 0 : 3 * errorOf(name);
   const step = (high - low + 2 * beyond) / (turns ? CELLS : CELLS - 1);
@@ -29,8 +30,8 @@ function refreshMap() {
   const setting = sceneOf();
   const axes = AXES.map(axisOf);
   const launch = launchOf();
-  const { speed, fall, drop } = launch;
-  const key = JSON.stringify([setting, speed, fall, drop, axes]);
+  const others = LAUNCH.filter((name) => !AXES.includes(name)).map((name) => launch[name]);
+  const key = JSON.stringify([setting, others, axes]);
   if (map?.key !== key) {
     const rewards = new Float64Array(CELLS * CELLS).fill(NaN);
     map = { key, scene: setting, launch, axes, rewards, given: new Set(), expected: null, best: -1 };
@@ -49,8 +50,8 @@ async function askRewards(one, cells) {
   const [x, y] = one.axes;
   const launches = cells.map((k) => ({
     ...one.launch,
-    orientation: x.values[Math.floor(k / CELLS)] * PARAMETERS.orientation.factor,
-    spin: y.values[k % CELLS] * PARAMETERS.spin.factor,
+    [x.name]: x.values[Math.floor(k / CELLS)] * PARAMETERS[x.name].factor,
+    [y.name]: y.values[k % CELLS] * PARAMETERS[y.name].factor,
   }));
   try {
     const found = await crew.ask({ task: "rewards", scene: one.scene, launches }, cells.length > 1 ? 5 : 1);
@@ -140,7 +141,7 @@ function requestDraw() {
   });
 }
 
-const colour = (value) => {
+const shade = (value) => {
   const place = clamp(value, 0, 1) * (VIRIDIS.length - 1);
   const i = Math.min(Math.floor(place), VIRIDIS.length - 2);
   const part = (k, shift) => parseInt(VIRIDIS[k].slice(1 + shift, 3 + shift), 16);
@@ -158,7 +159,7 @@ function pictureOf(values) {
     for (let j = 0; j < CELLS; j++) {
       const own = values[i * CELLS + j];
       const value = Number.isNaN(own) ? values[coarse(i) * CELLS + coarse(j)] : own;
-      if (!Number.isNaN(value)) image.data.set([...colour(value), 255], 4 * ((CELLS - 1 - j) * CELLS + i));
+      if (!Number.isNaN(value)) image.data.set([...shade(value), 255], 4 * ((CELLS - 1 - j) * CELLS + i));
     }
   pen.putImageData(image, 0, 0);
   return canvas.toDataURL();
@@ -193,7 +194,7 @@ function drawChart(svg, values) {
       "</svg>",
     `<rect x="${left}" y="${top}" width="${w}" height="${h}" fill="none" stroke="var(--line)"/>`,
   ];
-  for (const value of ticks(x.low, x.high, width < 330 ? 5 : 8, "°"))
+  for (const value of ticks(x.low, x.high, width < 330 ? 5 : 8, PARAMETERS[x.name].unit))
     parts.push(
       `<text x="${far(column(value))}" y="${top + h + 16}" text-anchor="middle" fill="var(--pale)">${fixed(value, 0)}</text>`,
     );
@@ -202,10 +203,11 @@ function drawChart(svg, values) {
       `<text x="${left - 6}" y="${far(row(value) + 4)}" text-anchor="end" fill="var(--pale)">${brief(value)}</text>`,
     );
   parts.push(
-    `<text x="${left + w / 2}" y="${height - 5}" text-anchor="middle" fill="var(--ink)">orientation at launch [°]</text>`,
-    `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">spin [rad/s]</text>`,
+    `<text x="${left + w / 2}" y="${height - 5}" text-anchor="middle" fill="var(--ink)">${axisWords(x)}</text>`,
+    `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
   );
-  if (map.best >= 0) parts.push(star(...valuesOf(map, map.best), chart));
+  const marks = marksShown();
+  if (map.best >= 0) parts.push(star(...valuesOf(map, map.best), chart, marks.length ? "#8fa1b3" : "#fff"));
   const mark = (launch, stroke, name) => {
     const [a, b] = AXES.map((axis) => launch[axis] / PARAMETERS[axis].factor);
     const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
@@ -213,24 +215,54 @@ function drawChart(svg, values) {
       ? `<circle class="${name}" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${stroke}" stroke-width="2.5"/>`
       : "";
   };
+  for (const one of [...marks].reverse()) {
+    const [a, b] = AXES.map((name) => placeOfMark(one, name));
+    if (one.sign === "★") parts.push(star(a, b, chart, one.colour));
+    else
+      parts.push(
+        `<circle class="agent" cx="${far(column(a))}" cy="${far(row(b))}" r="8" fill="${one.colour}" stroke="#fff" stroke-width="1.5"/>` +
+          `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
+      );
+  }
   if (chosen.kept) parts.push(mark(chosen.kept, KEPT, "kept"));
   parts.push(mark(launchOf(), HAND, "cursor"));
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.innerHTML = parts.join("");
 }
 
-function star(orientation, spin, { column, row }) {
+function star(a, b, { column, row }, fill) {
   const corners = Array.from({ length: 10 }, (_, k) => [k % 2 ? 4.2 : 10, Math.PI * (k / 5 - 0.5)])
-    .map(
-      ([size, turn]) => `${far(column(orientation) + size * Math.cos(turn))},${far(row(spin) + size * Math.sin(turn))}`,
-    )
+    .map(([size, turn]) => `${far(column(a) + size * Math.cos(turn))},${far(row(b) + size * Math.sin(turn))}`)
     .join(" ");
-  return `<polygon class="best" points="${corners}" fill="#fff" stroke="#2d343c" stroke-width="1.2"/>`;
+  return `<polygon class="best" points="${corners}" fill="${fill}" stroke="#2d343c" stroke-width="1.2"/>`;
+}
+
+const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
+
+/* Marks are of the context as the page began, whatever launch is chosen. */
+function marksShown() {
+  const same = Object.keys(chosen.changed).every((name) => ["orientation", "spin", "speed"].includes(name));
+  const plain = same && !chosen.zones && chosen.body === here().body && chosen.solver === "compliant";
+  return plain ? here().marks : [];
+}
+
+/* In the unit that a reader sees; what is not chosen is the context's. */
+const placeOfMark = ({ launch }, name) => (launch[name] ?? here().values[name]) / PARAMETERS[name].factor;
+
+function drawMarks() {
+  $("marks").innerHTML = marksShown()
+    .map(
+      ({ name, sign, colour, expected }, i) =>
+        `<button type="button" data-mark="${i}"><i style="background:${colour}">${escaped(sign)}</i>` +
+        `${escaped(name)} ${fixed(expected, 3)}</button>`,
+    )
+    .join("");
 }
 
 function drawMaps() {
   if (!map) return;
-  const trembles = AXES.some((name) => errorOf(name) > 0);
+  drawMarks();
+  const trembles = TREMBLE.some((name) => errorOf(name) > 0);
   $("trembling").hidden = !trembles;
   drawChart($("map"), map.rewards);
   if (trembles) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
@@ -239,20 +271,27 @@ function drawMaps() {
     $("map-words").textContent = `${map.count} of ${CELLS * CELLS} launches simulated`;
     return;
   }
-  const [orientation, spin] = valuesOf(map, map.best);
+  const best = valuesOf(map, map.best);
+  const launch = AXES.map((name, i) => `${name} ${fixed(best[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
   $("map-words").textContent =
-    `Best of the map, ★: orientation ${fixed(orientation, 1)}°, spin ${fixed(spin, 2)} rad/s, ` +
+    `Best of the map, a star: ${launch}, ` +
     `${trembles ? "expected " : ""}reward ${fixed(map.expected[map.best], 3)}${given}.`;
 }
 
 /* A launch chosen on a map. */
-function choose(orientation, spin) {
-  const steps = { orientation: 0.01, spin: 0.001 };
-  for (const [name, value] of Object.entries({ orientation, spin })) {
+function choose(...values) {
+  AXES.forEach((name, i) => {
     const { low, high } = PARAMETERS[name];
-    chosen.changed[name] = clamp(rounded(value, steps[name]), low, high);
-  }
+    chosen.changed[name] = clamp(rounded(values[i], name === "orientation" ? 0.01 : 0.001), low, high);
+  });
+  changed();
+}
+
+function onMark({ target }) {
+  const i = target.closest("[data-mark]")?.dataset.mark;
+  if (i === undefined) return;
+  for (const name of Object.keys(here().marks[i].launch)) chosen.changed[name] = placeOfMark(here().marks[i], name);
   changed();
 }
 
@@ -283,6 +322,7 @@ for (const id of ["map", "map-trembling"]) {
   $(id).addEventListener("pointermove", pick);
   $(id).addEventListener("keydown", onArrow);
 }
+$("marks").addEventListener("click", onMark);
 $("best").addEventListener("click", () => choose(...valuesOf(map, map.best)));
 $("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
 
@@ -298,7 +338,7 @@ async function refreshCloud() {
   crew.forget("paths");
   cloud = null;
   drawCloud();
-  if (problem() || AXES.every((name) => !(errorOf(name) > 0))) return;
+  if (problem() || TREMBLE.every((name) => !(errorOf(name) > 0))) return;
   const own = {};
   cloud = own;
   const launch = launchOf();

@@ -48,27 +48,36 @@ function buildPanel() {
       return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
     })
     .join("");
+  $("contexts").hidden = E.contexts.length < 2;
+  $("chosen-context").innerHTML = E.contexts
+    .map(({ name }, i) => `<option value="${i}">${escaped(name)}</option>`)
+    .join("");
   $("chosen-body").innerHTML = E.bodies.map(({ name }, i) => `<option value="${i}">${escaped(name)}</option>`).join("");
 }
 
 /* Show what is chosen; what someone is typing stays. */
 function fillPanel() {
+  fillRows(grabbed ? Object.keys(chosen.changed) : Object.keys(PARAMETERS));
+  if (grabbed) return;
+  $("chosen-context").value = chosen.context;
   $("chosen-body").value = chosen.body;
   $("chosen-solver").value = chosen.solver;
-  for (const one of E.parameters) {
-    const [slider] = document.querySelectorAll(`[data-slider="${one.name}"]`);
-    const value = shownOf(one.name);
-    slider.value = toSlider(one, value);
-    const typed = $(`number-${one.name}`);
+  if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = zonesOf().map(zoneRow).join("");
+  $("add").disabled = zonesOf().length >= D.most_zones;
+}
+
+function fillRows(names) {
+  for (const name of names) {
+    const value = shownOf(name);
+    document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], value);
+    const typed = $(`number-${name}`);
     if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : value;
-    typed.setAttribute("aria-invalid", isChanged(one.name) && problemOf(one.name, chosen.changed[one.name]) !== "");
+    typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");
   }
-  if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = chosen.zones.map(zoneRow).join("");
-  $("add").disabled = chosen.zones.length >= D.most_zones;
 }
 
 function addZone() {
-  const zones = [...chosen.zones];
+  const zones = [...zonesOf()];
   const length = valueOf("length");
   const last = zones[zones.length - 1];
   if (last && last.end > length - 0.1)
@@ -86,8 +95,9 @@ function onInput({ target }) {
   else if (name) chosen.changed[name] = typed;
   else if (zone) {
     const value = field === "end" && target.value.trim() === "" ? Infinity : typed;
-    chosen.zones = chosen.zones.map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
-  } else if (target.id === "chosen-solver") chosen.solver = target.value;
+    chosen.zones = zonesOf().map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
+  } else if (target.id === "chosen-context") chosen = start(Number(target.value));
+  else if (target.id === "chosen-solver") chosen.solver = target.value;
   else if (target.id === "chosen-body") {
     chosen.body = Number(target.value);
     for (const own of ["mass", "gyration"]) delete chosen.changed[own];
@@ -97,8 +107,8 @@ function onInput({ target }) {
 
 function onPress({ target }) {
   if (target.id === "add") addZone();
-  else if (target.id === "reset") chosen = start();
-  else if (target.dataset.remove) chosen.zones = chosen.zones.filter((_, k) => k !== Number(target.dataset.remove));
+  else if (target.id === "reset") chosen = start(chosen.context);
+  else if (target.dataset.remove) chosen.zones = zonesOf().filter((_, k) => k !== Number(target.dataset.remove));
   else return;
   target.blur(); // so that the zones are shown anew
   changed();

@@ -107,7 +107,8 @@ function fit() {
   );
   $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
   $("scene").innerHTML =
-    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g><g id="live"></g></g>`;
+    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g><g id="live"></g></g>` +
+    `<defs>${scene.sled(0, 0, 0, 'id="pose"')}</defs>`;
 }
 
 function strobe({ rows, input }) {
@@ -122,17 +123,33 @@ function strobe({ rows, input }) {
   return kept;
 }
 
+/* The outline of the body, drawn once, at another place: quick enough to follow a hand. */
+function poseAt([x, y, phi]) {
+  const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
+  const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
+  return `<use href="#pose" opacity="0.2" class="pose" transform="${turn}"/>`;
+}
+
+/* Points of a path that are apart on the screen. */
+function visible({ x, y }) {
+  const apart = 1 / scene.scale;
+  const kept = [];
+  let last = [Infinity, Infinity];
+  for (let i = 0; i < x.length; i++)
+    if (i === x.length - 1 || Math.abs(x[i] - last[0]) + Math.abs(y[i] - last[1]) > apart)
+      kept.push((last = [x[i], y[i]]));
+  return kept;
+}
+
 function drawPath() {
   const { rows, rebounds } = shown;
   scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
   $("land").innerHTML = scene.ground(Math.min(...rows.x), Math.max(...rows.x));
   $("trace").innerHTML =
     [...rebounds.x_contact].map((place) => scene.contact(place, place)).join("") +
-    strobe(shown)
-      .map(([x, y, phi]) => scene.sled(x, y, phi, 'opacity="0.2" class="pose"'))
-      .join("") +
-    (shown.kept ? scene.path(pointsOf(shown.kept.rows), KEPT) : "") +
-    scene.path(pointsOf(rows));
+    strobe(shown).map(poseAt).join("") +
+    (shown.kept ? scene.path(visible(shown.kept.rows), KEPT) : "") +
+    scene.path(visible(rows));
 }
 
 const ring = () => Math.max(0.9 * scene.size, 40 / scene.scale); // [m] from the mass centre
@@ -217,6 +234,7 @@ for (const name of ["pointerup", "pointercancel"])
   $("scene").addEventListener(name, () => {
     if (!grabbed) return;
     grabbed = null;
+    fillPanel();
     fit();
     draw();
   });
