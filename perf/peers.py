@@ -169,11 +169,10 @@ def draw(result: dict[str, Any]) -> None:
 def tables(result: dict[str, Any]) -> str:
     """Return the tables of docs/performance.md."""
     columns: show.Columns = {
-        "µs a hop": lambda row: show.quartiles(row["us_per_hop"]),
+        "µs a hop": lambda row: show.median(row["us_per_hop"]),
         "times Euler": lambda row: show.median(row["times_euler"]),
         "times slower than the compiled loop": lambda row: show.median(row["slower_than_base"]),
         "velocity error": lambda row: f"{row['error']:.1e}",
-        "law": lambda row: row["law"],
     }
     parts = [show.table(rows, {title: lambda row: row["name"], **columns}) for title, rows in _parts(result)]
     return "\n\n".join(parts)

@@ -46,16 +46,6 @@ class Body:
     Attributes
     ----------
     mass, inertia : float
-    arcs : tuple of Arc
-    parts : tuple of str
-        Names of the arcs and then of the straight sides; those with the same name share a code. The code of a part in
-        logs and trajectories is its place here, counted from 1; 0 is none.
-    size : float
-        Largest distance of the outline from the mass centre [m].
-    lowest_support : float
-        Smallest support height over all orientations [m], from which the supplied energy is counted.
-    record : ndarray of kernel.outline.BODY, shape (1,)
-        What the kernel reads; it cannot be written to.
 
     Raises
     ------
@@ -99,7 +89,10 @@ class Body:
 
     @cached_property
     def parts(self) -> tuple[str, ...]:
-        """Names of the arcs and then of the straight sides; the code of a part is its place here, counted from 1."""
+        """Names of the arcs and then of the straight sides, those with the same name once.
+
+        The code of a part in logs and trajectories is its place here, counted from 1; 0 is none.
+        """
         sides = (arc.side for arc, length in zip(self.arcs, self._sides, strict=True) if length > 0.0)
         return tuple(dict.fromkeys([*(arc.part for arc in self.arcs), *sides]))
 

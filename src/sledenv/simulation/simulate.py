@@ -65,9 +65,10 @@ def simulate(
         How it is simulated; the default ones otherwise.
     record : {"rebounds", "trajectory"}
         "trajectory" also records positions, velocities and contact forces.
-    solver, max_time, max_rebounds, end_on_chord, end_touching, run_out, settle_speed, tolerance, sample_interval, step,
-    friction_sign
+    solver, max_time, max_rebounds, end_on_chord, end_touching, run_out
         Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
+    settle_speed, tolerance, sample_interval, step, friction_sign
+        The same.
 
     Returns
     -------
