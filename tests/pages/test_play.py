@@ -428,7 +428,7 @@ def test_a_launch_is_kept_to_compare(page: Browser, file: Path) -> None:
 
 
 def wait_for_map(page: Browser) -> None:
-    wait_until(page, "map?.complete && !asking")
+    wait_until(page, "map?.complete && !asking && !drawing")
 
 
 def rewards_of(page: Browser) -> np.ndarray:
@@ -554,7 +554,7 @@ def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Pat
     assert_same(chromium, in_python(scenario, marked))
     visit(chromium, place, f"#{chromium.run('return address()')}")
     assert_same(chromium, in_python(scenario, marked))
-    wait_until(chromium, "map")
+    wait_until(chromium, "document.querySelector('#marks button')")
     assert chromium.run("return [...document.querySelectorAll('#marks button')].map(one => one.textContent)") == [
         "★best launch 0.900",
         "Aan agent 0.875",
