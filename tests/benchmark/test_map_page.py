@@ -18,7 +18,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import train
 from sledenv.command.cli import main
 from sledenv.scenarios.scenario import Scenario, ScenarioError
-from tests.browser import Browser, browser, data_of, needs_chromium, wait_until
+from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
 from tests.packs import own_pack
 
 PACK, SEEDS = "sled_patch", (3, 4)
@@ -95,7 +95,7 @@ def test_the_shipped_agent_is_that_of_this_very_scenario(tmp_path: Path, monkeyp
 def test_marks_play_their_own_launches(made: MapPage, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the descent of the marked launch in Python, without errors."""
     problem, file = Problem(PACK), tmp_path / "map.html"
-    file.write_text(made.html, encoding="utf-8")
+    file.write_text(patient(made.html), encoding="utf-8")
     chromium.log()
     chromium.open(file, "context=seed+4")
     wait_until(chromium, "map?.complete && !asking && !drawing")
