@@ -7,7 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 
 from sledenv.benchmark.oracle import best_launches
@@ -17,12 +16,16 @@ from sledenv.benchmark.scores import iqm
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
 from sledenv.envs.inputs import Contexts
+from sledenv.machine.extras import needs
 from sledenv.plot import plot_strobe
 from sledenv.simulation.outcomes import Descent
 
 from .evaluate import CONTEXTS, Score, as_json, evaluate, table
 from .sac import Agent as Sac
 from .train import run_folder, train, trained
+
+with needs("agents", "sledenv.agents.demo"):
+    import matplotlib  # noqa: F401, what draws the picture at the end
 
 SCENARIO = "sled_snow"
 ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
@@ -75,7 +78,6 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None 
     steps
         Budget of each agent in descents; default: as configured.
     """
-    mpl.use("Agg")
     start = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
     problem = Problem(SCENARIO)

@@ -9,9 +9,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from docutils import nodes
 
 import sledenv
+from sledenv.pages.play import Played, play_page
 
 ROOT = Path(__file__).parents[1]
 
@@ -67,6 +69,16 @@ html_copy_source = False
 html_show_sphinx = False
 mathjax_path = MATHJAX.name
 
+# The page that simulates, in the start page: docs/browser.md.
+PLAY = """\
+```{raw} html
+<p>Try it: drag the sled, its ring and its arrow. The simulator itself runs in this page
+(<a href="play.html">full size</a>).</p>
+<iframe class="play" src="play.html" title="A descent to play with" loading="lazy"></iframe>
+```
+
+"""
+
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#:? (.*)$", re.MULTILINE)
 _ESCAPED = str.maketrans({mark: "\\" + mark for mark in "*|`_"})
 _QUOTED = re.compile(r"\$`([^`\n]+)`\$")
@@ -98,6 +110,21 @@ def read_formulae(app: Any, name: str, source: list[str]) -> None:
     source[0] = _QUOTED.sub(r"$\1$", source[0])
 
 
+def show_play(app: Any, name: str, source: list[str]) -> None:
+    """Put the page that simulates above the first picture of the start page; where Git shows it, there are no pages."""
+    if name == root_doc:
+        above, picture, below = source[0].partition("![")
+        source[0] = f"{above}{PLAY}{picture}{below}"
+
+
+def write_play(app: Any, error: Exception | None) -> None:
+    """Write the page that simulates beside the start page."""
+    if error is None and app.builder.format == "html":
+        scenario = sledenv.load_scenario("sled_snow")
+        page = play_page(scenario, [Played("seed 3", scenario.sample(np.random.default_rng(3)))])
+        (Path(app.outdir) / "docs" / "play.html").write_text(page, encoding="utf-8")
+
+
 def leave_formulae(app: Any, tree: nodes.document) -> None:
     """Keep Sphinx from putting displayed formulae of several lines into a split, in which no number is allowed."""
     for formula in tree.findall(nodes.math_block):
@@ -116,5 +143,7 @@ def setup(app: Any) -> dict[str, bool]:
         app.connect("autodoc-process-docstring", change, priority=900)  # after Napoleon
     app.connect("env-get-outdated", run_notebooks)
     app.connect("source-read", read_formulae)
+    app.connect("source-read", show_play)
+    app.connect("build-finished", write_play)
     app.connect("doctree-read", leave_formulae)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -41,8 +41,11 @@ class Browser:
     def __init__(self, session: str) -> None:
         self.session = session
 
-    def open(self, file: Path) -> None:
-        _call("POST", f"{self.session}/url", {"url": file.resolve().as_uri()})
+    def open(self, file: Path, fragment: str = "") -> None:
+        """Load a file anew; ``fragment`` is what stands behind the # of its address."""
+        place = file.resolve().as_uri()
+        for address in ("about:blank", f"{place}#{fragment}") if fragment else (place,):
+            _call("POST", f"{self.session}/url", {"url": address})
 
     def run(self, script: str, *arguments: Any) -> Any:
         """Value that a script returns."""

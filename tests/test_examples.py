@@ -99,6 +99,20 @@ def test_the_page_on_environments_runs(tmp_path, monkeypatch, capsys):
         assert (film.size, film.n_frames > 30) == ((960, 540), True)
 
 
+def test_the_loop_of_the_page_on_clients_trains_and_judges(monkeypatch, capsys):
+    """With fewer lanes, updates and contexts; 3 updates learn nothing yet."""
+    (loop,) = blocks("docs/clients.md")
+    threads = torch.get_num_threads()
+    for given, fewer in (("512, 60", "32, 3"), ('"test", 40', '"test", 2'), ("split(256)", "split(16)")):
+        assert loop.count(given) == 1
+        loop = loop.replace(given, fewer)
+    names = run([loop])
+    torch.set_num_threads(threads)
+    assert names["rewards"].shape == (2,)
+    assert names["regret"] == pytest.approx(1 - names["rewards"] / names["best"])
+    assert "mean reward" in capsys.readouterr().out
+
+
 def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path, monkeypatch):
     agent, report = blocks("docs/benchmark.md")
     problem = Problem("sled_snow")

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import textwrap
 import tomllib
 import zipfile
 from pathlib import Path
@@ -99,9 +100,99 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it(missing: str, 
     program = f"import sys; sys.modules[{missing!r}] = None; import {module}"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("ImportError: sledenv")
+    assert last.startswith("sledenv.machine.extras.MissingPackage: sledenv")
     assert missing in last
     assert last.endswith(f"pip install 'sledenv[{extra}]'")
+
+
+# Put into a folder that Python finds first: packages of the variable HIDDEN are missing, and whoever asks for the
+# module of INTERRUPTED gets SIGINT.
+FINDER = """
+import os, signal, sys
+from importlib.abc import MetaPathFinder
+
+class Finder(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name.partition(".")[0] in os.environ.get("HIDDEN", "").split():
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        if name == os.environ.get("INTERRUPTED"):
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+"""
+EXTRAS = "SALib cma joblib matplotlib pandas pyarrow scipy stable_baselines3 torch tqdm"
+
+
+def python(folder: Path, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with the finder above."""
+    (folder / "sitecustomize.py").write_text(FINDER)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path])} | variables
+    return subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True)
+
+
+def test_every_public_name_can_be_looked_at_without_the_extras(tmp_path: Path) -> None:
+    """Oracle: a process without their packages, the list of public names, help and inspect."""
+    program = """
+    import copy, inspect, pydoc
+    import sledenv
+    from sledenv import *
+    from sledenv import identify, study
+    names = {name for name, _ in inspect.getmembers(sledenv)}
+    print(sorted(set(sledenv.__all__) - names), all(hasattr(sledenv, name) for name in sledenv.__all__))
+    print("study = <sledenv.study, not installed:" in pydoc.plain(pydoc.render_doc(sledenv)))
+    print(repr(copy.copy(identify)) == repr(identify), simulate.__name__)
+    for use in (lambda: study("push_off", "out"), lambda: identify("x.csv"), lambda: sledenv.Study.load("push_off")):
+        try:
+            use()
+        except ImportError as error:
+            print(error)
+    """
+    done = python(tmp_path, "-c", textwrap.dedent(program), HIDDEN=EXTRAS)
+    assert done.stderr == ""
+    first, helped, same, *errors = done.stdout.splitlines()
+    assert (first, helped, same) == ("[] True", "True", "True simulate")
+    assert len(errors) == 3
+    assert all(error.endswith(": pip install 'sledenv[analysis]'") for error in errors)
+
+
+@pytest.mark.parametrize(
+    ("words", "hidden", "extra"),
+    [
+        ("demo --out demo", "torch stable_baselines3", "agents"),
+        ("demo --out demo", "matplotlib", "agents"),
+        ("train --algo sac --runs runs", "torch stable_baselines3", "agents"),
+        ("train --algo cma_es --runs runs", "cma", "benchmark"),
+        ("train --algo zero --runs runs", EXTRAS, "benchmark"),
+        ("evaluate sled_snow-launch-orientation-critic-s0", "torch stable_baselines3", "agents"),
+    ],
+)
+def test_a_script_of_the_agents_tells_a_missing_package_in_one_line(
+    words: str, hidden: str, extra: str, tmp_path: Path
+) -> None:
+    """Oracle: a process that cannot import it; nothing is written."""
+    module, *given = words.split()
+    done = python(tmp_path, "-m", f"sledenv.agents.{module}", *given, HIDDEN=hidden)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"python -m sledenv.agents.{module}: error: sledenv.")
+    assert done.stderr.endswith(f": pip install 'sledenv[{extra}]'\n")
+    assert done.stderr.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} <= {"sitecustomize.py", "__pycache__"}
+
+
+@pytest.mark.parametrize("module", ["gymnasium", "cyclopts", "pandas", "sledenv.agents.train"])
+def test_an_interrupt_while_a_script_of_the_agents_is_loaded_is_one_line(module: str, tmp_path: Path) -> None:
+    """Oracle: a process that gets SIGINT as soon as it asks for a module."""
+    done = python(tmp_path, "-m", "sledenv.agents.train", "--algo", "zero", INTERRUPTED=module)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "python -m sledenv.agents.train: interrupted\n")
+
+
+def test_a_program_of_somebody_else_tells_its_errors_itself(tmp_path: Path) -> None:
+    """Oracle: the hook of a package that imports sledenv while Python looks for its module."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "__init__.py").write_text("import sledenv")
+    (tmp_path / "mine" / "run.py").write_text("import sys; print(sys.excepthook is sys.__excepthook__)")
+    assert python(tmp_path, "-m", "mine.run").stdout == "True\n"
 
 
 def test_nothing_in_the_package_imports_the_agents_by_the_name_they_are_installed_by() -> None:

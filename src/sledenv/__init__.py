@@ -14,9 +14,17 @@ Importing it registers two environments with Gymnasium, alone or as a native bat
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
+if sys.argv[:1] == ["-m"]:  # until Python has found the module that it is to run
+    from sledenv.machine import starting as _starting
+
+    _starting.tell_in_one_line()
+
 from sledenv.envs import register as _register
+from sledenv.machine.extras import Missing as _Missing
+from sledenv.machine.extras import MissingPackage as _MissingPackage
 
 if TYPE_CHECKING:
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
@@ -113,10 +121,13 @@ _register()
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name."""
+    """Load a public name; where its packages are missing, what stands for it until they are installed."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(importlib.import_module(_HOME[name]), name)
+    try:
+        found = getattr(importlib.import_module(_HOME[name]), name)
+    except _MissingPackage as error:
+        return _Missing(f"{__name__}.{name}", error)
     globals()[name] = found
     return found
 

@@ -21,6 +21,7 @@ from sledenv.benchmark.oracle import (
 )
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
+from sledenv.machine.sealed import write_sealed
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.packs import own_pack
 
@@ -156,7 +157,7 @@ def test_what_is_not_chosen_is_not_searched():
 
 
 def test_a_search_is_kept_and_one_of_other_physics_is_made_anew(found, tmp_path, monkeypatch):
-    """Oracle: the file is read while its launches earn their rewards, and written anew once they do not."""
+    """Oracle: the file is read while its launches earn their rewards, and anew once they do not, or it was edited."""
     problem, table = found
     contexts = problem.contexts("test", 6)
     calls = []
@@ -167,8 +168,11 @@ def test_a_search_is_kept_and_one_of_other_physics_is_made_anew(found, tmp_path,
     pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path / "cache"), first)
     assert len(calls) == 1
     (file,) = (tmp_path / "cache").iterdir()
-    table.assign(reward=table["reward"] + 1e-6).to_parquet(file)
+    write_sealed(table.assign(reward=table["reward"] + 1e-6), file)
     pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path / "cache"), first)
     assert len(calls) == 2
-    oracle(problem, contexts[:2], tmp_path / "cache")
+    table.assign(high=1.0).to_parquet(file)
+    pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path / "cache"), first)
     assert len(calls) == 3
+    oracle(problem, contexts[:2], tmp_path / "cache")
+    assert len(calls) == 4

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
+from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.packs import own_pack
 
@@ -165,7 +168,7 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
     ("act", "kind"), [(lambda seen: seen + np.zeros(3), ValueError), (lambda seen: seen[9], IndexError)]
 )
 def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
-    """Oracle: commands tell a ValueError in one line, which would hide where in the agent it came from."""
+    """Oracle: its kind, and the name of this file."""
 
     class Broken:
         def act(self, observations: np.ndarray) -> np.ndarray:
@@ -173,6 +176,7 @@ def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
 
     problem = Problem("sled_tilt")
     said = f"^agent {__name__}, scenario sled_tilt: act raised {kind.__name__}: "
-    with pytest.raises(RuntimeError, match=said) as raised:
+    with pytest.raises(GivenCodeError, match=said) as raised:
         problem.judge(Broken(), problem.contexts("test", 2))
     assert isinstance(raised.value.__cause__, kind)
+    assert re.search(r" \(test_problem\.py, line \d+\)$", str(raised.value))

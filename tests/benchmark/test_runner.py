@@ -172,6 +172,14 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
     assert message in str(error.value)
 
 
+def test_a_misspelt_key_is_named_before_the_one_that_is_missing(tmp_path):
+    with pytest.raises(SuiteError) as error:
+        Suite.load(written(tmp_path, title=None, tilte="A test"))
+    first, second = str(error.value).splitlines()
+    assert "tilte = 'A test': unknown key (did you mean 'title'?)" in first
+    assert second.endswith("tiny.yaml: title: missing")
+
+
 def test_an_agent_is_another_when_its_code_or_that_of_its_base_has_changed(tmp_path, monkeypatch):
     """Oracle: the digest goes with the text of both files, and with no other."""
     monkeypatch.syspath_prepend(tmp_path)

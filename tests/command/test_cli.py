@@ -20,6 +20,7 @@ from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
+from tests.browser import data_of
 from tests.packs import own_pack
 
 
@@ -197,6 +198,24 @@ def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys
     assert list(tmp_path.iterdir()) == []
 
 
+def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
+    page, which = tmp_path / "page.html", (own_pack("ice_drop"), "--seed", "3", "--speed", "2.5", "--spin", "-1.5")
+    assert main(["play", *which, "--solver", "rigid", "--html", str(page), "--json"]) == 0
+    written = {"scenario": "ice_drop", "seed": 3, "solver": "rigid", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+    data = data_of(page.read_text(encoding="utf-8"))
+    values = json.loads(data["exact"])["contexts"][0]["values"]
+    assert data["solver"] == "rigid"
+    assert main(["simulate", *which, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [values[name] for name in ("speed", "spin", "orientation")] == [2.5, -1.5, told["launch"]["phi"]]
+    assert [values["angle"], values["friction"]] == [told["slope"]["angle"], told["law"]["friction"]]
+    assert "must end in .html" in refused(capsys, "play", "--html", str(tmp_path / "page.yaml"))
+    assert "did you mean 'sled_brow'?" in refused(capsys, "play", "sled_brw", "--html", str(page))
+
+
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'sled_brow'?" in refused(capsys, "simulate", "sled_brw")
     assert "error: --seed: must be an integer >= 0: '-1'" in refused(
@@ -214,7 +233,13 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "--solver: bowl_snow ends where the body lies on its chord" in refused(
         capsys, "simulate", own_pack("bowl_snow"), "--solver", "euler"
     )
-    assert 'Command "simulate" parameter SCENARIO requires an argument' in refused(capsys, "simulate")
+    assert refused(capsys, "simulate") == "sledenv simulate: error: SCENARIO is required\n"
+    assert refused(capsys, "identify", "x.csv") == "sledenv identify: error: --gyration-radius is required\n"
+    needed = refused(capsys, "identify", "x.csv", "--gyraton-radius", "3")
+    assert needed.endswith(
+        "--gyration-radius is required. Did you mean --gyration-radius instead of --gyraton-radius?\n"
+    )
+    assert refused(capsys, "simulate", "talus", "--seed") == "sledenv simulate: error: --seed needs a value\n"
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
     assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_pack("ice_drop"), "snow")

@@ -19,6 +19,7 @@ import pytest
 from sledenv.command import arguments, cli, identification
 from sledenv.command.arguments import Count, Seeds, positive, within
 from sledenv.command.running import app, run, tell, working
+from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.configuration import shipped
 from sledenv.simulation import rigid_impact, settings
 
@@ -35,6 +36,7 @@ Mass = Annotated[float, positive("kg")]
         (FileNotFoundError("there is no suite"), 2, "error: there is no suite"),
         (ImportError("pip install it"), 2, "error: pip install it"),
         (MemoryError("the rows take 1 TB"), 1, "error: the rows take 1 TB"),
+        (GivenCodeError("agent mine: act raised KeyError: 3"), 1, "error: agent mine: act raised KeyError: 3"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
     ids=lambda value: type(value).__name__,

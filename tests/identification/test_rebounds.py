@@ -269,7 +269,7 @@ def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
     monkeypatch.delitem(vars(sledenv), "identify", raising=False)  # it stays once it has been loaded
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"sledenv\.identification: .*pandas.*pip install 'sledenv\[analysis\]'"):
-        _ = sledenv.identify
+        sledenv.identify("rebounds.csv", gyration_radius=0.5)
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         _ = sledenv.identity
 

@@ -40,7 +40,6 @@ def expanded(branch: tuple[int, int, int]) -> np.ndarray:
     contact["per_mass"], contact["ratio"] = 1.0 / MASS, MASS / INERTIA
     point["h"], point["r"] = H, R
     point["gap_rate"], point["slip"], contact["spin"] = branch
-    point["mu"], point["rho"] = -slip * FRICTION, -spin * ARM
     point["friction"], point["arm"] = FRICTION, ARM
     point["stiffness"], contact["inward"], contact["downhill"] = STIFFNESS, INWARD, DOWNHILL
     contact["phi"] = step["theta"] = 0.8

@@ -238,7 +238,9 @@ def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent:
     assert chromium.log() == []
     places = "['#sled', '#ghost'].map(name => document.querySelector(name).getBoundingClientRect().left)"
     sled, recorded = chromium.run(f"return {places}")
-    width = chromium.run("return document.querySelector('#scene').getBoundingClientRect().width / scene.W * scale")
+    width = chromium.run(
+        "return document.querySelector('#scene').getBoundingClientRect().width / scene.W * scene.scale"
+    )
     assert recorded - sled == pytest.approx(0.1 * math.cos(HILL.angle) * width, abs=2.0)
     assert chromium.run("return document.querySelectorAll('#series svg').length") == 6
     chromium.run(f"goTo({descent.time})")

@@ -77,7 +77,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, most: float = math.inf) -> list[tup
     calls: list[tuple[int, int]] = []
     by_law, euler = lanes_module.run_lanes, simulate_module.run_euler
     monkeypatch.setattr(lanes_module, "run_lanes", lambda law: Noted(by_law(law), 7, calls, most))
-    monkeypatch.setattr(simulate_module, "run_euler", Noted(euler, 8, calls, most))
+    monkeypatch.setattr(simulate_module, "run_euler", Noted(euler, 5, calls, most))
     return calls
 
 

@@ -524,7 +524,7 @@ def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
         for c in contexts
     ]
     return simulate_batch(
-        scenario.body(),
+        [scenario.body(c) for c in contexts],
         [scenario.law(c) for c in contexts],
         [scenario.slope(c) for c in contexts],
         states,

@@ -193,7 +193,14 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             {"launch__drop_m": {"kind": "normal", "mean": 1, "sd": 1, "low": 0}},
             "low = 0: unknown key; known: kind, mean, sd",
         ),
-        ({"launch__drop_m": {"kind": "cauchy"}}, "kind must be one of uniform, normal, truncated_normal"),
+        ({"launch__drop_m": {"kind": "cauchy"}}, "launch.drop_m: kind = 'cauchy': must be one of uniform, normal"),
+        ({"launch__drop_m": {"kind": "unifrom"}}, "(did you mean 'uniform'?)"),
+        ({"launch__drop_m": {"kind": ["normal"]}}, "launch.drop_m: kind = ['normal']: must be one of uniform"),
+        ({"launch__drop_m": {"low": 1}}, "launch.drop_m: kind: missing; must be one of uniform"),
+        (
+            {"launch__drop_m": {"kind": "uniform", "low": 1, "hihg": 2}},
+            "launch.drop_m: hihg = 2: unknown key (did you mean 'high'?); known: kind, low, high; high: missing",
+        ),
         ({"launch__drop_m": math.nan}, "launch.drop_m = nan: must be a number"),
         (
             {"contact__friction": {"kind": "normal", "mean": 0.1, "sd": 0.1}},

@@ -276,6 +276,26 @@ def test_a_study_that_is_stopped_goes_on_where_it_was(
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
+def test_blocks_that_are_not_as_they_were_left_are_simulated_again(
+    pushed: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Oracle: the files as they were, after an edited number, a cut file and another block; the last is not touched."""
+    monkeypatch.setattr(run, "BLOCK", 80)
+    whole = sledenv.study(pushed.study, tmp_path / "out", workers=1, progress=False)
+    before, stamp = contents(whole), whole.files[3].stat().st_mtime_ns
+    edited, cut, other, _ = whole.files
+    table = pd.read_parquet(edited)
+    table.loc[5, "stop_m"] = 999.0
+    table.to_parquet(edited, index=False)
+    cut.write_bytes(cut.read_bytes()[:-100])
+    other.write_bytes(whole.files[3].read_bytes())
+    again = sledenv.study(pushed.study, tmp_path / "out", workers=1, progress=False)
+    assert contents(again) == before
+    assert whole.files[3].stat().st_mtime_ns == stamp
+    told = [f"sledenv: simulating again, because it is not as it was left: {file}" for file in (edited, cut, other)]
+    assert caplog.messages == told
+
+
 @pytest.mark.slow
 def test_a_study_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     """Oracle: the files of a run of its own that was not killed, by two workers against one."""

@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
-from sledenv.machine.files import replacing
+from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.scenarios.scenario import NOISY, Context
 from sledenv.scenarios.sections import CONTROLS
 
@@ -140,17 +140,16 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
     """Return :func:`best_launches`, from a Parquet file of ``folder`` if it has been searched before.
 
     The name of the file holds a hash of the scenario, the control, the contexts and the settings of the search. A file
-    of older physics is recognised, because its launches do not earn their rewards any more, and written anew.
+    of older physics is recognised, because its launches do not earn their rewards any more, and so is one that has been
+    changed; both are written anew.
     """
     path = folder / f"oracle-{problem.scenario.id}-{_key(problem, contexts)}.parquet"
-    if path.is_file():
-        table = pd.read_parquet(path)
-        if np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME):
-            return table
+    table = read_sealed(path, "searching")
+    if table is not None and np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME):
+        return table
     table = best_launches(problem, contexts)
     folder.mkdir(parents=True, exist_ok=True)
-    with replacing(path, ".parquet") as part:
-        table.to_parquet(part, index=False)
+    write_sealed(table, path)
     return table
 
 

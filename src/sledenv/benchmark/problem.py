@@ -18,6 +18,7 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import FLIGHT, Task
 from sledenv.kernel.records import RUNNING
+from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.outcomes import DescentBatch
@@ -238,7 +239,7 @@ class Problem:
         ------
         ValueError
             If its actions have another shape, are no numbers or lie outside [-1, 1].
-        RuntimeError
+        GivenCodeError
             If it raises an error itself, which is the cause.
         """
         trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
@@ -267,10 +268,8 @@ class Problem:
     def _answer(self, agent: Agent, observations: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
         whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
-        try:
+        with blaming(whose, "act"):
             actions = agent.act(observations)
-        except Exception as error:  # a command would tell a ValueError as wrong input, without its place
-            raise RuntimeError(f"{whose}: act raised {type(error).__name__}: {error}") from error
         try:
             return checked_actions(self.action_space, actions, len(observations))
         except InvalidAction as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import subprocess
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -22,7 +21,9 @@ from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
 from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.records import LOSSES
+from sledenv.machine.blame import blaming
 from sledenv.machine.files import alone, replacing
+from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
@@ -30,7 +31,6 @@ from sledenv.simulation.settings import BatchSolver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
-_log = logging.getLogger("sledenv")
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
 
 
@@ -73,7 +73,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
     with alone(folder / ".lock", wait=False):
         _warm_up(jobs[0])
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
-        missing = [job for job in jobs if not _is_sound(_judged(suite, job, folder))]
+        missing = [job for job in jobs if _found(suite, job, folder) is None]
         calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
         calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
         done = len(jobs) - len(missing)
@@ -105,24 +105,9 @@ def _judged(suite: Suite, job: Job, folder: Path) -> Path:
     return folder / "judged" / f"{job.name}-{_key(suite, job, job.problem())}.parquet"
 
 
-def _digest(table: pd.DataFrame) -> str:
-    """Digest of the numbers of a job and of what is said about them."""
-    told = {key: value for key, value in table.attrs.items() if key != "digest"}
-    return hashlib.sha256((json.dumps(told, sort_keys=True) + table.to_csv(index=False)).encode()).hexdigest()
-
-
-def _is_sound(file: Path) -> bool:
-    """Whether a job has been judged, and what was found is as it was left."""
-    try:
-        table = pd.read_parquet(file)
-        if table.attrs.get("digest") == _digest(table):
-            return True
-    except FileNotFoundError:
-        return False
-    except (OSError, ValueError):  # among them all that pyarrow raises
-        pass
-    _log.warning("sledenv: judging again, because it is not as it was left: %s", file)
-    return False
+def _found(suite: Suite, job: Job, folder: Path) -> pd.DataFrame | None:
+    """Return what was found when a job was judged, None if it has not been or is not as it was left."""
+    return read_sealed(_judged(suite, job, folder), "judging")
 
 
 def _search(suite: Suite, scenario: str, folder: Path) -> str:
@@ -144,12 +129,12 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
     parts = [_rows(problem, agent, trials).assign(stage="trained")]
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        parts.append(_rows(problem, before(problem, place), trials).assign(stage="untrained"))
+        with blaming(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
+            untrained = before(problem, place)
+        parts.append(_rows(problem, untrained, trials).assign(stage="untrained"))
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
-    table.attrs["digest"] = _digest(table)
-    with replacing(_judged(suite, job, folder), ".parquet") as part:
-        table.to_parquet(part, index=False)
+    write_sealed(table, _judged(suite, job, folder))
     return job.name
 
 
@@ -173,10 +158,12 @@ def _curve(folder: Path) -> list[list[float]]:
     path = folder / _CURVE
     if not path.is_file():
         return []
-    curve: list[list[float]] = (
-        pd.read_csv(path).reindex(columns=["descents", "seconds", "mean_reward"]).to_numpy().tolist()
-    )
-    return curve
+    try:
+        curve = pd.read_csv(path).reindex(columns=["descents", "seconds", "mean_reward"]).astype(float)
+    except ValueError as error:  # among them those of pandas
+        raise ValueError(f"{path} is no table of numbers: {' '.join(str(error).split())}") from error
+    rows: list[list[float]] = curve.to_numpy().tolist()
+    return rows
 
 
 def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
@@ -184,11 +171,13 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
     results, curves, runs = [], [], []
     for job in jobs:
         problem = job.problem()
-        table = pd.read_parquet(_judged(suite, job, folder))
+        table = _found(suite, job, folder)
+        if table is None:
+            raise OSError(f"{_judged(suite, job, folder)} has been changed meanwhile: the same command judges it again")
         curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "seconds", "mean_reward"])
         named = {"environment": job.environment, "scenario": problem.scenario.id, "agent": job.agent, "seed": job.seed}
         used = curve["descents"].iloc[-1] if len(curve) else job.settings.get("n_timesteps", 0)
-        attributes = {key: value for key, value in table.attrs.items() if key not in ("curve", "digest")}
+        attributes = {key: value for key, value in table.attrs.items() if key != "curve"}
         runs.append(pd.DataFrame([named | {"descents": int(used)} | attributes]))
         curves.append(curve.assign(**named))
         table.attrs = {}

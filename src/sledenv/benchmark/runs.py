@@ -8,24 +8,29 @@ import importlib
 import importlib.metadata
 import inspect
 import json
+import logging
 import os
 import platform
+import reprlib
 import shutil
 import sys
 import time
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Annotated, Any, Final, cast
 
 import yaml
+from pydantic import ConfigDict, ValidationError
 
-from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.problem import Agent, Environment, Problem
+from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.scenarios.configuration import read_yaml
+from sledenv.scenarios.configuration import Quantity, Section, Whole, read_yaml
 from sledenv.scenarios.scenario import Scenario
 
 TRAINED: Final = folder_of("agents") / "trained"  # what ships: a critic for every scenario
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
+_log = logging.getLogger("sledenv")
 _PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
 
 
@@ -36,22 +41,30 @@ def agent_class(module: str) -> type[Agent]:
     ------
     ValueError
         If there is no such module or it has no such class.
+    GivenCodeError
+        If importing it raises an error.
     """
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise ValueError(f"agent {module!r}: must be the name of a module, such as sledenv.agents.zero")
     here = os.getcwd()
     if here not in sys.path:  # a console script does not look there by itself
         sys.path.append(here)
-    try:
-        found = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name is None or not module.startswith(error.name):
-            raise  # something that the agent needs
+    with blaming(f"agent {module!r}", "importing it"):
+        try:
+            found = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+                raise  # something that the module needs
+            found = None
+    if found is None:
         raise ValueError(
             f"agent {module!r}: there is no such module, neither installed nor in the working folder; those that ship "
             "are modules of sledenv.agents"
-        ) from error
-    if getattr(found, "Agent", Agent) is Agent:  # none, or the protocol that it imports
+        )
+    kind = getattr(found, "Agent", None)
+    if not isinstance(kind, type) or kind is Agent:  # the protocol that it imports
         raise ValueError(f"agent {module!r}: the module has no class Agent, see docs/benchmark.md")
-    return cast("type[Agent]", found.Agent)
+    return cast("type[Agent]", kind)
 
 
 def agent_name(module: str) -> str:
@@ -65,15 +78,23 @@ def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]
     Raises
     ------
     ValueError
-        If the file says nothing about the environment of the problem.
+        If the file cannot be read, or says nothing about the environment of the problem.
     """
     path = folder / f"{agent_name(module)}.yaml"
     if not path.is_file():
         return {}
-    content = read_yaml(path)
-    if problem.id not in content:
-        raise ValueError(f"{path} has no settings for {problem.id}, only for {', '.join(content)}")
-    return dict(content[problem.id])
+    try:
+        content = read_yaml(path)
+    except ValueError as error:
+        raise ValueError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
+    known = content if isinstance(content, dict) else {}
+    if problem.id not in known:
+        raise ValueError(f"{path} has no settings for {problem.id}, only for {', '.join(map(str, known)) or 'nothing'}")
+    if not isinstance(known[problem.id], dict):
+        raise ValueError(
+            f"{path}: {problem.id} = {reprlib.repr(known[problem.id])}: must be a mapping of keys to values"
+        )
+    return dict(known[problem.id])
 
 
 def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Path:
@@ -96,6 +117,8 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     ------
     ValueError
         As :func:`agent_class`; nothing is written then.
+    GivenCodeError
+        If importing or training it raises an error.
     """
     agent = agent_class(module)
     part = folder.with_name(folder.name + ".part")
@@ -105,7 +128,8 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     config |= {"scenario": problem.scenario.model_dump(mode="json", by_alias=True), "versions": versions()}
     (part / _CONFIG).write_text(yaml.safe_dump(config, sort_keys=False))
     started = time.perf_counter(), time.process_time()
-    agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
+    with blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
+        agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
     record = {"train_seconds": time.perf_counter() - started[0], "train_cpu_seconds": time.process_time() - started[1]}
     (part / _RECORD).write_text(yaml.safe_dump(record))
     shutil.rmtree(folder, ignore_errors=True)
@@ -114,10 +138,17 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
 
 
 def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> bool:
-    """Whether a folder holds a finished run of exactly this; whatever the versions of the packages."""
+    """Whether a folder holds a finished run of exactly this; whatever the versions of the packages.
+
+    One whose files cannot be read is not, and a warning says so.
+    """
     try:
         config = read_config(folder)
+        read_record(folder)
     except FileNotFoundError:
+        return False
+    except ValueError as error:
+        _log.warning("sledenv: training again: %s", error)
         return False
     wanted = meant(module, problem, settings, seed)
     return {key: config.get(key) for key in wanted} == wanted
@@ -145,6 +176,31 @@ def _code(module: str) -> str:
     return hashlib.sha256(json.dumps(sources).encode()).hexdigest()[:12]
 
 
+Deviation = Annotated[float, Quantity("[0, inf)")]
+
+
+class _Config(Section):
+    """What of the configuration of a run says how to load it; the rest says how it came about."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    agent: str  # its module
+    scenario_hash: str
+    environment: Environment
+    control: str
+    observe: tuple[str, ...]
+    launch_noise: tuple[Deviation, Deviation]
+    seed: Annotated[int, Whole("[0, inf)")]
+    scenario: dict[str, Any]
+
+
+class _Record(Section):
+    """What the training of a run took."""
+
+    train_seconds: Annotated[float, Quantity("[0, inf) s")]
+    train_cpu_seconds: Annotated[float, Quantity("[0, inf) s")]
+
+
 def read_config(folder: Path) -> dict[str, Any]:
     """Read what a finished run was trained with.
 
@@ -152,16 +208,36 @@ def read_config(folder: Path) -> dict[str, Any]:
     ------
     FileNotFoundError
         If ``folder`` is no finished run.
+    ValueError
+        If its configuration cannot be read, naming every wrong key.
     """
-    path = folder / _CONFIG
-    if not path.is_file():
-        raise FileNotFoundError(f"{folder} is no finished run: it has no {_CONFIG}")
-    return cast("dict[str, Any]", yaml.safe_load(path.read_text()))
+    return _read(folder / _CONFIG, _Config)
 
 
 def read_record(folder: Path) -> dict[str, float]:
-    """Read what the training of a finished run took: ``train_seconds`` and ``train_cpu_seconds``."""
-    return cast("dict[str, float]", yaml.safe_load((folder / _RECORD).read_text()))
+    """Read what the training of a finished run took: ``train_seconds`` and ``train_cpu_seconds``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As :func:`read_config`.
+    """
+    return _read(folder / _RECORD, _Record)
+
+
+def _read(path: Path, kind: type[Section]) -> dict[str, Any]:
+    """Read a file of a run that has the keys of a section."""
+    if not path.is_file():
+        raise FileNotFoundError(f"{path.parent} is no finished run: it has no {path.name}")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
+    try:
+        kind.model_validate(content)
+    except ValidationError as error:
+        raise ValueError("; ".join(f"{path}: {line}" for line in kind.problems(error))) from error
+    return cast("dict[str, Any]", content)
 
 
 def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
@@ -172,12 +248,14 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     Parameters
     ----------
     folder : Path
-        Where there is none, the run of that name that ships, such as "sled_snow-launch-both-critic-s0".
+        Where there is none, the run of that name that ships, such as "sled_snow-launch-orientation-critic-s0".
 
     Raises
     ------
     FileNotFoundError, ValueError
         If there is neither; as :func:`read_config` and :func:`agent_class`.
+    GivenCodeError
+        If loading the agent raises an error.
     """
     if not folder.exists():
         if not (TRAINED / folder).is_dir():
@@ -187,7 +265,9 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     scenario = Scenario.model_validate(config["scenario"])
     given = {"observe": config["observe"], "launch_noise": config["launch_noise"]}
     problem = Problem(scenario, config["environment"], config["control"], **given)
-    return problem, agent_class(config["agent"]).load(problem, folder), config
+    kind = agent_class(config["agent"])
+    with blaming(f"agent {config['agent']}, {folder}", "load"):
+        return problem, kind.load(problem, folder), config
 
 
 def versions() -> dict[str, str]:

@@ -12,7 +12,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
+
+from sledenv.machine.blame import GivenCodeError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -56,8 +58,9 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
     -------
     int
         Exit status: what the command returns, 0 for None; 1 with a message on standard error where the memory is too
-        small; 2 with one where an argument is wrong, a file cannot be read or written, or a package is missing; 130 and
-        143 after an interrupt and a request to terminate; 141 where nobody reads on.
+        small, or code that was given raised an error, such as an agent; 2 with one where an argument is wrong, a file
+        cannot be read or written, or a package is missing; 130 and 143 after an interrupt and a request to terminate;
+        141 where nobody reads on.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     if not words and command.default_command is None:
@@ -71,16 +74,26 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _BROKEN_PIPE
     except CycloptsError as error:
-        return _told(f"{name}: error: {' '.join(str(error).removeprefix('Invalid value for ').split())}", WRONG)
+        return _told(f"{name}: error: {_words(error)}", WRONG)
     except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
         return _told(f"{name}: error: {error}", WRONG)
-    except MemoryError as error:
+    except (MemoryError, GivenCodeError) as error:
         return _told(f"{name}: error: {error}", FAILED)
     except KeyboardInterrupt:
         return _told(f"{name}: interrupted", _INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
     return status or 0
+
+
+def _words(error: CycloptsError) -> str:
+    """Return what is wrong with the words of a command, in one line."""
+    words = " ".join(str(error).removeprefix("Invalid value for ").split())
+    if type(error) is not MissingArgumentError or error.argument is None:
+        return words
+    _, meant, suggestion = words.partition(" Did you mean ")
+    what = f"{error.keyword} needs a value" if error.keyword else f"{error.argument.name} is required"
+    return f"{what}.{meant}{suggestion}" if meant else what
 
 
 def _told(message: str, status: int) -> int:

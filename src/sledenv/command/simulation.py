@@ -1,4 +1,4 @@
-"""Commands of scenarios and of one descent: simulate, sensitivity, scenarios, replay."""
+"""Commands of scenarios and of one descent: simulate, sensitivity, scenarios, replay, play."""
 
 from __future__ import annotations
 
@@ -206,6 +206,44 @@ def replay(
         asked = _asked(scenario, launch, solver)
         page.write_text(replay_page(_descend(asked, "trajectory"), asked.title), encoding="utf-8")
     tell(f"replay: wrote {out}", asked.named | {"written": [out]}, json)
+
+
+def play(
+    scenario: ScenarioName = "sled_snow",
+    /,
+    *,
+    launch: Launch = _DRAWN,
+    solver: Annotated[BatchSolver, Surfaces] = "compliant",
+    html: File = Path("play.html"),
+    json: Json = False,
+) -> None:
+    """Write a page that simulates: body, surface, slope and launch are set there.
+
+    The page works in any browser, offline, and has the kernel itself, so that its numbers are those of Python. It opens
+    with the descent that simulate prints.
+
+    Parameters
+    ----------
+    html
+        The page.
+    """
+    import numpy as np
+
+    from sledenv.machine.files import replacing
+    from sledenv.pages.play import Played, play_page
+    from sledenv.scenarios.scenario import load_scenario
+
+    with ExitStack() as places:
+        page = taken(places, "--html", replacing(html, ".html", ".htm"))
+        loaded = load_scenario(scenario)
+        context = loaded.sample(np.random.default_rng(launch.seed))
+        asked = {"spin": launch.spin, "speed": launch.speed}
+        if launch.orientation_deg is not None:
+            asked["orientation"] = math.radians(launch.orientation_deg)
+        context = context._replace(**{name: value for name, value in asked.items() if value is not None})
+        page.write_text(play_page(loaded, [Played(f"seed {launch.seed}", context)], solver), encoding="utf-8")
+    named = {"scenario": loaded.id, "seed": launch.seed, "solver": solver, "written": [html]}
+    tell(f"play: wrote {html}", named, json)
 
 
 class _Asked(NamedTuple):

@@ -135,5 +135,11 @@ def _in_c(entry: Entry) -> tuple[Callable[..., None], Any]:
             parameters.append(f"number_{i}")
             kinds.append(types.float64 if kind is float else types.int64)
             arguments.append(f"number_{i} != 0" if kind is bool else f"number_{i}")
-    exec(f"def {entry.name}({', '.join(parameters)}):\n    function({', '.join(arguments)})", scope)
+
+    def joined(of: Any, parts: list[str]) -> str:
+        scope[of.__name__] = of
+        return f"{of.__name__}({', '.join(parts)})"
+
+    given = ", ".join(entry.grouped(arguments, joined))
+    exec(f"def {entry.name}({', '.join(parameters)}):\n    function({given})", scope)
     return scope[entry.name], types.void(*kinds)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import ctypes
 import os
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -29,7 +30,14 @@ class Table(NamedTuple):
     dimensions: int = 1
 
 
-Kind = type | Table  # a named tuple of numbers, float, int, bool; or an array
+class Group(NamedTuple):
+    """Kinds of arrays that follow each other: callers give them one by one, the function takes them as one tuple."""
+
+    of: Callable[..., Any]  # the type of the tuple, named
+    tables: tuple[Table, ...]
+
+
+Kind = type | Table | Group  # a named tuple of numbers, float, int, bool; or arrays
 Find = Callable[[str], int]  # address of the function of some name
 
 
@@ -45,14 +53,15 @@ class Entry:
         Of the function in C.
     function : callable
         What is compiled; called itself where NUMBA_DISABLE_JIT is set.
-    *kinds : type or Table
+    *kinds : type, Table or Group
         Of its arguments.
     find : callable
         Where the function in C is, asked at the first call.
     """
 
     def __init__(self, name: str, function: Callable[..., None], *kinds: Kind, find: Find) -> None:
-        self.name, self.function, self.kinds = name, function, kinds
+        self.name, self.function, self._grouped = name, function, kinds
+        self.kinds = [one for kind in kinds for one in (kind.tables if isinstance(kind, Group) else (kind,))]
         self._find = find
         self._run: Callable[..., int] | None = None
 
@@ -70,7 +79,7 @@ class Entry:
         """
         if INTERPRETED:
             tables = [_table(kind, one) for kind, one in zip(self.kinds, given, strict=False)]
-            return lambda *numbers: self.function(*tables, *numbers)
+            return lambda *numbers: self.function(*self.grouped([*tables, *numbers], lambda of, group: of(*group)))
         run = self._run or self._found()
         doubles = array("d")
         passed: list[Any] = [_NOWHERE, _NOWHERE, 0]
@@ -109,6 +118,12 @@ class Entry:
         if dtype is _DOUBLE and table.flags.writeable:  # found faster so
             return ctypes.addressof(_byte_of(table)), *shape
         return table.ctypes.data, *shape
+
+    def grouped(self, given: Sequence[Any], joined: Callable[[Callable[..., Any], list[Any]], Any]) -> Iterator[Any]:
+        """Yield the arguments of the function: those given, in groups that ``joined`` makes of a type and its parts."""
+        rest = iter(given)
+        for kind in self._grouped:
+            yield joined(kind.of, list(islice(rest, len(kind.tables)))) if isinstance(kind, Group) else next(rest)
 
     def forget(self) -> None:
         """Ask anew where the function is."""

@@ -181,16 +181,17 @@ def _standing(limits: Limits, flight: np.void, space: np.void) -> int:
     lies = contact["count"] > 1.0 and contact["spin"] == 0.0 and point["gap_rate"] == 0.0
     if lies and flight["t_on_chord"] == math.inf:
         flight["t_on_chord"], flight["x_on_chord"] = contact["time"], contact["x"]
+    status = records.RUNNING
     if point["gap_rate"] == 0.0 and point["slip"] == 0.0 and contact["spin"] == 0.0:
-        return records.JAMMED
-    if lies and limits.end_on_chord != 0.0:
-        return records.TUMBLED
-    if contact["rigid"] != 0.0 and point["gap_rate"] > 0.0:
+        status = records.JAMMED
+    elif lies and limits.end_on_chord != 0.0:
+        status = records.TUMBLED
+    elif contact["rigid"] != 0.0 and point["gap_rate"] > 0.0:
         turning = point["h"] * step["cosine"] * contact["omega"] * contact["omega"]
-        return records.INCONSISTENT if contact["inward"] + turning > 0.0 else records.SEPARATED
-    if flight["steps"] >= limits.max_steps or contact["stalled"] > progress.MOST_STALLED:
-        return records.STEP_BUDGET
-    return records.RUNNING
+        status = records.INCONSISTENT if contact["inward"] + turning > 0.0 else records.SEPARATED
+    elif flight["steps"] >= limits.max_steps or contact["stalled"] > progress.MOST_STALLED:
+        status = records.STEP_BUDGET
+    return status
 
 
 @kernel

@@ -60,6 +60,7 @@ SPACE = record(
     ("stage", "f8"),  # and what comes next there, see state.py
     ("work", "f8"),  # [-] steps and hops of this call
     ("most_work", "f8"),  # [-] at this number the call stops a search, and begins no other hop
+    ("once", "f8"),  # 1 if the call ends with a hop
     # Of a straight side that hits flat, see flat.py.
     ("ends", "f8", (6,)),
     ("lost_flat", "f8", (3,)),
@@ -351,9 +352,8 @@ def descend(
     log: np.ndarray,
     space: np.void,
     trajectory: np.ndarray,
-    once: bool,
 ) -> bool:
-    """Follow a descent to its end, or for one hop if ``once``; return whether that is done.
+    """Follow a descent to its end, or for one hop if ``space["once"]`` is 1; return whether that is done.
 
     It is not done if ``space["work"]`` reaches ``space["most_work"]`` before. The same call then goes on where this one
     has stopped. Arguments are those of :func:`hop`.
@@ -367,6 +367,6 @@ def descend(
         if space["stage"] == SEEKING:
             return False
         hop(body, law, slope, limits, flight, log, space, trajectory)
-        if once and flight["rebounds"] > before:  # not if it has passed the line alone
+        if space["once"] != 0.0 and flight["rebounds"] > before:  # not if it has passed the line alone
             break
     return True

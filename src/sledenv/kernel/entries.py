@@ -10,17 +10,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from sledenv.compiler.entries import Entry, Table
+from sledenv.compiler.entries import Entry, Group, Table
 from sledenv.compiler.library import Library
 from sledenv.kernel import outline
-from sledenv.kernel.batch import descend_lanes
+from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
 from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
-from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY
+from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
 from sledenv.kernel.state import HOP, new
 
 
@@ -57,7 +57,7 @@ def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
 
 
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
-_LOG, _LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND), Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
+_LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
 _SPACES, _HOPS, _PHASES, _BODIES = map(Table, (SPACE, HOP, PHASE, BODY))
 
 _HOME = Path(__file__).parents[1]
@@ -73,11 +73,12 @@ def _by_law(name: str, function: Any, *kinds: Any) -> Callable[[Law], Entry]:
     return lambda law: rigid if isinstance(law, RigidLaw) else compliant
 
 
-_TABLES = (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _OUTCOMES, _LOGS, _TRAJECTORY)
+_LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
+_WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
-run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, *_TABLES, _SPACES, int)
+run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, _LANES, _WRITTEN, _SPACES, int)
 run_euler: Final = LIBRARY.entry(
-    "descend_euler", descend_euler, _BODIES, ContactLaw, _ROWS, State, Limits, _LOG, _SPACES, _TRAJECTORY, _OUTCOMES
+    "descend_euler", descend_euler, _BODIES, ContactLaw, _ROWS, State, Limits, _WRITTEN, _SPACES
 )
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, Slope, State, float, float, _OUTCOMES)
@@ -106,10 +107,10 @@ def _known() -> str:
         if law:
             for name, value in zip(State._fields, launch, strict=True):
                 outcomes[name] = value
-            tables = body, law, slope, launch, np.empty((0, 2)), outcomes, log[np.newaxis], rows
-            run_lanes(law)(law, limits, *tables, new(SPACE), 1)
+            lanes = body, law, slope, launch, np.empty((0, 2))
+            run_lanes(law)(law, limits, *lanes, outcomes, log[np.newaxis], rows, new(SPACE), 1)
         else:
-            run_euler(body, compliant, slope, launch, limits, log, new(SPACE), rows, outcomes)
+            run_euler(body, compliant, slope, launch, limits, outcomes, log[np.newaxis], rows, new(SPACE))
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

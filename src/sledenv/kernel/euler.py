@@ -15,7 +15,7 @@ from sledenv.kernel.ground import arm_on, lay_ground, piece_at
 from sledenv.kernel.outline import arc_at, arms, incline_of, whole_turns
 from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State, reader
 from sledenv.kernel.progress import beside_now
-from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT
+from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, Written
 from sledenv.kernel.trajectory import next_row, write_end, write_forces, write_nose, write_slip, write_tail
 
 
@@ -162,16 +162,51 @@ def _write_contact(body: np.void, contact: np.void, lowest: Point, other: Point,
 
 
 @kernel
+def _begin(launch: State, flight: np.void, point: np.void) -> bool:
+    """Begin a descent, or go on with one; return whether the body has been in contact at the last step."""
+    if flight["status"] == RUNNING and flight["steps"] > 0:
+        return bool(point["gap"] < 0.0)
+    begin(launch, flight)
+    return False
+
+
+@kernel
+def _note_side(body: np.void, lowest: Point, other: Point, space: np.void) -> None:
+    """Write which straight side is in the slope with both its ends, if one is."""
+    if other.gap < 0.0:
+        side = body["rising_side"] if space["points"][0]["rising"] != 0.0 else body["falling_side"]
+        space["contact"]["side_touched"] = side[lowest.arc]
+
+
+@kernel
+def _move(
+    body: np.void,
+    law: ContactLaw,
+    incline: Incline,
+    limits: Limits,
+    flight: np.void,
+    space: np.void,
+    points: tuple[Point, Point],
+) -> None:
+    """Move a descent by one step of time, under the forces on both points."""
+    (lowest, other), dt = points, limits.step
+    if lowest.gap < 0.0:
+        _add_up(law, space["contact"], lowest, dt)
+        _add_up(law, space["contact"], other, dt)
+    _step_on(body, incline, flight, lowest.normal + other.normal, lowest.force + other.force, dt)
+    _turn_on(body, flight, lowest, other, -1.0 if limits.printed_sign == 1.0 else 1.0, dt)
+    flight["steps"] += 1
+    flight["t"] = flight["steps"] * dt
+
+
 def descend_euler(
     bodies: np.ndarray,
     law: ContactLaw,
     slopes: np.ndarray,
     launch: State,
     limits: Limits,
-    log: np.ndarray,
+    written: Written,
     spaces: np.ndarray,
-    trajectory: np.ndarray,
-    outcomes: np.ndarray,
 ) -> None:
     """Simulate one descent by explicit Euler: paper equations (10)-(13) with gravity, docs/physics.md, section 2.
 
@@ -188,37 +223,24 @@ def descend_euler(
     law, launch, limits
         See :mod:`sledenv.kernel.params`. ``limits.step`` is the time step [s]; ``limits.printed_sign`` = 1 takes the
         moment of friction with the paper's printed sign, which creates energy.
-    log : ndarray of REBOUND
-        At least ``limits.max_rebounds`` rows.
+    written : Written
+        Its flight is zeros or a descent that has ended, to begin a descent; the descent itself, to go on with it. Its
+        log has at least ``limits.max_rebounds`` records.
     spaces : ndarray of SPACE, shape (1,)
         Work space. It may be that of a descent that has ended.
-    trajectory : ndarray of TRAJECTORY
-        Rows are written while there is room; ``outcomes[0]["samples"]`` says how many were needed.
-    outcomes : ndarray of OUTCOME, shape (1,)
-        Zeros or a descent that has ended, to begin a descent; the descent itself, to go on with it. Overwritten.
     """
-    body, flight, space = bodies[0], outcomes[0], spaces[0]
-    contact, point = space["contact"], space["points"][0]
+    body, flight, space = bodies[0], written.flights[0], spaces[0]
+    log, trajectory = written.logs[0], written.trajectory
     incline = incline_of(_slope_of(slopes, 0))
     lay_ground(law, slopes[0], space["ground"])
-    dt = limits.step
-    moment_sign = -1.0 if limits.printed_sign == 1.0 else 1.0
-    stride = max(1, round(limits.sample_interval / dt))
-    touching = False
-    if flight["status"] == RUNNING and flight["steps"] > 0:
-        touching = point["gap"] < 0.0  # at the last step
-    else:
-        begin(launch, flight)
-    work = 0.0
+    stride = max(1, round(limits.sample_interval / limits.step))
+    touching, work = _begin(launch, flight, space["points"][0]), 0.0
     while True:
         lowest, other = _look(body, law, flight, space)
-        status = _status(incline, limits, flight, lowest)
-        inside = lowest.gap < 0.0
+        status, inside = _status(incline, limits, flight, lowest), lowest.gap < 0.0
         if inside and not touching:
             _touch_down(flight, space, lowest)
-        if other.gap < 0.0:
-            side = body["rising_side"] if point["rising"] != 0.0 else body["falling_side"]
-            contact["side_touched"] = side[lowest.arc]
+        _note_side(body, lowest, other, space)
         if touching and (not inside or status != RUNNING):
             _take_off(body, flight, log[flight["rebounds"]], space, lowest)
             if status == RUNNING and flight["rebounds"] >= limits.max_rebounds:
@@ -228,16 +250,10 @@ def descend_euler(
             row = next_row(trajectory, flight)
             work += ROW_WORK
             if inside:
-                _write_contact(body, contact, lowest, other, row)
+                _write_contact(body, space["contact"], lowest, other, row)
         if status != RUNNING:
             break
-        if inside:
-            _add_up(law, contact, lowest, dt)
-            _add_up(law, contact, other, dt)
-        _step_on(body, incline, flight, lowest.normal + other.normal, lowest.force + other.force, dt)
-        _turn_on(body, flight, lowest, other, moment_sign, dt)
-        flight["steps"] += 1
-        flight["t"] = flight["steps"] * dt
+        _move(body, law, incline, limits, flight, space, (lowest, other))
         work += 1.0
         if work >= limits.most_work:
             break

@@ -49,6 +49,11 @@ class Branch(NamedTuple):
     spin: int
 
 
+def opposing(contact: Any, point: Any) -> tuple[Any, Any]:
+    """In a program: tangential force [-] and rolling moment [m] over the normal force, where it slips, and spins."""
+    return -point.slip * point.friction, -contact.spin * point.arm
+
+
 def rates_of(w: Any, drive: Any, force: Any, moment: Any, normal: Any) -> tuple[Any, Any, Any]:
     """Rates of (v_t, omega, v_n) under the contact forces, as a program and as a kernel: docs/physics.md (4.1)."""
     spin_rate = (moment - w.a * normal + w.b * force) * w.per_inertia

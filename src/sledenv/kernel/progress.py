@@ -108,7 +108,6 @@ def _taking(contact: Any, point: Any, branch: Branch) -> None:
         zeros = where(equal(getattr(of, f"{name}_left"), 0.0), starting, leaving)
         setattr(of, f"{name}_zeros", where(equal(getattr(of, velocity), 0.0), zeros, 0.0))
         setattr(of, sign, to)
-    point.mu, point.rho = -branch.slip * point.friction, -branch.spin * point.arm
     point.stiffness = normal.stiffness(contact, less(branch.gap_rate, 0.0))
     pace = UNIT_ANGLE / root(point.stiffness * point.yielding)
     point.pace = where(less(0.0, point.stiffness), pace, point.pace)

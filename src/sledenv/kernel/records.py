@@ -195,3 +195,11 @@ OUTCOME = np.dtype(
     ],
     align=True,
 )
+
+
+class Written(NamedTuple):
+    """What descents are written into."""
+
+    flights: np.ndarray  # of OUTCOME: state of each, moved on from a launch or from where a call has stopped
+    logs: np.ndarray  # of REBOUND, a row for each or one for all; a rebound without room overwrites the last one
+    trajectory: np.ndarray  # of TRAJECTORY, written while there is room; its flight counts all rows

@@ -15,6 +15,7 @@ from sledenv.compiler.rows import element, repeated, shuffled, side_by_side
 from sledenv.compiler.trace import Program, straight
 from sledenv.compiler.values import equal, fma, where
 from sledenv.kernel import normal
+from sledenv.kernel.friction import opposing
 from sledenv.kernel.pair import both_points, branch_of, couples, hold, locking, pick, unturned
 from sledenv.kernel.series import ORDER, expand_free, expand_rolling, expand_settled, expand_sticking, product
 
@@ -56,7 +57,7 @@ def _still(count: int) -> Program:
         x, u, gap, v_n = [contact.x], [points[0].v_t], [_both(space, "gap", count)], [points[0].v_n]
         pushes, forces, moments, keeping = [], [], [], []
         absent = [0.0] * (2 - count)
-        factors = [*(point.mu for point in points), *absent]
+        factors = [*(opposing(contact, point)[0] for point in points), *absent]
         for k in range(ORDER):
             first = k == 0
             rate = repeated(v_n[k], 2)
@@ -113,7 +114,8 @@ def _turning(space: Any) -> None:
     gaps, slips = (equal(_both(space, name), np.zeros(2)) for name in ("gap_rate", "slip"))
     at_gap, at_gap_2 = (equal(point.gap_rate, 0.0) for point in points)
     at_slip, at_slip_2 = (equal(point.slip, 0.0) for point in points)
-    h, r, mu, rho = (_both(space, name) for name in ("h", "r", "mu", "rho"))
+    h, r = (_both(space, name) for name in ("h", "r"))
+    mu, rho = (side_by_side(*pair) for pair in zip(*(opposing(contact, point) for point in points), strict=True))
     # Distance h of the point whose gap rate is locked, and 0 for the other point; the same of the slip.
     lifted, swept = (
         h * side_by_side(pick(one_locked, two_locked, 1.0, 0.0), pick(one_locked, two_locked, 0.0, 1.0))

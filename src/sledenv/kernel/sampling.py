@@ -41,8 +41,8 @@ def rolling_part(impulse: float, points: np.ndarray, steps: np.ndarray) -> float
 def _forces(spin: float, point: np.void, step: np.void, t: float) -> tuple[float, float, float]:
     """Normal force, tangential force [N] and moment [N m] of a point during a step."""
     push = horner(step["normal"], t)
-    force = point["mu"] * push if point["slip"] != 0.0 else horner(step["force"], t)
-    moment = point["rho"] * push if spin != 0.0 else horner(step["moment"], t)
+    force = -point["slip"] * point["friction"] * push if point["slip"] != 0.0 else horner(step["force"], t)
+    moment = -spin * point["arm"] * push if spin != 0.0 else horner(step["moment"], t)
     return push, force, moment
 
 

@@ -17,6 +17,7 @@ from sledenv.compiler.rows import EIGHT, TERMS, element, repeated, shuffled, sid
 from sledenv.compiler.trace import Program, block, scalar, straight
 from sledenv.compiler.values import absolute, fma, larger, not_more, rough_root, smaller, where
 from sledenv.kernel import normal
+from sledenv.kernel.friction import opposing
 
 ORDER = TERMS - 1  # forces are known to one order less than the motion
 EARLIER = 1e3  # tolerances that an earlier term may reach, some times what terms shrink by from there to the last
@@ -71,16 +72,17 @@ def _recurrence(contact: Any, point: Any, step: Any, gap_locked: bool, slip_lock
     forces.
     """
     unit, ratio, h, r = step.unit, contact.ratio, point.h, point.r
+    mu, rho = opposing(contact, point)
     square = unit * unit
     inward, downhill = square * contact.inward, square * contact.downhill
     stiffness = -(point.stiffness * contact.per_mass * square)  # normal force over load
     # Spin rate that a force at the lever gives; the load is the normal force itself where the gap is locked.
     per_lever = ratio if gap_locked else ratio * stiffness
-    lever_sine, lever_cosine = -(h * per_lever), -(point.mu * h * per_lever)
-    lever_rest = fma(point.mu, r, point.rho) * per_lever
+    lever_sine, lever_cosine = -(h * per_lever), -(mu * h * per_lever)
+    lever_rest = fma(mu, r, rho) * per_lever
     a_0, b_0 = h * step.sine, fma(-h, step.cosine, r)
     if slip_locked:
-        lever_cosine, lever_rest = 0.0, point.rho * per_lever
+        lever_cosine, lever_rest = 0.0, rho * per_lever
     sine, cosine, spin = [step.sine], [step.cosine], [unit * contact.omega]
     turn, twice = [side_by_side(sine[0], cosine[0])], [repeated(spin[0], 2)]
     gap: list[Any] = [point.gap, unit * point.v_n]
@@ -177,7 +179,8 @@ def _spinning(gap_locked: bool, slip_locked: bool) -> Program:
         else:
             square = unit * unit
             stiffness = -(point.stiffness * contact.per_mass * square)
-            driven = repeated(point.mu if gap_locked else point.mu * stiffness, EIGHT)
+            mu, _ = opposing(contact, point)
+            driven = repeated(mu if gap_locked else mu * stiffness, EIGHT)
             speeds = [p * (driven * share) for p, share in zip(rows.moved_on(loads, 0.0), _SHARES, strict=True)]
             start = fma(unit, point.v_t, -element(sweeps[0], 0))
             speeds[0] = speeds[0] + side_by_side(start, square * contact.downhill, *([0.0] * 6))

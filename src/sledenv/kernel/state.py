@@ -125,8 +125,6 @@ POINT: Final = record(
     # The branch: what each velocity does from here on.
     ("gap_rate", "f8"),  # signs of v_n and v_t, 0 where locked
     ("slip", "f8"),
-    ("mu", "f8"),  # [-] tangential force over normal force, where it slips
-    ("rho", "f8"),  # [m] rolling moment over normal force, where the body spins
     ("stiffness", "f8"),  # [N/m]
     ("pace", "f8"),  # [s] unit of time of a step, as long as the spin is slow
     ("gap_zeros", "f8"),  # leading coefficients of v_n and v_t that are zero by construction

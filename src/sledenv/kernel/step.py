@@ -18,6 +18,7 @@ from sledenv.compiler.rows import EIGHT, NODES, TERMS, WEIGHTS, repeated, sums
 from sledenv.compiler.trace import of_point, straight
 from sledenv.compiler.values import absolute, equal, fma, larger, less, not_more, root, smaller, where, where_less
 from sledenv.kernel import events, normal
+from sledenv.kernel.friction import opposing
 
 # A power t^k on [0, 1] lies below its chord t by so much at most.
 _ORDERS = np.maximum(rows.COUNT, 2.0)
@@ -46,7 +47,8 @@ def _beginning(contact: Any, point: Any, step: Any) -> None:
     step.unit = where(fast, 1.0 / absolute(omega), point.pace)
     a, b = point.h * step.sine, point.r - point.h * step.cosine
     slipping, spinning = _nonzero(point.slip), _nonzero(contact.spin)
-    lever = point.rho - a + where(slipping, point.mu * b, 0.0)
+    mu, rho = opposing(contact, point)
+    lever = rho - a + where(slipping, mu * b, 0.0)
     share = contact.ratio / where(slipping, 1.0, 1.0 + contact.ratio * b * b)
     yielding = where(spinning, larger(1.0 - a * lever * share, 0.05), 1.0)
     per_pulsation = 1.0 / root(point.stiffness * contact.per_mass * yielding)
@@ -184,12 +186,12 @@ def _progress(contact: Any, point: Any, step: Any) -> None:
     contact.hysteresis = contact.hysteresis + lost
     point.v_n, point.v_t = step.v_n_end, step.v_t_end
     normal.keep_peaks(contact, point)
-    impulse = step.normal_impulse
+    impulse, (mu, rho) = step.normal_impulse, opposing(contact, point)
     contact.normal_impulse = contact.normal_impulse + impulse
-    contact.tangential_impulse = contact.tangential_impulse + where(slipping, point.mu * impulse, step.force_impulse)
-    contact.rolling_impulse = contact.rolling_impulse + where(spinning, point.rho * impulse, step.moment_impulse)
+    contact.tangential_impulse = contact.tangential_impulse + where(slipping, mu * impulse, step.force_impulse)
+    contact.rolling_impulse = contact.rolling_impulse + where(spinning, rho * impulse, step.moment_impulse)
     # The powers of friction are never negative; the integral of a vanishing one may be, by rounding.
-    slid, rolled = larger(-point.mu * step.slip_work, 0.0), larger(-point.rho * step.spin_work, 0.0)
+    slid, rolled = larger(-mu * step.slip_work, 0.0), larger(-rho * step.spin_work, 0.0)
     contact.sliding = contact.sliding + where(slipping, slid, 0.0)
     contact.rolling = contact.rolling + where(spinning, rolled, 0.0)
 

@@ -6,6 +6,39 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, NoReturn
+
+
+class MissingPackage(ImportError):
+    """A package that an extra brings is missing; the message has the command that installs it."""
+
+
+class Missing:
+    """Stands in for a public name whose packages are missing: it can be imported and looked at, but not used.
+
+    Parameters
+    ----------
+    name : str
+        Such as "sledenv.identify".
+    error : MissingPackage
+        What whoever uses it is told.
+    """
+
+    def __init__(self, name: str, error: MissingPackage) -> None:
+        self._name = name
+        self._error = error
+
+    def __repr__(self) -> str:
+        return f"<{self._name}, not installed: {self._error}>"
+
+    def __call__(self, *given: object, **named: object) -> NoReturn:
+        """Raise the error."""
+        raise MissingPackage(str(self._error), name=self._error.name) from self._error
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # what help, copies and notebooks ask of any object
+            raise AttributeError(name)
+        return self()
 
 
 @contextmanager
@@ -21,13 +54,13 @@ def needs(extra: str, who: str) -> Iterator[None]:
 
     Raises
     ------
-    ImportError
-        Naming the missing package and the command that installs the extra.
+    MissingPackage
+        Naming it and the command that installs the extra.
     """
     try:
         yield
     except ModuleNotFoundError as error:
-        raise ImportError(f"{who}: {error}: pip install 'sledenv[{extra}]'", name=error.name) from error
+        raise MissingPackage(f"{who}: {error}: pip install 'sledenv[{extra}]'", name=error.name) from error
 
 
 def folder_of(package: str) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import sys
 import threading
@@ -37,9 +36,9 @@ def runner(workers: int | None = None, ray: str | None = None) -> Runner:
 def _through_joblib(workers: int) -> Runner:
     def run(calls: list[Call]) -> Iterator[Any]:
         # One thread in each process: more processes than cores would only wait for each other.
-        with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-            guarded = (delayed(_call_for)(os.getpid(), call, given) for call, given in calls)
-            yield from Parallel(return_as="generator_unordered")(guarded)
+        alike = {"inner_max_num_threads": 1, "initializer": _end_with, "initargs": (os.getpid(),)}
+        with parallel_config(backend="loky", n_jobs=workers, **alike):
+            yield from Parallel(return_as="generator_unordered")(delayed(_call)(call, given) for call, given in calls)
 
     return run
 
@@ -63,15 +62,11 @@ def _through_ray(address: str) -> Runner:
     return run
 
 
-def _call_for(parent: int, call: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-    if os.getpid() != parent:
-        _end_with(parent)
-    return _call(call, given)
-
-
-@functools.cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent, which may have been killed: it would go on with what waits for it."""
+    """End this process soon after its parent, which may have been killed, also while this one was being started.
+
+    It would go on with what waits for it, or wait for more, and so would what tracks the resources of both.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:

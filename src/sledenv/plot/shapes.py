@@ -20,10 +20,8 @@ from sledenv.simulation.support import lowest_arms, whole_turns
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
-_HOLD = 0.6  # [s] that an impact stays on the screen at least
-_HARD = (
-    0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
-)
+HOLD = 0.6  # [s] that an impact stays on the screen at least
+HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
 
 
 class Push(NamedTuple):
@@ -353,7 +351,7 @@ def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
     end = float(drawable_rows(descent)["t"][-1])
     log = descent.rebounds
     impulse = np.nan_to_num(log["normal_impulse"], nan=0.0, posinf=0.0)
-    holds = _HOLD * np.clip(impulse / (_HARD * descent.body.mass), 0.0, 1.0)
+    holds = HOLD * np.clip(impulse / (HARD * descent.body.mass), 0.0, 1.0)
     contacts = np.stack([log["t"] - log["duration"], log["t"]], axis=-1).ravel()
     times = np.maximum.accumulate(np.concatenate([[0.0], np.clip(np.nan_to_num(contacts), 0.0, end), [end]]))
     steps = np.diff(times) / speed

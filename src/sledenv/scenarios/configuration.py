@@ -6,6 +6,7 @@ import os
 import re
 import reprlib
 import sys
+from collections.abc import Collection
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Self, get_args
@@ -163,6 +164,12 @@ class Section(BaseModel):
         return {key: mark for key, field in fields for mark in field.metadata if isinstance(mark, Quantity)}
 
     @classmethod
+    def problems(cls, error: ValidationError) -> list[str]:
+        """Return what is wrong, a line each: missing keys last, as an unknown one before them may be one misspelt."""
+        ranked = sorted(error.errors(), key=lambda details: details["type"] == "missing")
+        return [line for details in ranked for line in cls.explain(details).splitlines()]
+
+    @classmethod
     def explain(cls, error: ErrorDetails) -> str:
         """Return what is wrong with a key, in one line: its dotted name, its value and what is allowed."""
         owner, names = cls._place(error["loc"])
@@ -175,10 +182,9 @@ class Section(BaseModel):
             case "extra_forbidden":
                 return f"{path} = {value}: unknown key{_hint(key, fields)}; known: {', '.join(fields)}"
             case "union_tag_not_found":
-                return f"{path}.kind: missing; must be one of {', '.join(_kinds(fields[key].annotation))}"
+                return f"{path}.{wrong_kind(None, _kinds(fields[key].annotation))}"
             case "union_tag_invalid":
-                tag, known = str(error["ctx"]["tag"]), _kinds(fields[key].annotation)
-                return f"{path}.kind = {tag!r}: must be one of {', '.join(known)}{_hint(tag, known)}"
+                return f"{path}.{wrong_kind(error['ctx']['tag'], _kinds(fields[key].annotation))}"
             case "value_error":
                 text = str(error["ctx"]["error"])
             case "too_short":
@@ -294,8 +300,15 @@ class Document(Section):
         try:
             return super().model_validate(obj, **options)
         except ValidationError as error:
-            lines = [line for details in error.errors() for line in cls.explain(details).splitlines()]
+            lines = cls.problems(error)
         raise cls.error("\n".join(f"{source}: {line}" for line in lines))
+
+
+def wrong_kind(kind: Any, known: Collection[str]) -> str:
+    """Return what is wrong with a key ``kind`` that is none of those known, or None where it is missing."""
+    if kind is None:
+        return f"kind: missing; must be one of {', '.join(known)}"
+    return f"kind = {reprlib.repr(kind)}: must be one of {', '.join(known)}{_hint(str(kind), known)}"
 
 
 def shipped(folder: str) -> tuple[str, ...]:

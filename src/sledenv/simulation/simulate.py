@@ -106,8 +106,8 @@ def simulate(
         outcomes = np.zeros(1, OUTCOME)
         outcome: np.void = outcomes[0]
         if settings.solver == "euler":
-            given = body.record, touching, slope.row, launch, limits, rebounds, new(SPACE), trajectory, outcomes
-            go_on = run_euler.prepared(*given)
+            given = body.record, touching, slope.row, launch, limits, outcomes, rebounds[np.newaxis], trajectory
+            go_on = run_euler.prepared(*given, new(SPACE))
             while outcome["status"] == RUNNING:  # an interrupt takes effect between two calls
                 go_on()
         else:

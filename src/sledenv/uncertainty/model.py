@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
 from sledenv.kernel.entries import LIBRARY
-from sledenv.scenarios.configuration import Document, Section, Whole
+from sledenv.scenarios.configuration import Document, Section, Whole, wrong_kind
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import ChoiceBody, ContactSection, LaunchSection, SlopeSection, ZoneSection
 from sledenv.simulation.bodies import Body, records_of
@@ -66,12 +66,12 @@ def _read(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     kind = value.get("kind")
-    if kind not in KINDS:
-        raise ValueError(f"kind must be one of {', '.join(KINDS)}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ValueError(wrong_kind(kind, KINDS))
     try:
         return KINDS[kind].model_validate(value)
     except ValidationError as error:
-        raise ValueError("; ".join(KINDS[kind].explain(details) for details in error.errors())) from error
+        raise ValueError("; ".join(KINDS[kind].problems(error))) from error
 
 
 Given = dict[str, SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]]  # by key: a distribution, a number, a word

@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from sledenv.kernel.records import LOSSES, STATUS_OF_CODE
 from sledenv.machine.files import check_free, replacing
+from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, Runner, runner
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
@@ -44,7 +45,8 @@ def study(
     """Draw what is uncertain, simulate a descent for each draw, and tell what follows.
 
     Blocks of launches are written in one move each, so a study that is stopped goes on where it was, and one with more
-    launches goes on from one with less. The numbers depend neither on the number of workers nor on interruptions.
+    launches goes on from one with less. A block that has been changed is simulated again, and a warning says so. The
+    numbers depend neither on the number of workers nor on interruptions.
 
     Parameters
     ----------
@@ -127,7 +129,7 @@ def _simulate(
             "choose another folder, or remove it"
         )
     place.mkdir(parents=True, exist_ok=True)
-    missing = [(file, part) for file, part in zip(files, parts, strict=True) if not file.is_file()]
+    missing = [(file, part) for file, part in zip(files, parts, strict=True) if read_sealed(file, "simulating") is None]
     _frame(one, drawn[: min(group, 4)])  # compiles the kernel once, or every worker would
     calls: list[Call] = [(_write_block, (one, part, file)) for file, part in missing]
     done = len(drawn) - sum(len(part) for _, part in missing)
@@ -144,8 +146,7 @@ def _digest(one: Study, part: NDArray[np.float64]) -> str:
 
 
 def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
-    with replacing(file, ".parquet") as scratch:
-        _frame(one, part).to_parquet(scratch, index=False)
+    write_sealed(_frame(one, part), file)
     return len(part)
 
 

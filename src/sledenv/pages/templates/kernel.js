@@ -32,9 +32,22 @@ class Kernel {
     }
   }
 
+  /* Where a body is lowest at some orientations [rad]: its arms { a, b } [m], two arrays. The point that touches lies at
+     (-a, -b) from the mass centre, whose height is b then. */
+  arms(body, angles) {
+    this.#clear();
+    const bodies = this.#body(body);
+    const phi = this.#row(angles);
+    const arcs = { place: this.#take(8 * angles.length), lengths: [angles.length] };
+    const arms = { place: this.#take(16 * angles.length), lengths: [angles.length, 2] };
+    this.#call("lowest", bodies, { place: phi.place, lengths: [angles.length] }, arcs, arms);
+    const numbers = new Float64Array(this.memory.buffer, arms.place, 2 * angles.length);
+    return { a: numbers.filter((_, i) => i % 2 === 0), b: numbers.filter((_, i) => i % 2 === 1) };
+  }
+
   #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
     const most = { ...this.layout.limits, ...limits };
-    this.free = (this.functions["__heap_base"].value + 63) & ~63;
+    this.#clear();
     const kind = solver === "rigid" ? "RigidLaw" : "ContactLaw";
     const touching = this.#fields(kind, law, "law");
     const ends = this.#fields("Limits", most, "limits");
@@ -46,13 +59,13 @@ class Kernel {
     const log = this.#table("REBOUND", Number(most.max_rebounds));
     const rows = this.#table("TRAJECTORY", room);
     const space = this.#table("SPACE", 1);
+    const logs = { place: log.place, lengths: [1, ...log.lengths] };
     if (solver === "euler")
       while (this.#get("OUTCOME", "status", flights.place) === 0)
-        this.#call("descend_euler", bodies, touching, slopes, start, ends, log, space, rows, flights);
+        this.#call("descend_euler", bodies, touching, slopes, start, ends, flights, logs, rows, space);
     else {
       for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
       this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-      const logs = { place: log.place, lengths: [1, ...log.lengths] };
       const trims = { place: 0, lengths: [0, 2] };
       const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
       const name = `descend_lanes_${solver}`;
@@ -67,6 +80,10 @@ class Kernel {
       rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
       trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
     };
+  }
+
+  #clear() {
+    this.free = (this.functions["__heap_base"].value + 63) & ~63;
   }
 
   /* Numbers of a tuple, in the order of its fields; throws if one is missing. */

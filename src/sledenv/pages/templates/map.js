@@ -135,17 +135,6 @@ const colour = (value) => {
   return [0, 2, 4].map((shift) => Math.round(part(i, shift) + (place - i) * (part(i + 1, shift) - part(i, shift))));
 };
 
-function ticks(low, high, most, unit) {
-  const power = 10 ** Math.floor(Math.log10((high - low) / most));
-  const known =
-    unit === "°" && high - low > 60 ? [15, 30, 45, 90, 180, 360] : [1, 2, 5, 10].map((factor) => factor * power);
-  const step = known.find((candidate) => (high - low) / candidate <= most) ?? high - low;
-  const found = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++)
-    found.push(+(i * step).toPrecision(12));
-  return found;
-}
-
 let chart = null; // its geometry
 
 function drawMap() {

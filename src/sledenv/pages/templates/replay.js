@@ -46,7 +46,7 @@ for (let i = 0; i <= last; i++) seen.push([R.x[i], R.y[i]], [R.x[i], 0]);
 if (D.ghost !== null) for (const [x, y] of D.ghost.poses.slice(0, D.ghost.used)) seen.push([x, y]);
 const wide = clamp($("controls").clientWidth, 300, 1160); // as on the screen, or a phone shows letters that none can read
 const scene = new Scene(D, seen, wide, wide < 450 ? [170, 260] : [300, 500]);
-const { scale, H } = scene;
+const { H } = scene;
 
 function landscape() {
   let left = Infinity;
@@ -90,42 +90,8 @@ $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${H.toFixed(0)}`);
 $("scene").innerHTML = `${scene.sky()}<g id="world">${landscape()}${ghostPath()}<g id="live"></g></g>`;
 
 function drawScene(state, push, t) {
-  const parts = [];
-  const length = (0.3 * H) / scale;
-  let arrow = "";
-  if (push) {
-    const norm = Math.hypot(1, push.friction);
-    const edges = [-1, 1].map((side) => scene.at(push.place + (side * length * push.friction) / norm, length / norm));
-    parts.push(`<polygon id="cone" points="${scene.at(push.place, 0)} ${edges.join(" ")}" fill="#f8ee8c"/>`);
-    const label = scene.pixel(push.place, (1.07 * length) / norm);
-    arrow =
-      edges
-        .map((edge) => `<polyline points="${scene.at(push.place, 0)} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`)
-        .join("") +
-      `<text x="${far(label[0])}" y="${far(label[1])}" text-anchor="middle" fill="#62707e">friction cone</text>`;
-    if (push.largest > 0) {
-      const foot = scene.pixel(push.place, 0);
-      const tip = scene.pixel(
-        push.place + (length * push.tangential) / push.largest,
-        (length * push.normal) / push.largest,
-      );
-      const dx = tip[0] - foot[0];
-      const dy = tip[1] - foot[1];
-      const size = Math.hypot(dx, dy);
-      if (size > 0) {
-        const head = Math.min(12, size);
-        const ax = (dx / size) * head;
-        const ay = (dy / size) * head;
-        arrow +=
-          `<polyline id="force" points="${foot.map(far)} ${far(tip[0] - 0.6 * ax)},${far(tip[1] - 0.6 * ay)}" ` +
-          `stroke="#a01e6e" stroke-width="3.2"/><polygon fill="#a01e6e" points="${tip.map(far)} ` +
-          `${far(tip[0] - ax - 0.42 * ay)},${far(tip[1] - ay + 0.42 * ax)} ` +
-          `${far(tip[0] - ax + 0.42 * ay)},${far(tip[1] - ay - 0.42 * ax)}"/>`;
-      }
-    }
-  }
-  parts.push(scene.sled(state.x, state.y, state.phi, 'id="sled"', push?.feature), ghostAt(t), arrow);
-  $("live").innerHTML = parts.join("");
+  const { cone, force } = push ? scene.push(push) : { cone: "", force: "" };
+  $("live").innerHTML = cone + scene.sled(state.x, state.y, state.phi, 'id="sled"', push?.feature) + ghostAt(t) + force;
   $("world").setAttribute("transform", scene.shift(state.x, state.y));
 }
 

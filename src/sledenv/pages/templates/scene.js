@@ -15,6 +15,18 @@ const entries = (pairs) =>
   pairs.map(([name, value]) => `<div><dt>${escaped(name)}</dt><dd>${escaped(value)}</dd></div>`).join("");
 const far = (value) => clamp(value, -1e7, 1e7).toFixed(2);
 
+/* Places of the ticks of an axis, at most so many. */
+function ticks(low, high, most, unit) {
+  const power = 10 ** Math.floor(Math.log10((high - low) / most));
+  const known =
+    unit === "°" && high - low > 60 ? [15, 30, 45, 90, 180, 360] : [1, 2, 5, 10].map((factor) => factor * power);
+  const step = known.find((candidate) => (high - low) / candidate <= most) ?? high - low;
+  const found = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++)
+    found.push(+(i * step).toPrecision(12));
+  return found;
+}
+
 /* Interpolation. */
 function before(values, value) {
   // index of the last entry <= value, at least 0
@@ -88,6 +100,13 @@ class Scene {
     return [this.W / 2 + this.scale * (column - this.middle[0]), this.H / 2 - this.scale * (row - this.middle[1])];
   }
 
+  place(column, row) {
+    // where in the slope frame a pixel is: the inverse of pixel
+    const across = (column - this.W / 2) / this.scale + this.middle[0];
+    const up = this.middle[1] - (row - this.H / 2) / this.scale;
+    return [across * this.cosine - up * this.sine, across * this.sine + up * this.cosine];
+  }
+
   at(x, y) {
     return this.pixel(x, y).map(far).join(",");
   }
@@ -124,7 +143,7 @@ class Scene {
   }
 
   sky() {
-    return `<rect width="${this.W}" height="${this.H.toFixed(0)}" fill="#eef3f8"/>`;
+    return `<rect width="${this.W}" height="${this.H.toFixed(0)}" fill="var(--sky)"/>`;
   }
 
   ground(left, right) {
@@ -135,7 +154,7 @@ class Scene {
     left = Math.min(left, 0) - reach;
     right = Math.max(right, slope.length !== null && !this.follow ? slope.length : 0) + reach;
     parts.push(
-      `<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="#fcfdff"/>`,
+      `<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="var(--ground)"/>`,
     );
     parts.push(...this.zones(left, right));
     const least = 70 / scale;
@@ -143,21 +162,21 @@ class Scene {
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= least);
     for (let i = Math.ceil((left + 0.5 * reach) / step), n = 0; i * step < right - 0.5 * reach && n < 2000; i++, n++) {
       const [column, row] = this.pixel(i * step, -20 / scale);
-      parts.push(`<polyline points="${this.at(i * step, 0)} ${this.at(i * step, -6 / scale)}" stroke="#788a9c"/>`);
+      parts.push(`<polyline points="${this.at(i * step, 0)} ${this.at(i * step, -6 / scale)}" stroke="var(--line)"/>`);
       if (this.follow || (column > 24 && column < W - 24))
         parts.push(
-          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="#62707e">${+(i * step).toPrecision(6)} m</text>`,
+          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--pale)">${+(i * step).toPrecision(6)} m</text>`,
         );
     }
-    parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="#788a9c" stroke-width="2"/>`);
+    parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="var(--line)" stroke-width="2"/>`);
     if (slope.length !== null) {
       const room = (this.pixel(slope.length, 0)[1] - 24) / scale;
       const top = this.follow ? 4 * this.size : Math.min(4 * this.size, room);
       const [end, row] = this.pixel(slope.length, top);
       const column = this.follow ? end : Math.min(end, W - 20);
       parts.push(
-        `<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="#2d343c" stroke-width="4" ` +
-          `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="#62707e">finish</text>`,
+        `<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="var(--ink)" stroke-width="4" ` +
+          `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="var(--pale)">finish</text>`,
       );
     }
     return parts.join("");
@@ -174,7 +193,7 @@ class Scene {
       if (!(begin < end)) continue;
       parts.push(
         `<polygon class="zone" points="${this.at(begin, 0)} ${this.at(end, 0)} ${this.at(end, -depth)} ${this.at(begin, -depth)}" ` +
-          `fill="${zone.colour}" stroke="#788a9c"/>`,
+          `fill="${zone.colour}" stroke="var(--line)"/>`,
       );
       const last = Math.min(end, slope.length ?? Infinity, this.follow ? Infinity : this.last);
       const room = (last - begin) * scale;
@@ -184,7 +203,7 @@ class Scene {
       for (let i = 0; i < count; i++) {
         const [column, row] = this.pixel(begin + ((i + 0.5) / count) * (last - begin), -44 / scale);
         parts.push(
-          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="#2d343c">${escaped(said)}</text>`,
+          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--ink)">${escaped(said)}</text>`,
         );
       }
     }
@@ -199,8 +218,42 @@ class Scene {
     );
   }
 
-  path(points) {
-    return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="#0072b2" stroke-width="1.3"/>`;
+  arrow(foot, tip, attributes) {
+    // between two pixels
+    const [dx, dy] = [tip[0] - foot[0], tip[1] - foot[1]];
+    const size = Math.hypot(dx, dy);
+    if (!(size > 0)) return "";
+    const head = Math.min(12, size);
+    const [ax, ay] = [(dx / size) * head, (dy / size) * head];
+    return (
+      `<polyline ${attributes} points="${foot.map(far)} ${far(tip[0] - 0.6 * ax)},${far(tip[1] - 0.6 * ay)}" ` +
+      `stroke-width="3.2"/><polygon ${attributes} points="${tip.map(far)} ` +
+      `${far(tip[0] - ax - 0.42 * ay)},${far(tip[1] - ay + 0.42 * ax)} ` +
+      `${far(tip[0] - ax + 0.42 * ay)},${far(tip[1] - ay - 0.42 * ax)}"/>`
+    );
+  }
+
+  push({ place, friction, tangential, normal, largest }) {
+    // what a contact does to the body: the friction cone, which lies below it, and what lies above it
+    const length = (0.3 * this.H) / this.scale;
+    const norm = Math.hypot(1, friction);
+    const edges = [-1, 1].map((side) => this.at(place + (side * length * friction) / norm, length / norm));
+    const label = this.pixel(place, (1.07 * length) / norm);
+    const cone = `<polygon id="cone" points="${this.at(place, 0)} ${edges.join(" ")}" fill="#f8ee8c"/>`;
+    let force =
+      edges
+        .map((edge) => `<polyline points="${this.at(place, 0)} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`)
+        .join("") +
+      `<text x="${far(label[0])}" y="${far(label[1])}" text-anchor="middle" fill="var(--pale)">friction cone</text>`;
+    if (largest > 0) {
+      const tip = this.pixel(place + (length * tangential) / largest, (length * normal) / largest);
+      force += `<g id="force">${this.arrow(this.pixel(place, 0), tip, 'fill="#a01e6e" stroke="#a01e6e"')}</g>`;
+    }
+    return { cone, force };
+  }
+
+  path(points, stroke = "var(--blue)") {
+    return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="${stroke}" stroke-width="1.3"/>`;
   }
 
   shift(x, y) {

@@ -1,0 +1,88 @@
+"""Tables kept as Parquet files that tell whether they are as they were left: each has a digest of all that it holds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sledenv.machine.files import replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_DIGEST: Final = "digest"
+_log = logging.getLogger("sledenv")
+
+
+def write_sealed(table: pd.DataFrame, file: Path) -> None:
+    """Write a table in one move, with a digest of its columns, of ``table.attrs`` and of the name of the file.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns of numbers, flags and texts; its index is not kept. ``attrs`` is what JSON can hold.
+    file : Path
+        That ends in .parquet.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    sealed = table.copy(deep=False)
+    sealed.attrs = table.attrs | {_DIGEST: _digest(table, file.name)}
+    with replacing(file, ".parquet") as part:
+        sealed.to_parquet(part, index=False)
+
+
+def read_sealed(file: Path, doing: str) -> pd.DataFrame | None:
+    """Read a table that :func:`write_sealed` has written.
+
+    Parameters
+    ----------
+    file : Path
+    doing : str
+        What is done again where this returns None, such as "judging": a warning says so where there is a file.
+
+    Returns
+    -------
+    DataFrame or None
+        None if there is no such file, or if it is not as it was left: damaged, edited or renamed.
+    """
+    import pandas as pd
+
+    try:
+        table = pd.read_parquet(file)
+        digest = table.attrs.pop(_DIGEST, None)
+        if digest == _digest(table, file.name):
+            return table
+    except FileNotFoundError:
+        return None
+    except Exception:  # damage can raise whatever pyarrow and pandas know, KeyError and TypeError too
+        pass
+    _log.warning("sledenv: %s again, because it is not as it was left: %s", doing, file)
+    return None
+
+
+def _digest(table: pd.DataFrame, name: str) -> str:
+    """Return a digest of the values of a table, whatever Parquet makes of its types."""
+    found = hashlib.sha256(json.dumps([name, table.attrs, len(table)], sort_keys=True).encode())
+    for column, values in table.items():
+        plain = _plain(values)
+        found.update(json.dumps([column, plain.dtype.kind, plain.size]).encode())
+        found.update(plain.tobytes())
+    return found.hexdigest()
+
+
+def _plain(values: pd.Series[Any]) -> np.ndarray:
+    """Return a column as bytes of texts, or as numbers of which all NaN are alike."""
+    kind = getattr(values.dtype, "kind", "O")
+    if kind not in "biuf":
+        return np.frombuffer(json.dumps(values.astype(str).tolist()).encode(), np.uint8)
+    numbers = values.to_numpy()
+    return np.where(np.isnan(numbers), np.nan, numbers) if kind == "f" else numbers

@@ -1,0 +1,242 @@
+"""A page that simulates: the kernel, a context and a choice of bodies in one file, for any browser, offline."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from sledenv.kernel.ground import MOST_ZONES
+from sledenv.kernel.records import CONTACT_LOSSES, Mode
+from sledenv.pages.columns import REBOUND_COLUMNS
+from sledenv.pages.html import filled
+from sledenv.pages.kernel import KERNEL, descent_input
+from sledenv.pages.scenes import drawn_body
+from sledenv.pages.words import REBOUND_HEADER, mode_name
+from sledenv.plot.shapes import HARD, HOLD
+from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
+from sledenv.scenarios.sections import BOTH
+from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.scene import State
+from sledenv.simulation.settings import BatchSolver, Settings
+from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
+from sledenv.simulation.sleds import sled
+from sledenv.simulation.support import support_height, within_a_turn
+
+_DEGREE: Final = math.pi / 180.0
+# Besides those of the scenario: what each is called, how Python makes it, and what it makes.
+_READY: Final[tuple[tuple[str, str, Callable[[], Body]], ...]] = (
+    ("sled with rider", "sledenv.sled()", sled),
+    ("segment", "sledenv.circular_segment(60.0, 0.5, 1.9)", lambda: circular_segment(60.0, 0.5, 1.9)),
+    ("disc", "sledenv.disc(60.0, 0.4)", lambda: disc(60.0, 0.4)),
+    ("eccentric disc", "sledenv.segment(60.0, 0.4, 0.15, 6.0)", lambda: segment(60.0, 0.4, 0.15, 6.0)),
+    ("rod", "sledenv.rod(20.0, 1.2, 0.1)", lambda: rod(20.0, 1.2, 0.1)),
+    (
+        "hexagon",
+        "sledenv.polygon(60.0, [(0.5, 0.0), (0.2, 0.4), (-0.3, 0.35), (-0.5, 0.0), (-0.3, -0.3), (0.25, -0.35)], 0.02)",
+        lambda: polygon(60.0, [(0.5, 0.0), (0.2, 0.4), (-0.3, 0.35), (-0.5, 0.0), (-0.3, -0.3), (0.25, -0.35)], 0.02),
+    ),
+)
+
+
+class _Parameter(NamedTuple):
+    """What a slider sets."""
+
+    name: str  # in the address of the page
+    group: str  # of the sliders
+    label: str
+    unit: str  # in which a reader sees it
+    low: float  # in this unit
+    high: float
+    step: float  # of the slider; 0 of one whose steps are factors
+    factor: float = 1.0  # that makes it an SI unit
+
+
+_PARAMETERS: Final = (
+    _Parameter("orientation", "launch", "orientation", "°", -180.0, 180.0, 0.5, _DEGREE),
+    _Parameter("spin", "launch", "spin", "rad/s", -20.0, 20.0, 0.05),
+    _Parameter("speed", "launch", "speed along the slope", "m/s", 0.0, 20.0, 0.05),
+    _Parameter("fall", "launch", "speed towards it", "m/s", -5.0, 15.0, 0.05),
+    _Parameter("drop", "launch", "height above it", "m", 0.0, 3.0, 0.01),
+    _Parameter("angle", "slope", "angle", "°", -10.0, 50.0, 0.1, _DEGREE),
+    _Parameter("length", "slope", "length", "m", 1.0, 60.0, 0.5),
+    _Parameter("friction", "surface", "friction", "", 0.0, 1.5, 0.005),
+    _Parameter("restitution", "surface", "restitution", "", 0.01, 1.0, 0.01),
+    _Parameter("stiffness", "surface", "stiffness", "kN/m", 10.0, 1e6, 0.0, 1e3),
+    _Parameter("rolling_arm", "surface", "rolling arm", "mm", 0.0, 50.0, 0.1, 1e-3),
+    _Parameter("corner_rolling_arm", "surface", "the same of corners", "mm", 0.0, 50.0, 0.1, 1e-3),
+    _Parameter("mass", "body", "mass", "kg", 0.1, 1000.0, 0.0),
+    _Parameter("gyration", "body", "radius of gyration", "m", 0.01, 2.0, 0.0),
+    _Parameter("error_orientation", "hand", "of the orientation", "°", 0.0, 10.0, 0.05, _DEGREE),
+    _Parameter("error_spin", "hand", "of the spin", "rad/s", 0.0, 2.0, 0.01),
+)
+
+
+class Mark(NamedTuple):
+    """A launch that maps mark."""
+
+    name: str
+    sign: str  # a letter, or a star
+    colour: str  # "#rrggbb"
+    launch: dict[str, float]  # what is chosen of orientation [rad], spin [rad/s] and speed [m/s]
+    expected: float  # reward under the tremble of the hand
+
+
+class Played(NamedTuple):
+    """A context that a page can be set to."""
+
+    name: str
+    context: Context
+    marks: tuple[Mark, ...] = ()
+
+
+def play_page(
+    scenario: Scenario,
+    contexts: Sequence[Played],
+    solver: BatchSolver = "compliant",
+    axes: tuple[str, str] = BOTH,
+) -> str:
+    """Return a page that simulates, which needs no other file and no network: docs/browser.md.
+
+    It opens with the descent that :func:`sledenv.simulate` gives for the first context, and has its numbers to the last
+    bit.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Bounds of the launch, tremble of the hand, limits and ends are its own, and its bodies are the first to choose.
+    contexts : sequence of Played
+        Draws of it, at least one.
+    solver : {"compliant", "rigid"}
+        Chosen at first.
+    axes : pair of str
+        What the maps are over, in the order x, y: two of those that the scenario has bounds for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a context is no context of the scenario, or there is none.
+    """
+    if not contexts:
+        raise ValueError("contexts is empty: must hold at least one context")
+    first = contexts[0].context
+    ready = [*_own_bodies(scenario), *((name, python, make()) for name, python, make in _READY)]
+    bodies = [_body(scenario, first, *one) for one in ready]
+    told = [_context(scenario, one) for one in contexts]
+    exact = {
+        "contexts": told,
+        "bodies": bodies,
+        "parameters": [one._asdict() for one in _widened([one["values"] for one in told], bodies)],
+    }
+    content = {
+        "title": scenario.title,
+        "id": scenario.id,
+        "question": scenario.question,
+        "solver": solver,
+        "own": len(scenario.all_bodies()),
+        "axes": axes,
+        "bounds": scenario.control_bounds,
+        # As text, because numbers of a page are rounded, and these decide bits.
+        "exact": json.dumps(exact, separators=(",", ":")),
+        "drawn": [drawn_body(body) for _, _, body in ready],
+        "modes": {str(mode.value): mode_name(mode) for mode in Mode},
+        "losses": CONTACT_LOSSES,
+        "header": REBOUND_HEADER,
+        "columns": REBOUND_COLUMNS,
+        "hold": HOLD,
+        "hard": HARD,
+        "most_zones": MOST_ZONES,
+        "kernel": base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii"),
+    }
+    return filled("play.html", data=content)
+
+
+def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
+    """What the page must know of a context, all digits of its numbers."""
+    name, context, marks = played
+    return {
+        "name": name,
+        "body": int(context.shape),
+        "values": _values(scenario, context),
+        "slope": _given(scenario, context, scenario.body(context), scenario.settings())["slope"],
+        "marks": [mark._asdict() for mark in marks],
+    }
+
+
+def _own_bodies(scenario: Scenario) -> list[tuple[str, str, Body]]:
+    """Bodies of a scenario: what each is called, and how Python makes it."""
+    bodies = scenario.all_bodies()
+    shipped = scenario.id in scenario_names() and load_scenario(scenario.id) == scenario
+    found = []
+    for k, body in enumerate(bodies):
+        name = f"body {k + 1} of {scenario.id}" if len(bodies) > 1 else f"body of {scenario.id}"
+        python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else repr(body)
+        found.append((name, python, body))
+    return found
+
+
+def _body(scenario: Scenario, context: Context, name: str, python: str, body: Body) -> dict[str, Any]:
+    """What the page must know of a body, all digits of its numbers, and how its descents end."""
+    settings = scenario.settings()
+    if settings.end_touching not in body.parts:
+        settings = replace(settings, end_touching=None)
+    given = _given(scenario, context, body, settings)
+    rigid = _given(scenario, context, body, replace(settings, solver="rigid"))
+    told = {key: getattr(settings, key) for key in ("max_time", "max_rebounds", "run_out")}
+    told |= {"end_on_chord": True} if settings.end_on_chord else {}
+    told |= {"end_touching": settings.end_touching} if settings.end_touching else {}
+    return {
+        "name": name,
+        "python": python,
+        "settings": ", ".join(f"{key}={value!r}" for key, value in told.items()),
+        "given": given["body"],
+        "limits": given["limits"],
+        "settle_speed": rigid["law"]["settle_speed"],
+        "gyration": math.sqrt(body.inertia / body.mass),
+        "parts": body.parts,
+        "size": max(body.size, 1e-6),  # a point mass has none
+    }
+
+
+def _given(scenario: Scenario, context: Context, body: Body, settings: Settings) -> dict[str, Any]:
+    """What the kernel takes for a body of any kind that is let go on the slope of a context."""
+    launch = State(0.0, support_height(body, 0.0), 0.0)
+    return descent_input(body, scenario.law(context), scenario.slope(context), launch, settings)
+
+
+def _values(scenario: Scenario, context: Context) -> dict[str, float]:
+    """What the sliders begin with, in SI units; mass and gyration are those of each body."""
+    law, control = scenario.law(context), scenario.control
+    return {
+        "orientation": float(within_a_turn(np.array(context.orientation))),
+        "spin": context.spin,
+        "speed": context.speed,
+        "fall": context.fall,
+        "drop": context.drop,
+        "angle": context.angle,
+        "length": scenario.slope_section.length_m,
+        "friction": context.friction,
+        "restitution": context.restitution,
+        "stiffness": law.stiffness,
+        "rolling_arm": law.rolling_arm,
+        "corner_rolling_arm": law.corner_rolling_arm,
+        "error_orientation": math.radians(control.noise_orientation_deg),
+        "error_spin": control.noise_spin_rad_s,
+    }
+
+
+def _widened(contexts: list[dict[str, float]], bodies: list[dict[str, Any]]) -> list[_Parameter]:
+    """Return the parameters with ranges that hold what the page begins with."""
+    held = {name: [values[name] for values in contexts] for name in contexts[0]}
+    held |= {"mass": [one["given"]["mass"] for one in bodies], "gyration": [one["gyration"] for one in bodies]}
+    found = []
+    for one in _PARAMETERS:
+        shown = [value / one.factor for value in held[one.name]]
+        found.append(one._replace(low=min(one.low, *shown), high=max(one.high, *shown)))
+    return found

@@ -1,0 +1,337 @@
+"use strict";
+/* The page that simulates: each change asks the worker for the descent, and what it finds is shown. */
+const FPS = 60;
+let live = null; // the worker of the descent
+let position = 0; // in the film
+let playing = false;
+let clock = 0;
+let selected = 0; // rebound
+
+function tell(text) {
+  $("problem").textContent = text;
+  $("problem").hidden = text === "";
+}
+
+/* Nothing can be simulated here. */
+function giveUp(text) {
+  tell(text);
+  document.querySelector("main").hidden = true;
+}
+
+/* The descent. */
+let asking = false;
+let again = false;
+let said = []; // of the address, until something changes
+
+async function simulate() {
+  if (asking) {
+    again = true;
+    return;
+  }
+  asking = true;
+  do {
+    again = false;
+    const wrong = problem();
+    if (wrong) {
+      tell(`Not simulated: ${wrong}.`);
+      continue;
+    }
+    const input = structuredClone(chosen);
+    try {
+      const launches = [launchOf(), ...(input.kept ? [input.kept] : [])];
+      const asked = launches.map((launch) => live.ask({ task: "descend", scene: sceneOf(), launch }));
+      const [found, kept] = await Promise.all(asked);
+      accept({ ...found, input, kept: kept ? { ...kept, rows: drawable(kept) } : null });
+      tell(said.length ? `Left out of what the address asks for: ${said.join("; ")}.` : "");
+    } catch (error) {
+      tell(`The descent was given up: ${error.message}. Change something, and the next one is tried.`);
+    }
+  } while (again);
+  asking = false;
+  settled();
+}
+
+function accept(found) {
+  const rows = drawable(found);
+  const film = filmOf(found, rows.t[rows.t.length - 1]);
+  const first = shown === null;
+  const other = !first && (shown.input.body !== found.input.body || !grabbed);
+  shown = { ...found, rows, film };
+  cloud = null;
+  selected = clamp(selected, 0, Math.max(found.rebounds.t.length - 1, 0));
+  pause();
+  position = 0;
+  if (first || other) fit();
+  draw();
+}
+
+/* Something has been chosen: the descent is simulated at once, all else a moment after the last change. */
+function changed() {
+  said = [];
+  crew.forget("rewards");
+  fillPanel();
+  simulate();
+}
+
+let pending = 0;
+
+function settled() {
+  clearTimeout(pending);
+  pending = setTimeout(() => {
+    if (problem()) return;
+    history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
+    refreshCloud();
+    refreshMap();
+  }, 250);
+}
+
+/* Everything that follows from the descent. */
+function draw() {
+  drawPath();
+  drawOutcome();
+  if (!grabbed) {
+    // what is not looked at while something is dragged
+    drawTable();
+    drawCloud();
+    requestDraw();
+    drawLedger();
+    $("python").textContent = pythonOf(shown);
+  }
+  $("slider").max = Math.ceil(filmLength() * FPS);
+  show(position);
+}
+
+const filmLength = () => shown.film.film[shown.film.film.length - 1];
+
+function outcomeOf({ status, outcome, jam }) {
+  const line = outcome.t_line < Infinity;
+  return entries([
+    ["status", status.replace("_", " ")],
+    ["reward", fixed(jam.reward, 3)],
+    ["time", fixed(outcome.t, 3, "s")],
+    ["end at x", fixed(outcome.x, 2, "m")],
+    ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],
+    ["energy kept", fixed(100 * jam.retention, 1, "%")],
+    ["rebounds", String(outcome.rebounds)],
+  ]);
+}
+
+function drawOutcome() {
+  $("outcome").innerHTML = outcomeOf(shown);
+  $("kept").hidden = !shown.kept;
+  if (shown.kept) $("outcome-kept").innerHTML = outcomeOf(shown.kept);
+  $("keep").textContent = shown.kept ? "Forget the kept launch" : "Keep this launch to compare";
+}
+
+function gripOf({ rebounds, scene: given }, i) {
+  const most = frictionAt(rebounds.x_contact[i], given) * rebounds.normal_impulse[i];
+  return most > 0 ? Math.min(Math.abs(rebounds.tangential_impulse[i]) / most, 1) : 0;
+}
+
+function cellsOf(i) {
+  const { rebounds: R, input } = shown;
+  const change = (name) => `${fixed(R[`${name}_before`][i], 2)} → ${fixed(R[`${name}_after`][i], 2)}`;
+  const loss = R.u_before[i] === 0 ? 0 : clamp(1 - R.u_after[i] / R.u_before[i], 0, 1);
+  const part = R.feature[i] ? E.bodies[input.body].parts[R.feature[i] - 1] : "none";
+  const numbers = [
+    fixed(R.t[i], 4),
+    fixed(R.x[i], 4),
+    part,
+    D.modes[R.mode[i]],
+    change("u"),
+    change("v"),
+    change("omega"),
+  ];
+  return [i + 1, ...numbers, fixed(gripOf(shown, i), 2), fixed(loss, 2), ["", "nearly", "yes"][R.stuck[i]]];
+}
+
+function drawTable() {
+  const count = shown.rebounds.t.length;
+  const rows = Array.from({ length: count }, (_, i) => cellsOf(i));
+  $("rebounds").tHead.innerHTML = `<tr>${D.header.map((name) => `<th>${escaped(name)}</th>`).join("")}</tr>`;
+  $("rebounds").tBodies[0].innerHTML =
+    rows
+      .map(
+        (cells, i) =>
+          `<tr tabindex="0" data-rebound="${i}">${cells.map((cell) => `<td>${escaped(cell)}</td>`).join("")}</tr>`,
+      )
+      .join("") || `<tr><td colspan="${D.header.length}">no rebounds</td></tr>`;
+}
+
+/* What was put in: the energy at launch, and the height that the body has come down. */
+function drawLedger() {
+  const { outcome: O } = shown;
+  const losses = D.losses.map((name) => [`lost by ${name}`, O[name]]);
+  const parts = [["still in motion", O.kinetic], ["stored in the contact", O.stored], ...losses];
+  const colours = ["#0072b2", "#009e73", "#d55e00", "#e69f00", "#cc79a7"];
+  const total = O.initial - O.potential;
+  const lost = losses.reduce((sum, [, value]) => sum + value, 0);
+  const residual = O.kinetic + O.potential + O.stored + O.rotor + (lost + O.absorbed) - O.initial - O.work;
+  const share = (value) => clamp(value / total, 0, 1) * 100;
+  $("ledger").innerHTML =
+    `<div class="bar">${parts.map(([, value], i) => `<i style="width:${share(value).toFixed(2)}%;background:${colours[i]}"></i>`).join("")}</div>` +
+    `<dl>${parts
+      .map(
+        ([name, value], i) =>
+          `<div><dt><i style="background:${colours[i]}"></i>${name}</dt><dd>${fixed(value, 2, "J")}</dd></div>`,
+      )
+      .join("")}<div><dt>put in, by launch and height</dt><dd>${fixed(total, 2, "J")}</dd></div>` +
+    `<div><dt>unaccounted for</dt><dd>${residual.toExponential(1).replaceAll("-", "−")} J</dd></div></dl>`;
+}
+
+/* The impulse of one rebound; the cone is drawn as wide as there is room, so both directions have scales of their own. */
+let closest = null; // what is drawn
+
+function drawCloseup(i) {
+  const key = `${i} ${shown.rebounds.t.length}`;
+  if (closest?.of === shown && closest.key === key) return;
+  closest = { of: shown, key };
+  const { rebounds: R, scene: given } = shown;
+  $("cone-title").textContent = R.t.length ? `Rebound ${i + 1} in its friction cone` : "";
+  $("closeup").innerHTML = "";
+  if (!R.t.length) return;
+  const [normal, tangential] = [R.normal_impulse[i], R.tangential_impulse[i]];
+  const most = frictionAt(R.x_contact[i], given) * normal;
+  const wide = 1.15 * Math.max(most, Math.abs(tangential)) || 1;
+  const pixel = (t, n) => [150 + (130 * t) / wide, 172 - (140 * n) / (normal || 1)];
+  const corners = [pixel(0, 0), pixel(-most, normal), pixel(most, normal)].map((point) => point.map(far).join(","));
+  const words = (column, anchor, text) =>
+    `<text x="${column}" y="20" text-anchor="${anchor}" fill="var(--pale)">${text} N s</text>`;
+  $("closeup").innerHTML =
+    `<svg viewBox="0 0 300 185" id="closeup-cone"><polygon points="${corners.join(" ")}" fill="var(--cone)" stroke="var(--line)"/>` +
+    `<line x1="10" y1="172" x2="290" y2="172" stroke="var(--line)" stroke-width="2"/>` +
+    scene.arrow(pixel(0, 0), pixel(tangential, normal), 'fill="var(--force)" stroke="var(--force)"') +
+    words(2, "start", `−f N = ${fixed(-most, 2)}`) +
+    words(298, "end", `f N = ${fixed(most, 2)}`) +
+    "</svg><dl>" +
+    entries([
+      ["normal impulse N", fixed(normal, 2, "N s")],
+      ["tangential impulse", fixed(tangential, 2, "N s")],
+      ["duration", fixed(1e3 * R.duration[i], 2, "ms")],
+      ["largest force", R.peak_force[i] < Infinity ? fixed(R.peak_force[i] / 1e3, 2, "kN") : "rigid"],
+      ["grip", fixed(gripOf(shown, i), 3)],
+      ...D.losses.map((name) => [`lost by ${name}`, fixed(R[`loss_${name}`][i], 2, "J")]),
+    ]) +
+    "</dl>";
+}
+
+/* The film. */
+function show(where, fromSlider) {
+  position = clamp(where, 0, filmLength());
+  const t = between(shown.film.film, shown.film.time, position);
+  if (!fromSlider) $("slider").value = Math.round(position * FPS);
+  $("time").textContent = fixed(t, 4, "s");
+  drawMoment(t);
+  const begun = shown.rebounds.t.findLastIndex((end, i) => end - shown.rebounds.duration[i] <= t);
+  if (begun >= 0) selected = begun;
+  if (grabbed) return;
+  drawCloseup(selected);
+  for (const row of $("rebounds").tBodies[0].rows)
+    row.classList.toggle("current", Number(row.dataset.rebound) === selected);
+}
+
+function showRebound(i) {
+  pause();
+  selected = i;
+  const [begin, end] = shown.film.film.slice(2 * i + 1, 2 * i + 3);
+  show(begin + 0.45 * (end - begin));
+}
+
+function pause() {
+  playing = false;
+  $("play").textContent = "Play";
+}
+
+function tick(now) {
+  if (!playing) return;
+  show(position + ($("speed").value * Math.max(now - clock, 0)) / 1000);
+  clock = now;
+  if (position >= filmLength()) pause();
+  else requestAnimationFrame(tick);
+}
+
+function toggle() {
+  if (playing || !shown) {
+    pause();
+    return;
+  }
+  if (position >= filmLength()) show(0);
+  playing = true;
+  $("play").textContent = "Pause";
+  clock = performance.now();
+  requestAnimationFrame(tick);
+}
+
+$("play").addEventListener("click", toggle);
+$("slider").addEventListener("input", () => {
+  pause();
+  show($("slider").value / FPS, true);
+});
+$("rebounds").addEventListener("click", ({ target }) => {
+  const row = target.closest("[data-rebound]");
+  if (row) showRebound(Number(row.dataset.rebound));
+});
+$("rebounds").addEventListener("keydown", (event) => {
+  const row = event.target.closest("[data-rebound]");
+  if (!row || event.key !== "Enter") return;
+  showRebound(Number(row.dataset.rebound));
+});
+document.addEventListener("keydown", (event) => {
+  if (event.key !== " " || event.target.closest("input, select, button, summary")) return;
+  toggle();
+  event.preventDefault();
+});
+$("csv").addEventListener("click", () => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([csvOf(shown)], { type: "text/csv" }));
+  link.download = `${D.id}_rebounds.csv`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
+});
+$("keep").addEventListener("click", () => {
+  chosen.kept = chosen.kept ? null : launchOf();
+  changed();
+});
+$("copy").addEventListener("click", () => {
+  getSelection().selectAllChildren($("python")); // also where the clipboard is forbidden
+  navigator.clipboard?.writeText($("python").textContent).catch(() => {});
+});
+window.addEventListener("resize", () => {
+  if (!shown) return;
+  fit();
+  draw();
+});
+window.addEventListener("hashchange", openAddress);
+
+function openAddress() {
+  const wrong = readAddress(location.hash.slice(1));
+  changed();
+  said = wrong;
+}
+
+async function openPage() {
+  document.title = $("title").textContent = D.title;
+  $("question").textContent = D.question;
+  if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
+    giveUp("This browser has no WebAssembly or cannot unpack it, so it cannot simulate. Any of the last years can.");
+    return;
+  }
+  let bytes;
+  try {
+    bytes = await unpacked(D.kernel);
+  } catch {
+    giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
+    return;
+  }
+  try {
+    live = new Pool(1, $("worker").textContent, bytes);
+    crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
+  } catch (error) {
+    giveUp(`This browser lets no worker run in a page of its own, so it cannot simulate: ${error.message}.`);
+    return;
+  }
+  buildPanel();
+  openAddress();
+}
+
+openPage();

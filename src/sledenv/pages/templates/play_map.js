@@ -1,0 +1,387 @@
+"use strict";
+/* The reward of every launch of a grid, computed by workers: as it is, and under the tremble of the hand. */
+const CELLS = 50; // along each axis
+const COARSE = 5; // cells of which one is computed first, along each axis
+const CHUNK = 40; // launches that a worker is asked for at once
+const DRAWS = 64; // of a trembling hand
+const AXES = D.axes;
+const TREMBLE = ["orientation", "spin"];
+const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
+let crew = null; // workers of maps and clouds
+let map = null;
+let cloud = null;
+
+const errorOf = (name) => (TREMBLE.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
+
+/* Values of an axis. Beyond the bounds it goes on as far as the hand trembles, unless it goes all around. */
+function axisOf(name) {
+  const own = chosen.body < D.own;
+  const [low, high] = own ? D.bounds[name] : { orientation: [-180, 180], spin: [-10, 10], speed: [0, 20] }[name];
+  const turns = name === "orientation" && high - low >= 360;
+  const beyond = turns ? 0 : 3 * errorOf(name);
+  const step = (high - low + 2 * beyond) / (turns ? CELLS : CELLS - 1);
+  const values = Array.from({ length: CELLS }, (_, i) => low - beyond + i * step);
+  return { name, low, high, turns, step, values };
+}
+
+/* The map. */
+function refreshMap() {
+  if (problem()) return;
+  const setting = sceneOf();
+  const axes = AXES.map(axisOf);
+  const launch = launchOf();
+  const others = LAUNCH.filter((name) => !AXES.includes(name)).map((name) => launch[name]);
+  const key = JSON.stringify([setting, others, axes]);
+  if (map?.key !== key) {
+    const rewards = new Float64Array(CELLS * CELLS).fill(NaN);
+    map = { key, scene: setting, launch, axes, rewards, given: new Set(), expected: null, best: -1 };
+  }
+  crew.forget("rewards");
+  const missing = [...map.rewards.keys()].filter((k) => Number.isNaN(map.rewards[k]) && !map.given.has(k));
+  const middle = (k) => k % COARSE === COARSE >> 1;
+  const first = (k) => middle(Math.floor(k / CELLS)) && middle(k % CELLS);
+  for (const cells of [missing.filter(first), missing.filter((k) => !first(k))])
+    for (let i = 0; i < cells.length; i += CHUNK) askRewards(map, cells.slice(i, i + CHUNK));
+  finishMap(map);
+}
+
+/* Cells that take too long are asked for one by one, and the one that does stays empty. */
+async function askRewards(one, cells) {
+  const [x, y] = one.axes;
+  const launches = cells.map((k) => ({
+    ...one.launch,
+    [x.name]: x.values[Math.floor(k / CELLS)] * PARAMETERS[x.name].factor,
+    [y.name]: y.values[k % CELLS] * PARAMETERS[y.name].factor,
+  }));
+  try {
+    const found = await crew.ask({ task: "rewards", scene: one.scene, launches }, cells.length > 1 ? 5 : 1);
+    cells.forEach((k, i) => (one.rewards[k] = found[i]));
+  } catch {
+    if (cells.length > 1) for (const k of cells) askRewards(one, [k]);
+    else one.given.add(cells[0]);
+  }
+  if (one === map) finishMap(one);
+}
+
+function finishMap(one) {
+  const missing = one.rewards.reduce((count, value) => count + Number.isNaN(value), 0);
+  one.count = one.rewards.length - missing;
+  one.complete = missing === one.given.size;
+  if (one.complete && !one.expected) {
+    one.expected = smoothed(one);
+    one.best = bestOf(one);
+  }
+  requestDraw();
+}
+
+/* The expected reward where both errors are normal: the mean of what is linear between the cells. */
+function smoothed({ rewards, axes }) {
+  const filled = rewards.map((value) => (Number.isNaN(value) ? 0 : value));
+  const [across, up] = axes.map((axis) => weightsOf(errorOf(axis.name), axis.step));
+  return convolved(convolved(filled, across, CELLS, axes[0].turns), up, 1, axes[1].turns);
+}
+
+function convolved(values, weights, stride, turns) {
+  const reach = weights.length >> 1;
+  return values.map((_, k) => {
+    const place = Math.floor(k / stride) % CELLS;
+    let sum = 0;
+    for (let d = -reach; d <= reach; d++) {
+      const other = turns ? (((place + d) % CELLS) + CELLS) % CELLS : clamp(place + d, 0, CELLS - 1);
+      sum += weights[d + reach] * values[k + (other - place) * stride];
+    }
+    return sum;
+  });
+}
+
+/* Share of each neighbour, d steps away, in the mean: second differences of the mean of |error + d step|. */
+function weightsOf(error, step) {
+  if (!(error > 0)) return [1];
+  const reach = Math.ceil((4 * error) / step) + 1;
+  const distance = (x) => {
+    const z = Math.abs(x) / error;
+    return x * Math.sign(x) * (2 * normalShare(z) - 1) + 2 * error * Math.exp(-0.5 * z * z) * 0.3989422804014327;
+  };
+  const found = Array.from({ length: 2 * reach + 1 }, (_, i) => {
+    const d = (i - reach) * step;
+    return Math.max((distance(d + step) - 2 * distance(d) + distance(d - step)) / (2 * step), 0);
+  });
+  const sum = found.reduce((total, one) => total + one, 0);
+  return found.map((one) => one / sum);
+}
+
+/* Share of a normal distribution below z >= 0: Abramowitz and Stegun (26.2.17), 1e-7 off at most. */
+function normalShare(z) {
+  const t = 1 / (1 + 0.2316419 * z);
+  const terms = [1.330274429, -1.821255978, 1.781477937, -0.356563782, 0.31938153];
+  const series = terms.reduce((sum, term) => (sum + term) * t, 0);
+  return 1 - Math.exp(-0.5 * z * z) * 0.3989422804014327 * series;
+}
+
+const within = ({ low, high, step }, value) => value >= low - 1e-9 * step && value <= high + 1e-9 * step;
+const valuesOf = (one, k) => [one.axes[0].values[Math.floor(k / CELLS)], one.axes[1].values[k % CELLS]];
+
+function bestOf(one) {
+  let best = -1;
+  one.expected.forEach((value, k) => {
+    if (valuesOf(one, k).every((place, i) => within(one.axes[i], place)) && !(value <= one.expected[best])) best = k;
+  });
+  return best;
+}
+
+/* Pictures of the maps. */
+let drawing = false;
+
+function requestDraw() {
+  if (drawing) return;
+  drawing = true;
+  requestAnimationFrame(() => {
+    drawing = false;
+    drawMaps();
+  });
+}
+
+const shade = (value) => {
+  const place = clamp(value, 0, 1) * (VIRIDIS.length - 1);
+  const i = Math.min(Math.floor(place), VIRIDIS.length - 2);
+  const part = (k, shift) => parseInt(VIRIDIS[k].slice(1 + shift, 3 + shift), 16);
+  return [0, 2, 4].map((shift) => Math.round(part(i, shift) + (place - i) * (part(i + 1, shift) - part(i, shift))));
+};
+
+/* A cell that is not known yet has the colour of the coarse one around it. */
+function pictureOf(values) {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = CELLS;
+  const pen = canvas.getContext("2d");
+  const image = pen.createImageData(CELLS, CELLS);
+  const coarse = (i) => i - (i % COARSE) + (COARSE >> 1);
+  for (let i = 0; i < CELLS; i++)
+    for (let j = 0; j < CELLS; j++) {
+      const own = values[i * CELLS + j];
+      const value = Number.isNaN(own) ? values[coarse(i) * CELLS + coarse(j)] : own;
+      if (!Number.isNaN(value)) image.data.set([...shade(value), 255], 4 * ((CELLS - 1 - j) * CELLS + i));
+    }
+  pen.putImageData(image, 0, 0);
+  return canvas.toDataURL();
+}
+
+function chartOf(svg, [x, y]) {
+  const width = Math.max(svg.parentElement.clientWidth, 200);
+  const [left, right, top, bottom] = [44, 16, 6, 38];
+  const height = top + bottom + clamp(0.72 * (width - left - right), 170, 330);
+  const [w, h] = [width - left - right, height - top - bottom];
+  const column = (value) => left + ((value - x.low) / (x.high - x.low)) * w;
+  const row = (value) => top + ((y.high - value) / (y.high - y.low)) * h;
+  return { width, height, left, top, w, h, column, row };
+}
+
+function drawChart(svg, values) {
+  const [x, y] = map.axes;
+  const chart = chartOf(svg, map.axes);
+  const { width, height, left, top, w, h, column, row } = chart;
+  const picture = pictureOf(values);
+  const begin = ({ values: all, step, low }) => (low - all[0]) / step + 0.5;
+  const [wide, high] = [x, y].map((axis) => (axis.high - axis.low) / axis.step);
+  const parts = [
+    `<svg x="${left}" y="${top}" width="${w}" height="${h}" preserveAspectRatio="none" ` +
+      `viewBox="${begin(x)} ${CELLS - begin(y) - high} ${wide} ${high}">` +
+      (x.turns ? [0, CELLS] : [0])
+        .map(
+          (place) =>
+            `<image href="${picture}" x="${place}" width="${CELLS}" height="${CELLS}" preserveAspectRatio="none"/>`,
+        )
+        .join("") +
+      "</svg>",
+    `<rect x="${left}" y="${top}" width="${w}" height="${h}" fill="none" stroke="var(--line)"/>`,
+  ];
+  for (const value of ticks(x.low, x.high, width < 330 ? 5 : 8, PARAMETERS[x.name].unit))
+    parts.push(
+      `<text x="${far(column(value))}" y="${top + h + 16}" text-anchor="middle" fill="var(--pale)">${fixed(value, 0)}</text>`,
+    );
+  for (const value of ticks(y.low, y.high, 7, ""))
+    parts.push(
+      `<text x="${left - 6}" y="${far(row(value) + 4)}" text-anchor="end" fill="var(--pale)">${brief(value)}</text>`,
+    );
+  parts.push(
+    `<text x="${left + w / 2}" y="${height - 5}" text-anchor="middle" fill="var(--ink)">${axisWords(x)}</text>`,
+    `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
+  );
+  const marks = marksShown();
+  if (map.best >= 0) parts.push(star(...valuesOf(map, map.best), chart, marks.length ? "#8fa1b3" : "#fff"));
+  const mark = (launch, stroke, name) => {
+    const [a, b] = AXES.map((axis) => launch[axis] / PARAMETERS[axis].factor);
+    const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
+    return within(x, a) && within(y, b)
+      ? `<circle class="${name}" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${stroke}" stroke-width="2.5"/>`
+      : "";
+  };
+  for (const one of [...marks].reverse()) {
+    const [a, b] = AXES.map((name) => placeOfMark(one, name));
+    if (one.sign === "★") parts.push(star(a, b, chart, one.colour));
+    else
+      parts.push(
+        `<circle class="agent" cx="${far(column(a))}" cy="${far(row(b))}" r="8" fill="${one.colour}" stroke="#fff" stroke-width="1.5"/>` +
+          `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
+      );
+  }
+  if (chosen.kept) parts.push(mark(chosen.kept, KEPT, "kept"));
+  parts.push(mark(launchOf(), HAND, "cursor"));
+  svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  svg.innerHTML = parts.join("");
+}
+
+function star(a, b, { column, row }, fill) {
+  const corners = Array.from({ length: 10 }, (_, k) => [k % 2 ? 4.2 : 10, Math.PI * (k / 5 - 0.5)])
+    .map(([size, turn]) => `${far(column(a) + size * Math.cos(turn))},${far(row(b) + size * Math.sin(turn))}`)
+    .join(" ");
+  return `<polygon class="best" points="${corners}" fill="${fill}" stroke="#2d343c" stroke-width="1.2"/>`;
+}
+
+const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
+
+/* Marks are of the context as the page began, whatever launch is chosen. */
+function marksShown() {
+  const same = Object.keys(chosen.changed).every((name) => ["orientation", "spin", "speed"].includes(name));
+  const plain = same && !chosen.zones && chosen.body === here().body && chosen.solver === "compliant";
+  return plain ? here().marks : [];
+}
+
+/* In the unit that a reader sees; what is not chosen is the context's. */
+const placeOfMark = ({ launch }, name) => (launch[name] ?? here().values[name]) / PARAMETERS[name].factor;
+
+function drawMarks() {
+  $("marks").innerHTML = marksShown()
+    .map(
+      ({ name, sign, colour, expected }, i) =>
+        `<button type="button" data-mark="${i}"><i style="background:${colour}">${escaped(sign)}</i>` +
+        `${escaped(name)} ${fixed(expected, 3)}</button>`,
+    )
+    .join("");
+}
+
+function drawMaps() {
+  if (!map) return;
+  drawMarks();
+  const trembles = TREMBLE.some((name) => errorOf(name) > 0);
+  $("trembling").hidden = !trembles;
+  drawChart($("map"), map.rewards);
+  if (trembles) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
+  $("best").hidden = map.best < 0;
+  if (map.best < 0) {
+    $("map-words").textContent = `${map.count} of ${CELLS * CELLS} launches simulated`;
+    return;
+  }
+  const best = valuesOf(map, map.best);
+  const launch = AXES.map((name, i) => `${name} ${fixed(best[i], 2, PARAMETERS[name].unit)}`).join(", ");
+  const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
+  $("map-words").textContent =
+    `Best of the map, a star: ${launch}, ` +
+    `${trembles ? "expected " : ""}reward ${fixed(map.expected[map.best], 3)}${given}.`;
+}
+
+/* A launch chosen on a map. */
+function choose(...values) {
+  AXES.forEach((name, i) => {
+    const { low, high } = PARAMETERS[name];
+    chosen.changed[name] = clamp(rounded(values[i], name === "orientation" ? 0.01 : 0.001), low, high);
+  });
+  changed();
+}
+
+function onMark({ target }) {
+  const i = target.closest("[data-mark]")?.dataset.mark;
+  if (i === undefined) return;
+  for (const name of Object.keys(here().marks[i].launch)) chosen.changed[name] = placeOfMark(here().marks[i], name);
+  changed();
+}
+
+function pick(event) {
+  const svg = event.currentTarget;
+  if (!map || (event.type === "pointermove" && !(event.buttons & 1))) return;
+  const box = svg.getBoundingClientRect();
+  const { width, left, top, w, h } = chartOf(svg, map.axes);
+  const scaled = width / box.width;
+  const across = clamp(((event.clientX - box.left) * scaled - left) / w, 0, 1);
+  const up = 1 - clamp(((event.clientY - box.top) * scaled - top) / h, 0, 1);
+  const [x, y] = map.axes;
+  choose(x.low + across * (x.high - x.low), y.low + up * (y.high - y.low));
+}
+
+function onArrow(event) {
+  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] };
+  const move = moves[event.key];
+  if (!move || !map) return;
+  const [x, y] = map.axes;
+  const places = [x, y].map((axis, i) => clamp(shownOf(axis.name) + move[i] * axis.step, axis.low, axis.high));
+  choose(...places);
+  event.preventDefault();
+}
+
+for (const id of ["map", "map-trembling"]) {
+  $(id).addEventListener("pointerdown", pick);
+  $(id).addEventListener("pointermove", pick);
+  $(id).addEventListener("keydown", onArrow);
+}
+$("marks").addEventListener("click", onMark);
+$("best").addEventListener("click", () => choose(...valuesOf(map, map.best)));
+$("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
+
+/* The descents of a trembling hand: the same draws each time. */
+const NORMAL = Array.from({ length: DRAWS }, (_, k) => {
+  // Box and Muller, of points that fill the square evenly: multiples of the plastic number's powers
+  const [a, b] = [0.7548776662466927, 0.5698402909980532].map((rate) => (0.5 + rate * (k + 1)) % 1);
+  const size = Math.sqrt(-2 * Math.log(1 - a));
+  return [size * Math.cos(2 * Math.PI * b), size * Math.sin(2 * Math.PI * b)];
+});
+
+async function refreshCloud() {
+  crew.forget("paths");
+  cloud = null;
+  drawCloud();
+  if (problem() || TREMBLE.every((name) => !(errorOf(name) > 0))) return;
+  const own = {};
+  cloud = own;
+  const launch = launchOf();
+  const launches = NORMAL.map(([one, other]) => ({
+    ...launch,
+    orientation: launch.orientation + one * valueOf("error_orientation"),
+    spin: launch.spin + other * valueOf("error_spin"),
+  }));
+  const setting = sceneOf();
+  try {
+    const halves = [launches.slice(0, DRAWS / 2), launches.slice(DRAWS / 2)];
+    const found = await Promise.all(
+      halves.map((half) => crew.ask({ task: "paths", scene: setting, launches: half }, 5, true)),
+    );
+    if (cloud !== own) return;
+    own.paths = found.flat();
+  } catch (error) {
+    own.error = error.message;
+  }
+  drawCloud();
+}
+
+function drawCloud() {
+  const paths = cloud?.paths ?? [];
+  $("cloud").innerHTML = paths
+    .map(({ path }) => {
+      const points = [];
+      for (let i = 0; i < path.length; i += 2) points.push(scene.at(path[i], path[i + 1]));
+      return `<polyline points="${points.join(" ")}" fill="none" stroke="${HAND}" stroke-opacity="0.22"/>`;
+    })
+    .join("");
+  $("cloud-words").textContent = cloud?.error
+    ? `A trembling hand: ${cloud.error}.`
+    : paths.length
+      ? cloudWords(paths)
+      : "";
+}
+
+function cloudWords(paths) {
+  const mean = paths.reduce((sum, { reward }) => sum + reward, 0) / paths.length;
+  const counts = {};
+  for (const { status } of paths) counts[status] = (counts[status] ?? 0) + 1;
+  const ends = Object.entries(counts).sort((a, b) => b[1] - a[1]);
+  const words = ends.map(([status, count]) => `${count} ${status.replace("_", " ")}`).join(", ");
+  return `${paths.length} launches with the errors of a trembling hand: mean reward ${fixed(mean, 3)}; ${words}.`;
+}

@@ -1,0 +1,120 @@
+"use strict";
+/* Sliders and numbers, a pair for each parameter; zones. */
+const GROUPS = {
+  launch: "Launch",
+  surface: "Surface",
+  slope: "Slope",
+  body: "Body",
+  hand: "Errors of a trembling hand (standard deviations)",
+};
+const HIGHEST = 1000; // of a slider whose steps are factors
+
+const toSlider = ({ step, low, high }, value) =>
+  step > 0 ? value : (HIGHEST * Math.log(value / low)) / Math.log(high / low);
+const fromSlider = ({ step, low, high }, value) =>
+  step > 0 ? value : Number((low * Math.exp((value / HIGHEST) * Math.log(high / low))).toPrecision(3));
+
+function rowOf(one) {
+  const ends =
+    one.step > 0 ? `min="${one.low}" max="${one.high}" step="${one.step}"` : `min="0" max="${HIGHEST}" step="1"`;
+  const name = `${one.label}${one.unit ? ` [${one.unit}]` : ""}`;
+  return (
+    `<div class="parameter"><label for="number-${one.name}">${escaped(one.label)}</label><span>${escaped(rangeOf(one))}</span>` +
+    `<input type="range" ${ends} data-slider="${one.name}" aria-label="${escaped(name)}, slider">` +
+    `<input type="number" id="number-${one.name}" min="${one.low}" max="${one.high}" step="any" data-number="${one.name}" ` +
+    `aria-label="${escaped(name)}"></div>`
+  );
+}
+
+function zoneRow(zone, k) {
+  const field = (name, label) =>
+    `<label>${label}<input type="number" min="0" step="any" data-zone="${k}" data-field="${name}" ` +
+    `value="${zone[name] === Infinity || Number.isNaN(zone[name]) ? "" : zone[name]}"></label>`;
+  return (
+    `<div class="zone">${field("begin", "from [m]")}${field("end", "to [m]")}${field("friction", "friction")}` +
+    `<button type="button" data-remove="${k}" aria-label="remove zone ${k + 1}">×</button></div>`
+  );
+}
+
+function buildPanel() {
+  $("groups").innerHTML = Object.entries(GROUPS)
+    .map(([group, title], i) => {
+      const rows = E.parameters.filter((one) => one.group === group).map(rowOf);
+      const zones =
+        group === "slope"
+          ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
+          : "";
+      const open = i === 0 || window.innerWidth > 860;
+      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
+    })
+    .join("");
+  $("contexts").hidden = E.contexts.length < 2;
+  $("chosen-context").innerHTML = E.contexts
+    .map(({ name }, i) => `<option value="${i}">${escaped(name)}</option>`)
+    .join("");
+  $("chosen-body").innerHTML = E.bodies.map(({ name }, i) => `<option value="${i}">${escaped(name)}</option>`).join("");
+}
+
+/* Show what is chosen; what someone is typing stays. */
+function fillPanel() {
+  fillRows(grabbed ? Object.keys(chosen.changed) : Object.keys(PARAMETERS));
+  if (grabbed) return;
+  $("chosen-context").value = chosen.context;
+  $("chosen-body").value = chosen.body;
+  $("chosen-solver").value = chosen.solver;
+  if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = zonesOf().map(zoneRow).join("");
+  $("add").disabled = zonesOf().length >= D.most_zones;
+}
+
+function fillRows(names) {
+  for (const name of names) {
+    const value = shownOf(name);
+    document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], value);
+    const typed = $(`number-${name}`);
+    if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : value;
+    typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");
+  }
+}
+
+function addZone() {
+  const zones = [...zonesOf()];
+  const length = valueOf("length");
+  const last = zones[zones.length - 1];
+  if (last && last.end > length - 0.1)
+    zones[zones.length - 1] = { ...last, end: rounded(0.5 * (last.begin + length), 0.1) };
+  const begin = zones.length ? zones[zones.length - 1].end : rounded(0.5 * length, 0.1);
+  const rough = Math.min(2, rounded(valueOf("friction") + 0.3, 0.01));
+  const arms = { rolling_arm: valueOf("rolling_arm"), corner_rolling_arm: valueOf("corner_rolling_arm") };
+  chosen.zones = [...zones, { begin, end: Infinity, friction: rough, ...arms }];
+}
+
+function onInput({ target }) {
+  const { slider, number: name, zone, field } = target.dataset;
+  const typed = target.value.trim() === "" ? NaN : Number(target.value);
+  if (slider) chosen.changed[slider] = fromSlider(PARAMETERS[slider], typed);
+  else if (name) chosen.changed[name] = typed;
+  else if (zone) {
+    const value = field === "end" && target.value.trim() === "" ? Infinity : typed;
+    chosen.zones = zonesOf().map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
+  } else if (target.id === "chosen-context") chosen = start(Number(target.value));
+  else if (target.id === "chosen-solver") chosen.solver = target.value;
+  else if (target.id === "chosen-body") {
+    chosen.body = Number(target.value);
+    for (const own of ["mass", "gyration"]) delete chosen.changed[own];
+  } else return;
+  changed();
+}
+
+function onPress({ target }) {
+  if (target.id === "add") addZone();
+  else if (target.id === "reset") chosen = start(chosen.context);
+  else if (target.dataset.remove) chosen.zones = zonesOf().filter((_, k) => k !== Number(target.dataset.remove));
+  else return;
+  target.blur(); // so that the zones are shown anew
+  changed();
+}
+
+$("panel").addEventListener("input", onInput);
+$("panel").addEventListener("click", onPress);
+$("panel").addEventListener("submit", (event) => event.preventDefault());
+$("panel").addEventListener("change", () => fillPanel());

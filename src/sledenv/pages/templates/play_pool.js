@@ -1,0 +1,64 @@
+"use strict";
+/* Workers that simulate. One that takes too long over a task is ended and replaced, so that nothing hangs. */
+const PATIENCE = 2; // [s] for a descent
+
+async function unpacked(text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).arrayBuffer();
+}
+
+class Pool {
+  constructor(count, source, bytes) {
+    this.address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
+    this.bytes = bytes;
+    this.waiting = []; // tasks
+    this.idle = []; // workers
+    for (let i = 0; i < count; i++) this.#hire();
+  }
+
+  /* A promise of what a task of play_worker.js returns; it fails if that takes too long. */
+  ask(message, descents = 1, first = false) {
+    return new Promise((resolve, reject) => {
+      const task = { message, seconds: PATIENCE * descents, resolve, reject };
+      if (first) this.waiting.unshift(task);
+      else this.waiting.push(task);
+      this.#next();
+    });
+  }
+
+  /* Forget tasks of a kind that no worker has begun. */
+  forget(kind) {
+    this.waiting = this.waiting.filter(({ message }) => message.task !== kind);
+  }
+
+  #hire() {
+    const hand = { worker: new Worker(this.address), task: null, timer: 0 };
+    hand.worker.addEventListener("message", ({ data }) => {
+      const { resolve, reject } = hand.task;
+      clearTimeout(hand.timer);
+      this.idle.push(hand);
+      if (data.error) reject(new Error(data.error));
+      else resolve(data.found);
+      this.#next();
+    });
+    const reject = (error) => giveUp(`The kernel does not start in this browser: ${error.message}.`);
+    hand.worker.addEventListener("error", reject);
+    this.#give(hand, { message: { task: "load", bytes: this.bytes }, seconds: Infinity, resolve: () => {}, reject });
+  }
+
+  #next() {
+    while (this.idle.length && this.waiting.length) this.#give(this.idle.pop(), this.waiting.shift());
+  }
+
+  #give(hand, task) {
+    hand.task = task;
+    if (task.seconds < Infinity)
+      hand.timer = setTimeout(() => {
+        hand.worker.terminate();
+        this.#hire();
+        task.reject(new Error(`stopped after ${PATIENCE} s`));
+      }, 1e3 * task.seconds);
+    hand.worker.postMessage(task.message);
+  }
+}

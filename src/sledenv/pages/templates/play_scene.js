@@ -1,0 +1,240 @@
+"use strict";
+/* The picture of a descent and of its launch, which can be dragged in it; the film, which holds impacts. */
+const HAND = "#a01e6e";
+const KEPT = "#e08214";
+const rateOf = () => scene.W / 60; // [px] of the arrow for each m/s
+let scene = null;
+let shown = null; // what the worker has found, and what follows from it
+
+/* Colours and words of zones: bands in plot/grounds.py. */
+const SNOW = [216, 221, 227];
+
+function bandsOf(zones, around) {
+  return zones.map(({ begin, end, friction }) => {
+    const both = friction + around;
+    const share = both > 0 ? (friction - around) / both : 0;
+    const most = share > 0 ? [152, 162, 172] : [200, 231, 252];
+    const parts = SNOW.map((part, i) => Math.round(part + Math.abs(share) * (most[i] - part)));
+    const said = String(Number(friction.toPrecision(3)));
+    return { begin, end, colour: `rgb(${parts})`, words: `friction ${said}`, brief: said };
+  });
+}
+
+function frictionAt(place, { law, slope }) {
+  const zone = slope.zones.find(({ begin, end }) => place >= begin && place < end);
+  return zone ? zone.friction : law.friction;
+}
+
+/* Rows to draw: an impact without duration has the state before it and the state after. */
+function drawable({ trajectory, rebounds, places }) {
+  const rows = { places: [] };
+  const names = ["t", "x", "y", "phi", "u", "v", "omega", "normal", "tangential", "feature"];
+  for (const name of names) rows[name] = [];
+  for (let i = 0, k = 0; i < trajectory.t.length; i++) {
+    while (k < rebounds.t.length && (rebounds.duration[k] > 0 || rebounds.t[k] < trajectory.t[i])) k++;
+    if (k < rebounds.t.length && rebounds.t[k] === trajectory.t[i]) {
+      for (const name of names) rows[name].push(rebounds[`${name}_before`]?.[k] ?? trajectory[name][i]);
+      rows.normal[rows.normal.length - 1] = rows.tangential[rows.tangential.length - 1] = 0;
+      rows.places.push(places[i]);
+      k++;
+    }
+    for (const name of names) rows[name].push(trajectory[name][i]);
+    rows.places.push(places[i]);
+  }
+  return rows;
+}
+
+/* Position in the film and time [s], linear in between: pace in plot/shapes.py. */
+function filmOf({ rebounds, scene: { body } }, end) {
+  const film = [0];
+  const time = [0];
+  const go = (until, least) => {
+    const next = Math.max(Math.min(until, end), time[time.length - 1]);
+    film.push(film[film.length - 1] + Math.max(next - time[time.length - 1], least));
+    time.push(next);
+  };
+  for (let i = 0; i < rebounds.t.length; i++) {
+    go(rebounds.t[i] - rebounds.duration[i], 0);
+    go(rebounds.t[i], D.hold * clamp(rebounds.normal_impulse[i] / (D.hard * body.mass), 0, 1));
+  }
+  go(end, 0);
+  return { film, time };
+}
+
+function between(from, to, value) {
+  const i = before(from, value);
+  const j = Math.min(i + 1, from.length - 1);
+  const step = from[j] - from[i];
+  return step > 0 ? to[i] + clamp((value - from[i]) / step, 0, 1) * (to[j] - to[i]) : to[i];
+}
+
+/* What a contact does at a time, null in flight. */
+function pushAt(t) {
+  const { rebounds, rows, scene: given } = shown;
+  const i = rebounds.t.findIndex((end, k) => t >= end - rebounds.duration[k] && t <= end);
+  if (i < 0) return null;
+  const part = E.bodies[shown.input.body].parts[rebounds.feature[i] - 1];
+  if (rebounds.duration[i] === 0) {
+    const [tangential, normal, place] = [
+      rebounds.tangential_impulse[i],
+      rebounds.normal_impulse[i],
+      rebounds.x_contact[i],
+    ];
+    return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest: normal };
+  }
+  const [place, normal, tangential] = ["places", "normal", "tangential"].map((name) => between(rows.t, rows[name], t));
+  let largest = 0;
+  const begin = before(rows.t, rebounds.t[i] - rebounds.duration[i]);
+  for (let k = begin; k < rows.t.length && rows.t[k] <= rebounds.t[i]; k++) largest = Math.max(largest, rows.normal[k]);
+  return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest };
+}
+
+const pointsOf = ({ x, y }) => x.map((one, i) => [one, y[i]]);
+
+/* The scale stays as it is while something is dragged. */
+function fit() {
+  const { rows, scene: given, input } = shown;
+  const { size } = E.bodies[input.body];
+  const slope = { ...given.slope, zones: bandsOf(given.slope.zones, given.law.friction) };
+  const width = clamp($("controls").clientWidth, 260, 1160);
+  const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : [])];
+  const room = [0.5 * size, rows.y[0] + 1.2 * size];
+  scene = new Scene(
+    { slope, body: D.drawn[input.body], size },
+    [...points, room],
+    width,
+    width < 450 ? [150, 300] : [230, 470],
+  );
+  $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
+  $("scene").innerHTML =
+    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g><g id="live"></g></g>` +
+    `<defs>${scene.sled(0, 0, 0, 'id="pose"')}</defs>`;
+}
+
+function strobe({ rows, input }) {
+  const apart = 1.6 * E.bodies[input.body].size;
+  const kept = [];
+  const end = rows.t[rows.t.length - 1];
+  for (let k = 1; k <= 14; k++) {
+    const { x, y, phi } = stateAt(rows, (end * k) / 14);
+    if ([[rows.x[0], rows.y[0]], ...kept].every((one) => Math.hypot(one[0] - x, one[1] - y) > apart))
+      kept.push([x, y, phi]);
+  }
+  return kept;
+}
+
+/* The outline of the body, drawn once, at another place: quick enough to follow a hand. */
+function poseAt([x, y, phi]) {
+  const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
+  const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
+  return `<use href="#pose" opacity="0.2" class="pose" transform="${turn}"/>`;
+}
+
+/* Points of a path that are apart on the screen. */
+function visible({ x, y }) {
+  const apart = 1 / scene.scale;
+  const kept = [];
+  let last = [Infinity, Infinity];
+  for (let i = 0; i < x.length; i++)
+    if (i === x.length - 1 || Math.abs(x[i] - last[0]) + Math.abs(y[i] - last[1]) > apart)
+      kept.push((last = [x[i], y[i]]));
+  return kept;
+}
+
+function drawPath() {
+  const { rows, rebounds } = shown;
+  scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
+  $("land").innerHTML = scene.ground(Math.min(...rows.x), Math.max(...rows.x));
+  $("trace").innerHTML =
+    [...rebounds.x_contact].map((place) => scene.contact(place, place)).join("") +
+    strobe(shown).map(poseAt).join("") +
+    (shown.kept ? scene.path(visible(shown.kept.rows), KEPT) : "") +
+    scene.path(visible(rows));
+}
+
+const ring = () => Math.max(0.9 * scene.size, 40 / scene.scale); // [m] from the mass centre
+
+/* What can be dragged: a ring above the body and the tip of its velocity. */
+function handles({ x, y, phi, u, v }) {
+  const centre = scene.pixel(x, y);
+  const [column, row] = scene.pixel(x - ring() * Math.sin(phi), y + ring() * Math.cos(phi));
+  const rate = rateOf() / scene.scale;
+  const tip = scene.pixel(x + rate * u, y + rate * v);
+  const grip = (place, what, rest) =>
+    `<circle cx="${far(place[0])}" cy="${far(place[1])}" r="17" fill="transparent" stroke="none" data-grab="${what}" class="grip"/>` +
+    rest;
+  return (
+    `<g fill="${HAND}" stroke="${HAND}">` +
+    `<line x1="${far(centre[0])}" y1="${far(centre[1])}" x2="${far(column)}" y2="${far(row)}" stroke-dasharray="3 4"/>` +
+    grip(tip, "velocity", scene.arrow(centre, tip, 'pointer-events="none"')) +
+    grip(
+      [column, row],
+      "orientation",
+      `<circle cx="${far(column)}" cy="${far(row)}" r="6.5" fill="var(--sky)" stroke-width="2.5" pointer-events="none"/>`,
+    ) +
+    "</g>"
+  );
+}
+
+/* The kept launch at the same time. */
+function keptAt(t) {
+  if (!shown.kept) return "";
+  const { x, y, phi } = stateAt(shown.kept.rows, t);
+  const points = scene.outline(scene.body.outline, x, y, phi);
+  return `<polygon id="other" points="${points}" fill="${KEPT}" fill-opacity="0.45" stroke="${KEPT}" stroke-width="1.5"/>`;
+}
+
+function drawMoment(t) {
+  const state = stateAt(shown.rows, t);
+  const push = pushAt(t);
+  const { cone, force } = push ? scene.push(push) : { cone: "", force: "" };
+  const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.part);
+  $("live").innerHTML = cone + keptAt(t) + sled + force + (t > 0 ? "" : handles(state));
+  $("world").setAttribute("transform", scene.shift(state.x, state.y));
+}
+
+/* Dragging. */
+let grabbed = null;
+
+function placeOf(event) {
+  const box = $("scene").getBoundingClientRect();
+  const moved = /translate\((\S+) (\S+)\)/.exec($("world").getAttribute("transform") ?? "") ?? [0, 0, 0];
+  const scaled = scene.W / box.width;
+  return scene.place((event.clientX - box.left) * scaled - moved[1], (event.clientY - box.top) * scaled - moved[2]);
+}
+
+const rounded = (value, step) => Number((Math.round(value / step) * step).toPrecision(10));
+
+function drag(event) {
+  if (!grabbed) return;
+  const [x, y] = placeOf(event);
+  const { launch, from, drop, what } = grabbed;
+  const set = (name, value, step) => {
+    const { low, high } = PARAMETERS[name];
+    chosen.changed[name] = clamp(rounded(value, step), low, high);
+  };
+  if (what === "drop") set("drop", drop + y - from[1], 0.001);
+  else if (what === "orientation") set("orientation", (Math.atan2(launch.x - x, y - launch.y) * 180) / Math.PI, 0.1);
+  else {
+    set("speed", ((x - launch.x) * scene.scale) / rateOf(), 0.01);
+    set("fall", ((launch.y - y) * scene.scale) / rateOf(), 0.01);
+  }
+  changed();
+}
+
+$("scene").addEventListener("pointerdown", (event) => {
+  const what = event.target.closest("[data-grab]")?.dataset.grab;
+  if (!what || position > 0) return;
+  $("scene").setPointerCapture(event.pointerId);
+  grabbed = { what, from: placeOf(event), drop: valueOf("drop"), launch: shown.launch };
+  event.preventDefault();
+});
+$("scene").addEventListener("pointermove", drag);
+for (const name of ["pointerup", "pointercancel"])
+  $("scene").addEventListener(name, () => {
+    if (!grabbed) return;
+    grabbed = null;
+    fillPanel();
+    fit();
+    draw();
+  });

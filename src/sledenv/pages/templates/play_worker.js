@@ -1,0 +1,86 @@
+"use strict";
+/* A worker of the page that simulates, with a kernel of its own. A scene is what Kernel.descend takes but for the launch,
+   which is { orientation, spin, speed, fall, drop } here, in SI units. */
+let kernel = null;
+const CRASHED = ["tumbled", "buried", "non_finite"];
+const TURN = 2 * Math.PI;
+
+/* The same turned by whole turns into [-pi, pi]: within_a_turn in simulation/support.py. */
+function withinTurn(angle) {
+  const rest = angle % TURN;
+  return Math.abs(rest) > Math.PI ? rest - Math.sign(rest) * TURN : rest;
+}
+
+/* States of launches: the lowest point of the body is at the height of the drop. */
+function states(scene, launches) {
+  const angles = launches.map(({ orientation }) => withinTurn(orientation));
+  const { b } = kernel.arms(scene.body, angles);
+  return launches.map(({ drop, speed, fall, spin }, i) => ({
+    x: 0,
+    y: drop + b[i],
+    phi: angles[i],
+    u: speed,
+    v: 0 - fall,
+    omega: spin,
+  }));
+}
+
+/* Progress, retention and reward of a descent: descent_jam in simulation/jam.py, operation by operation. */
+function judge({ status, outcome }, mass, length) {
+  const passed = outcome.t_line < Infinity;
+  const finished = passed && !CRASHED.includes(status);
+  const x = status === "non_finite" ? 0 : passed ? length : outcome.x;
+  const u = finished ? Math.max(outcome.u_line, 0) : 0;
+  const supplied = finished ? outcome.supplied : 1;
+  const retention = Math.min((0.5 * mass * (u * u)) / (supplied > 0 ? supplied : Infinity), 1);
+  const progress = Math.min(Math.max(x / length, 0), 1);
+  return { progress, retention, reward: 0.5 * progress + 0.5 * Math.sqrt(retention) };
+}
+
+function descend(scene, launch, rows) {
+  const found = kernel.descend({ ...scene, launch, rows });
+  return { ...found, launch, jam: judge(found, scene.body.mass, scene.slope.length) };
+}
+
+/* A path of a few points, x and y in turn. */
+function path({ x, y }) {
+  const step = Math.max(Math.ceil(x.length / 150), 1);
+  const points = [];
+  for (let i = 0; i < x.length; i += step) points.push(x[i], y[i]);
+  if (x.length) points.push(x[x.length - 1], y[x.length - 1]);
+  return Float32Array.from(points);
+}
+
+const TASKS = {
+  async load({ bytes }) {
+    kernel = await Kernel.load(bytes);
+  },
+
+  /* One descent with its trajectory, and the place [m] of the point that is lowest in each row. */
+  descend({ scene, launch }) {
+    const [state] = states(scene, [launch]);
+    const found = descend(scene, state);
+    const { x, phi } = found.trajectory;
+    const { a } = kernel.arms(scene.body, phi);
+    return { ...found, scene, places: x.map((one, i) => one - a[i]) };
+  },
+
+  rewards({ scene, launches }) {
+    return states(scene, launches).map((state) => descend(scene, state, false).jam.reward);
+  },
+
+  paths({ scene, launches }) {
+    return states(scene, launches).map((state) => {
+      const { status, jam, trajectory } = descend(scene, state);
+      return { status, reward: jam.reward, path: path(trajectory) };
+    });
+  },
+};
+
+self.addEventListener("message", async ({ data }) => {
+  try {
+    self.postMessage({ found: await TASKS[data.task](data) });
+  } catch (error) {
+    self.postMessage({ error: String(error) });
+  }
+});

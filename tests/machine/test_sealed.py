@@ -1,0 +1,103 @@
+"""Tables with a digest: what comes back is what was written, and nothing that was changed comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sledenv.machine.sealed import read_sealed, write_sealed
+
+
+def table() -> pd.DataFrame:
+    """Every kind of column that is kept, and words about them."""
+    rng = np.random.default_rng(0)
+    columns: dict[str, Any] = {
+        "status": pd.Categorical.from_codes(rng.integers(2, size=40), ["finish", "jammed", "tumbled"]),
+        "stage": np.where(rng.random(40) < 0.5, "trained", "before"),
+        "reward": np.where(rng.random(40) < 0.2, -np.nan, rng.normal(size=40)),
+        "rebounds": rng.integers(9, size=40),
+        "on_bound": rng.random(40) < 0.5,
+    }
+    found = pd.DataFrame(columns)
+    found.attrs = {"suite": "tiny", "curve": [[1.0, 2.5, float("nan")]]}
+    return found
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    place = tmp_path / "one.parquet"
+    write_sealed(table(), place)
+    return place
+
+
+def test_what_is_read_is_what_was_written(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Oracle: the table; a table without rows; there is no file."""
+    found = read_sealed(file, "judging")
+    assert found is not None
+    pd.testing.assert_frame_equal(found, table(), check_exact=True)
+    assert (found.attrs["suite"], list(found.attrs)) == ("tiny", ["suite", "curve"])
+    write_sealed(table().iloc[:0], file)
+    assert read_sealed(file, "judging") is not None
+    file.unlink()
+    assert read_sealed(file, "judging") is None
+    assert caplog.messages == []
+
+
+def edited(place: Path) -> None:
+    found = pd.read_parquet(place)
+    found.loc[3, "rebounds"] += 1
+    found.to_parquet(place, index=False)
+
+
+def told_otherwise(place: Path) -> None:
+    found = pd.read_parquet(place)
+    found.attrs["suite"] = "full"
+    found.to_parquet(place, index=False)
+
+
+def renamed(place: Path) -> None:
+    write_sealed(table(), place.with_name("two.parquet"))
+    place.with_name("two.parquet").replace(place)
+
+
+def cut(place: Path) -> None:
+    place.write_bytes(place.read_bytes()[:-100])
+
+
+def emptied(place: Path) -> None:
+    place.write_bytes(b"")
+
+
+def without_digest(place: Path) -> None:
+    table().to_parquet(place, index=False)
+
+
+@pytest.mark.parametrize("change", [edited, told_otherwise, renamed, cut, emptied, without_digest])
+def test_what_was_changed_is_named_and_not_read(change: Any, file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    change(file)
+    assert read_sealed(file, "judging") is None
+    assert caplog.messages == [f"sledenv: judging again, because it is not as it was left: {file}"]
+
+
+def test_flipped_bits_are_seen_or_change_no_value(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Oracle: the table, wherever of 600 bits one is turned; none ends in an error.
+
+    A category that no row has, such as "tumbled" here, is no value.
+    """
+    caplog.set_level("ERROR", logger="sledenv")
+    whole, rng = file.read_bytes(), np.random.default_rng(0)
+    seen = 0
+    for bit in rng.choice(8 * len(whole), 600, replace=False).tolist():
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(damaged)
+        found = read_sealed(file, "judging")
+        seen += found is None
+        if found is not None:
+            words = {"status": str, "stage": str}
+            pd.testing.assert_frame_equal(found.astype(words), table().astype(words), check_exact=True)
+    assert seen > 300
