@@ -37,7 +37,7 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "cma_es":
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
-        if algo == "critic":
+        if algo in ("critic", "verified"):
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
         if algo == "replan":
             values |= {"cells": 60, "trims": 3}
@@ -60,6 +60,7 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
 EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "cma_es", "critic", "land_flat", "ppo", "random_launch")),
     *(("launch", algo) for algo in ("random_search", "sac", "td3", "zero")),
+    *(("launch", algo) for algo in ("cma_lookups", "uniform_lookups", "verified")),
     *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
 ]
 
@@ -88,6 +89,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
         *(("launch", algo, "all") for algo in ("best_fixed", "cma_es", "critic", "land_flat", "random_launch", "sac")),
         *(("descent", algo, "all") for algo in ("no_trim", "ppo", "replan", "zero")),
         *(("launch", "cma_es", "speed"), ("launch", "land_flat", "spin+speed"), ("launch", "sac", "speed")),
+        *(("launch", "cma_lookups", "spin"), ("launch", "verified", "all")),
         ("descent", "replan", "spin+speed"),
     ],
 )

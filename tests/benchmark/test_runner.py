@@ -157,10 +157,11 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"agents": {"flight": {"sledenv.agents.zero": 1}}}, "'launch' or 'descent'"),
         (
             {"agents": {"launch": {"sledenv.agents.zero": 0}}},
-            "sledenv.agents.zero = 0: must be a whole number in [1, 1000]",
+            "sledenv.agents.zero.seeds = 0: must be a whole number in [1, 1000]",
         ),
         ({"agents": {}}, "agents: must have at least 1 entry"),
         ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
+        ({"agents": {"launch": {"sledenv.agents.zero": {"seeds": 1, "varaints": {}}}}}, "did you mean 'variants'?"),
         ({"observe": ["frictoin"]}, "must be 'all' or list fields of the context"),
         ({"exact": 3}, "exact = 3"),
         ({"seeds": 3}, "seeds = 3: unknown key (did you mean 'steps'?); known: id, title"),
@@ -170,6 +171,24 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
     with pytest.raises(SuiteError, match=r"tiny\.yaml") as error:
         Suite.load(written(tmp_path, **changes))
     assert message in str(error.value)
+
+
+def test_an_agent_has_variants_with_settings_of_their_own(tmp_path):
+    """Each is a job with a name of its own; a setting that the agent does not have is refused."""
+    few = {"seeds": 2, "variants": {"k16": {"lookups": 16}, "k64": {}}}
+    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.uniform_lookups": few}}, steps=None))
+    jobs = [job for job in suite.jobs() if job.scenario == "bedrock"]
+    assert [(job.agent, job.seed, job.settings["lookups"]) for job in jobs] == [
+        ("uniform_lookups-k16", 0, 16),
+        ("uniform_lookups-k64", 0, 64),
+        ("uniform_lookups-k16", 1, 16),
+        ("uniform_lookups-k64", 1, 64),
+    ]
+    assert jobs[0].name == "launch-bedrock-uniform_lookups-k16-s0"
+    few["variants"]["k16"] = {"lookup": 16}
+    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.uniform_lookups": few}}))
+    with pytest.raises(SuiteError, match="'lookup' is no setting; there are lookups"):
+        list(suite.jobs())
 
 
 def test_a_misspelt_key_is_named_before_the_one_that_is_missing(tmp_path):

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenarios.configuration import CONFIGS, Document, Whole
+from sledenv.scenarios.configuration import CONFIGS, Document, Section, Whole
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 
 
@@ -28,11 +28,12 @@ class Job(NamedTuple):
     seed: int
     settings: dict[str, Any]
     given: Mapping[str, Any] = {}  # what the suite says of its problems
+    variant: str = ""
 
     @property
     def agent(self) -> str:
-        """Short name of the agent."""
-        return agent_name(self.module)
+        """Short name of the agent, with that of its variant."""
+        return "-".join(filter(None, (agent_name(self.module), self.variant)))
 
     @property
     def name(self) -> str:
@@ -42,6 +43,19 @@ class Job(NamedTuple):
     def problem(self) -> Problem:
         """Return what the agent is given."""
         return Problem(self.scenario, self.environment, **self.given)
+
+
+class Entry(Section):
+    """How often an agent of a suite is trained, and with which settings of its own."""
+
+    seeds: Annotated[int, Whole("[1, 1000]")]
+    # name -> settings in place of those of the file; default: one variant without a name and without changes
+    variants: Annotated[dict[str, dict[str, Any]], Field(default_factory=dict)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _alone(cls, given: Any) -> Any:
+        return given if isinstance(given, Mapping) else {"seeds": given}
 
 
 class Suite(Document):
@@ -57,11 +71,8 @@ class Suite(Document):
     title: str
     contexts: Annotated[int, Whole("[2, 100000]")]  # held-out contexts of each scenario
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
-    # module of the agent -> number of seeds
-    agents: Annotated[
-        dict[Environment, Annotated[dict[str, Annotated[int, Whole("[1, 1000]")]], Field(min_length=1)]],
-        Field(min_length=1),
-    ]
+    # module of the agent -> number of seeds, or an Entry
+    agents: Annotated[dict[Environment, Annotated[dict[str, Entry], Field(min_length=1)]], Field(min_length=1)]
     settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
     steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
     observe: Literal["all"] | tuple[str, ...] = "all"  # fields of the context that agents see
@@ -79,7 +90,7 @@ class Suite(Document):
 
     @field_validator("agents")
     @classmethod
-    def _told_apart(cls, agents: dict[Environment, dict[str, int]]) -> dict[Environment, dict[str, int]]:
+    def _told_apart(cls, agents: dict[Environment, dict[str, Entry]]) -> dict[Environment, dict[str, Entry]]:
         for modules in agents.values():
             names = [agent_name(module) for module in modules]
             for name in names:
@@ -122,17 +133,30 @@ class Suite(Document):
         """
         if not Path(self.settings).is_dir():
             raise SuiteError(f"suite {self.id}: settings = {self.settings!r}: there is no such folder")
-        named = [(kind, module, seeds) for kind, agents in self.agents.items() for module, seeds in agents.items()]
-        for seed in range(max((seeds for _, _, seeds in named), default=0)):
+        named = [
+            (kind, module, entry.seeds, *variant)
+            for kind, agents in self.agents.items()
+            for module, entry in agents.items()
+            for variant in (entry.variants or {"": {}}).items()
+        ]
+        for seed in range(max((seeds for _, _, seeds, *_ in named), default=0)):
             for scenario in self.scenarios:
-                for kind, module, seeds in named:
+                for kind, module, seeds, variant, changes in named:
                     if seed < seeds:
-                        yield Job(module, kind, scenario, seed, self._settings(kind, module, scenario), self._given())
+                        settings = self._settings(kind, module, scenario, changes)
+                        yield Job(module, kind, scenario, seed, settings, self._given(), variant)
 
-    def _settings(self, kind: Environment, module: str, scenario: str) -> dict[str, Any]:
+    def _settings(self, kind: Environment, module: str, scenario: str, changes: dict[str, Any]) -> dict[str, Any]:
         try:
             agent_class(module)
             settings = read_settings(Path(self.settings), module, self.problem(scenario, kind))
         except ValueError as error:
             raise SuiteError(f"suite {self.id}: {error}") from error
+        unknown = sorted(changes.keys() - settings.keys())
+        if unknown:
+            known = ", ".join(settings) or "none"
+            raise SuiteError(
+                f"suite {self.id}: agent {module}, variants: {unknown[0]!r} is no setting; there are {known}"
+            )
+        settings |= changes
         return settings | {"n_timesteps": self.steps} if self.steps is not None and settings else settings

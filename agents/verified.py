@@ -1,0 +1,66 @@
+"""A critic proposes landings, a model of the descent tries them: the launch that does best there is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from sledenv.benchmark.problem import Problem
+
+from . import critic
+from .lookups import Floats, Model, best_of, checked_lookups
+
+_FILE: Final = "lookups.yaml"
+APART: Final = 0.1  # of proposals, where the box is 2 wide: nearer ones would fail for the same reason
+NEAR: Final = 0.03  # standard deviation of the landings tried around the best of them
+
+
+class Agent:
+    """Tries half of its candidates where the critic rates highest, and the others around the best of these."""
+
+    def __init__(self, problem: Problem, proposer: critic.Agent, lookups: int) -> None:
+        self._problem, self._proposer, self._lookups = problem, proposer, checked_lookups(lookups)
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Train a critic.
+
+        Parameters
+        ----------
+        problem : Problem
+        settings : dict
+            Those of the critic, and ``lookups``, the descents of the model before each launch.
+        seed : int
+        folder : Path
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than eight lookups; nothing is trained then.
+        """
+        settings = dict(settings)
+        lookups = checked_lookups(settings.pop("lookups"))
+        (folder / _FILE).write_text(yaml.safe_dump({"lookups": lookups}))
+        return cls(problem, critic.Agent.train(problem, settings, seed, folder), lookups)
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the critic of a run."""
+        lookups = yaml.safe_load((folder / _FILE).read_text())["lookups"]
+        return cls(problem, critic.Agent.load(problem, folder), lookups)
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        model = Model(self._problem, self._lookups, observations)
+        proposed = self._proposer.proposals(observations, model.candidates // 2, APART)
+        rewards = model.expect(proposed)
+        rest = model.candidates - proposed.shape[1]
+        cloud = qmc.MultivariateNormalQMC(np.zeros(self._problem.actions), rng=np.random.default_rng(0)).random(rest)
+        around: Floats = self._problem.inside(best_of(proposed, rewards)[:, np.newaxis] + NEAR * cloud)
+        landings = np.concatenate([proposed, around], axis=1)
+        best = best_of(landings, np.concatenate([rewards, model.expect(around)], axis=1))
+        return model.launches(best[:, np.newaxis])[:, 0].astype(np.float32)
