@@ -14,8 +14,9 @@ import optuna
 import torch
 from stable_baselines3 import PPO
 
-from sledenv.benchmark.problem import Problem, Split
+from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
+from sledenv.scenarios.scenario import Split
 
 LANES = 256
 STEPS = 4  # of every lane between two updates, and between two looks of the pruner
@@ -39,7 +40,7 @@ def mean_reward(problem: Problem, model: PPO, split: Split, contexts: int) -> fl
 
 def trained(trial: optuna.trial.BaseTrial, problem: Problem, updates: int) -> tuple[PPO, float]:
     """Train with the settings of a trial; return the policy and its reward on validation contexts."""
-    settings = {
+    settings: dict[str, Any] = {
         "learning_rate": trial.suggest_float("learning_rate", 1e-4, 1e-2, log=True),
         "ent_coef": trial.suggest_float("ent_coef", 1e-4, 1e-1, log=True),
         "n_epochs": trial.suggest_int("n_epochs", 4, 16, log=True),
@@ -48,7 +49,7 @@ def trained(trial: optuna.trial.BaseTrial, problem: Problem, updates: int) -> tu
     lanes = make_vec_env(
         "sledenv/SledLaunch-v0", LANES, seed=0, env_kwargs={"scenario": problem.scenario, "split": "train"}
     )
-    policy = {"log_std_init": -0.7}
+    policy: dict[str, Any] = {"log_std_init": -0.7}
     model = PPO("MlpPolicy", lanes, gamma=0.0, n_steps=STEPS, seed=0, device="cpu", policy_kwargs=policy, **settings)
     reward = 0.0
     for update in range(updates):

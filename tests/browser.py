@@ -115,6 +115,12 @@ def wait_until(page: Browser, condition: str) -> None:
     )
 
 
+def patient(page: str) -> str:
+    """A page that simulates, but waits longer for a descent: a busy machine may keep a worker from its work."""
+    assert "const PATIENCE = 2;" in page
+    return page.replace("const PATIENCE = 2;", "const PATIENCE = 200;")
+
+
 def data_of(page: str) -> dict[str, Any]:
     """What a page holds, which must be JSON: no number that JSON does not have."""
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)

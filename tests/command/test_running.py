@@ -76,8 +76,9 @@ def test_an_error_of_the_program_itself_has_its_traceback() -> None:
     [
         (["--speed", "nan"], "--speed: must be a finite number in [-3, 3] m/s: 'nan'"),
         (["--speed", "3.1"], "--speed: must be a finite number in [-3, 3] m/s: '3.1'"),
-        (["--mass", "0"], "--mass: must be a number > 0 kg: '0'"),
-        (["--mass", "inf"], "--mass: must be a number > 0 kg: 'inf'"),
+        (["--mass", "0"], "--mass: must be a number in [1e-09, 1e+09] kg: '0'"),
+        (["--mass", "inf"], "--mass: must be a number in [1e-09, 1e+09] kg: 'inf'"),
+        (["--mass", "1e200"], "--mass: must be a number in [1e-09, 1e+09] kg: '1e200'"),
         (["--count", "1.5"], "--count: must be an integer >= 1: '1.5'"),
         (["--seeds", "0", "-1"], "--seeds: must be an integer >= 0: '-1'"),
         (["--seeds"], "--seeds requires at least 1 element"),

@@ -9,7 +9,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
 from sledenv.benchmark.landing import Landing
-from sledenv.benchmark.map_page import map_page
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.inputs import FIELDS
@@ -188,10 +187,3 @@ def test_pictures_show_the_body_of_the_episode():
         assert np.array_equal(env.render(), alone.render())
         alone.close()
     env.close()
-
-
-def test_a_page_of_maps_is_of_one_body():
-    shapes = [int(SEVERAL.sample(np.random.default_rng(seed)).shape) for seed in range(4)]
-    assert len(set(shapes)) > 1
-    with pytest.raises(ValueError, match=r"seeds = \[0, 1, 2, 3\]: must be contexts of one body"):
-        map_page(SEVERAL, range(4), [])

@@ -123,3 +123,11 @@ def test_lanes_tell_the_launches_of_their_scalar_twins(many):
         own = one.step(actions[i])[4]["launch"]
         assert {name: info["launch"][name][i] for name in own} == own
         assert info["launch"]["_speed"].all()
+
+
+def test_launches_without_a_finite_energy_are_refused() -> None:
+    """Oracle: the message; speeds are observed relative to that of all energy that a launch can have."""
+    content = sledenv.load_scenario("sled_snow").model_dump(by_alias=True)
+    content["launch"]["spin_rad_s"] = (-1e160, 0.0)
+    with pytest.raises(sledenv.ScenarioError, match=r"its launches have no finite energy: .*, spin 1e\+160 rad/s"):
+        Task(sledenv.Scenario.model_validate(content))

@@ -263,6 +263,29 @@ def test_a_body_or_a_radius_of_gyration() -> None:
         identified(table(18), hypothesis="hertz")
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("u_before_m_s", 1e300, "u_before_m_s, row 3: is 1e+300, must be in [-1e+09, 1e+09]"),
+        ("a_m", -1e10, "a_m, row 3: is -1e+10, must be in [-1e+09, 1e+09]"),
+        ("omega_after_rad_s", 1 + 2j, "omega_after_rad_s: must be numbers, is of the type complex128"),
+        ("recording", {"name": 1}, "recording, row 3: is {'name': 1}, must be a text or a number"),
+    ],
+)
+def test_numbers_that_nothing_has_are_refused_by_name(column, value, message) -> None:
+    """Oracle: the message; with such numbers squares overflow, and a cast would drop the imaginary part."""
+    recorded = table(18).assign(recording=0).astype({"recording": object})
+    recorded[column] = [value if k == 3 else one for k, one in enumerate(recorded[column])]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        identified(recorded)
+
+
+@pytest.mark.parametrize("radius", [1e200, 1e-200, 10**400])
+def test_a_radius_of_gyration_that_nothing_has_is_refused_by_name(radius) -> None:
+    with pytest.raises(ValueError, match=r"identify\.gyration_radius = 1.*: must be in \[1e-09, 1e\+09\] m"):
+        sledenv.identify(table(18), gyration_radius=radius)
+
+
 def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
     for name in [name for name in sys.modules if name.startswith("sledenv.identification")]:
         monkeypatch.delitem(sys.modules, name)
@@ -345,7 +368,7 @@ def test_the_command_takes_a_body_and_fixed_values(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--gyration-radius", "-1"], "must be a number > 0 m: '-1'"),
+        (["--gyration-radius", "-1"], "must be a number in [1e-09, 1e+09] m: '-1'"),
         (["--gyration-radius", "0.02", "--fix", "friction"], "must be NAME=VALUE: 'friction'"),
         (["--gyration-radius", "0.02", "--fix", "friction=9"], r"fixed.friction = 9.0: must be in \[0, 2\]"),
         (["--gyration-radius", "0.02", "--radius", "0.1"], "phi_rad: there is no such column"),

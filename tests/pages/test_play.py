@@ -29,7 +29,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
-from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, wait_until
+from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, patient, wait_until
 from tests.packs import own_pack
 
 SEED: Final = 3
@@ -103,7 +103,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("page") / "play.html"
-    place.write_text(page_of("sled_snow"), encoding="utf-8")
+    place.write_text(patient(page_of("sled_snow")), encoding="utf-8")
     return place
 
 
@@ -184,7 +184,7 @@ def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Pa
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""
     scenario, context = drawn(name)
     place = tmp_path / "play.html"
-    place.write_text(play_page(scenario, [Played("drawn", context)], solver), encoding="utf-8")
+    place.write_text(patient(play_page(scenario, [Played("drawn", context)], solver)), encoding="utf-8")
     chromium.log()
     visit(chromium, place)
     assert_same(chromium, in_python(scenario, context, solver))
@@ -205,7 +205,7 @@ def test_lines_of_python_spell_a_body_that_has_no_name(chromium: Browser, tmp_pa
     shipped = (CONFIGS / "scenarios/sled_snow.yaml").read_text(encoding="utf-8")
     own.write_text(shipped.replace("id: sled_snow", "id: my_sled"), encoding="utf-8")
     scenario, context = drawn(str(own))
-    place.write_text(play_page(scenario, [Played("drawn", context)]), encoding="utf-8")
+    place.write_text(patient(play_page(scenario, [Played("drawn", context)])), encoding="utf-8")
     visit(chromium, place)
     put(chromium, "mass", 100.0)
     assert "my_sled" not in chromium.run("return $('python').textContent")
@@ -367,12 +367,13 @@ def test_the_film_holds_impacts_as_that_of_the_replay_does(page: Browser) -> Non
 
 @needs_chromium
 @pytest.mark.jit_only
+@pytest.mark.parametrize("kind", ["mouse", "touch"])
 @pytest.mark.parametrize("what", ["drop", "orientation", "velocity"])
-def test_the_launch_can_be_dragged(page: Browser, what: str) -> None:
+def test_the_launch_can_be_dragged(page: Browser, what: str, kind: str) -> None:
     page.run("grip = document.querySelector(`[data-grab=${arguments[0]}]`).getBoundingClientRect()", what)
     x, y = page.run("return [grip.left + grip.width / 2, grip.top + grip.height / 2]")
     before = page.run("return JSON.stringify(launchOf())")
-    page.drag((x, y), (x + 12.0, y - 20.0), (x + 22.0, y - 32.0))
+    page.drag((x, y), (x + 12.0, y - 20.0), (x + 22.0, y - 32.0), kind=kind)
     wait_until(page, "!asking && !grabbed")
     launch, earlier = (json.loads(text) for text in (page.run("return JSON.stringify(launchOf())"), before))
     moved = {name for name in launch if launch[name] != earlier[name]}
@@ -428,7 +429,7 @@ def test_a_launch_is_kept_to_compare(page: Browser, file: Path) -> None:
 
 
 def wait_for_map(page: Browser) -> None:
-    wait_until(page, "map?.complete && !asking")
+    wait_until(page, "map?.complete && !asking && !drawing")
 
 
 def rewards_of(page: Browser) -> np.ndarray:
@@ -442,7 +443,7 @@ def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name
     """Oracle: ``simulate_batch``, bit for bit; the axes end where the hand may still tremble to."""
     scenario, context = drawn(name)
     place = tmp_path / "play.html"
-    place.write_text(play_page(scenario, [Played("drawn", context)]), encoding="utf-8")
+    place.write_text(patient(play_page(scenario, [Played("drawn", context)])), encoding="utf-8")
     visit(chromium, place)
     wait_for_map(chromium)
     axes = [np.array(values) for values in chromium.run("return map.axes.map(axis => axis.values)")]
@@ -539,7 +540,7 @@ def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Pat
     best = Mark("best launch", "★", "#ffffff", {"orientation": -0.05, "speed": 8.5}, 0.9)
     place = tmp_path / "play.html"
     contexts = [Played("one", context), Played("another", other, (best, mark))]
-    place.write_text(play_page(scenario, contexts, axes=("orientation", "speed")), encoding="utf-8")
+    place.write_text(patient(play_page(scenario, contexts, axes=("orientation", "speed"))), encoding="utf-8")
     chromium.log()
     visit(chromium, place)
     assert_same(chromium, in_python(scenario, context))
@@ -554,7 +555,7 @@ def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Pat
     assert_same(chromium, in_python(scenario, marked))
     visit(chromium, place, f"#{chromium.run('return address()')}")
     assert_same(chromium, in_python(scenario, marked))
-    wait_until(chromium, "map")
+    wait_until(chromium, "document.querySelector('#marks button')")
     assert chromium.run("return [...document.querySelectorAll('#marks button')].map(one => one.textContent)") == [
         "★best launch 0.900",
         "Aan agent 0.875",
@@ -596,6 +597,15 @@ def test_a_damaged_kernel_is_told(chromium: Browser, file: Path, tmp_path: Path)
 
 
 @needs_chromium
+def test_a_kernel_that_does_not_start_is_told(chromium: Browser, file: Path, tmp_path: Path) -> None:
+    kernel = data_of(file.read_text(encoding="utf-8"))["kernel"]
+    other = base64.b64encode(zlib.compress(b"no kernel")).decode()
+    chromium.open(spoilt(file, tmp_path, kernel, other))
+    wait_until(chromium, "$('problem').textContent.includes('The kernel does not start')")
+    assert chromium.run("return document.querySelector('main').hidden")
+
+
+@needs_chromium
 def test_a_browser_without_webassembly_is_told(chromium: Browser, file: Path, tmp_path: Path) -> None:
     first = '<script type="application/json"'
     chromium.open(spoilt(file, tmp_path, first, f"<script>delete globalThis.WebAssembly</script>{first}"))
@@ -606,7 +616,8 @@ def test_a_browser_without_webassembly_is_told(chromium: Browser, file: Path, tm
 def test_a_descent_that_takes_too_long_is_stopped(chromium: Browser, file: Path, tmp_path: Path) -> None:
     """The worker never answers here, as if a descent had no end."""
     endless = "const [state] = states(scene, [launch]);"
-    chromium.open(spoilt(file, tmp_path, endless, f"for (;;);{endless}"))
+    hasty = spoilt(file, tmp_path, "const PATIENCE = 200;", "const PATIENCE = 2;")
+    chromium.open(spoilt(hasty, tmp_path, endless, f"for (;;);{endless}"))
     wait_until(chromium, "$('problem').textContent.includes('given up')")
     assert "stopped after 2 s" in chromium.text("#problem")
     chromium.log()

@@ -314,6 +314,13 @@ def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: 
 # --- arcs in place of sides ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("far", [1e200, 5e-324])
+def test_a_hull_of_numbers_without_squares_is_refused(far: float) -> None:
+    """Oracle: the message; angles of sides cannot be told where squares overflow or vanish."""
+    with pytest.raises(ValueError, match=r"circles: no hull can be told of them, the largest of their numbers being"):
+        hull(1.0, 1.0, [(0.0, 0.0, 0.0), (far, 0.0, 0.0), (0.0, far, 0.0), (far, far, 0.0)], list("abcd"))
+
+
 @pytest.mark.parametrize("radius", [0.51, 0.7, 3.0, 1e4])
 def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
     """Oracle: ``segment`` with half the rod as sine of its half-angle."""

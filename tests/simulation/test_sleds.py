@@ -119,6 +119,8 @@ def test_bodies_of_a_batch_must_agree_on_the_part() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
+        ({"length": 1e200, "bow_radius": 1e200}, "circles: no hull can be told of them"),
+        ({"rider_height": 1e100}, "the runners must be on the outline"),
         ({"rider_mass": 0.0}, r"sled.rider_mass = 0.0: must be in \(0, inf\)"),
         ({"balance": 1.0}, r"sled.balance = 1.0: must be in \(-1, 1\)"),
         ({"length": 0.1}, r"sled.length = 0.1: must be in \(0.12, inf\) m"),

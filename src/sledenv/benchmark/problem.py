@@ -30,8 +30,16 @@ TRIALS: Final = 64  # draws of the tremble with which a launch is judged in each
 _BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
 
-class Agent(Protocol):
-    """What can be trained and judged: a map from observations to actions, and how it comes about.
+class Policy(Protocol):
+    """What can be judged: a map from observations to actions."""
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 11) or (n, 20)."""
+        ...
+
+
+class Agent(Policy, Protocol):
+    """What can be trained and judged: a policy, and how it comes about.
 
     A suite names the module whose class ``Agent`` it is; docs/benchmark.md shows a complete one.
     """
@@ -55,10 +63,6 @@ class Agent(Protocol):
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read what :meth:`train` kept."""
-        ...
-
-    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 11) or (n, 20)."""
         ...
 
 
@@ -218,12 +222,12 @@ class Problem:
             means[rows] = batch.jam.reward.reshape(len(rows), many).mean(axis=1)
         return means.reshape(count, tried)
 
-    def judge(self, agent: Agent, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def judge(self, agent: Policy, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Simulate what an agent does in contexts, on all cores.
 
         Parameters
         ----------
-        agent : Agent
+        agent : Policy
             It is asked for the launch of a context once, because it sees the same in all of its trials.
         trials : ndarray, shape (n, t, 13), or (n, 11) or (n, 13)
             Of :meth:`trials`, or contexts of which each is judged once.
@@ -265,7 +269,7 @@ class Problem:
             trims = np.zeros(len(seen))
             trims[moving] = task.trims(chosen[:, -1])
 
-    def _answer(self, agent: Agent, observations: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _answer(self, agent: Policy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
         whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
         with blaming(whose, "act"):

@@ -40,8 +40,8 @@ def within(most: float, unit: str) -> Parameter:
 
 
 def positive(unit: str) -> Parameter:
-    """Return what reads a number above 0."""
-    return number(float, f"a number > 0 {unit}", lambda value: 0.0 < value < math.inf)
+    """Return what reads a number above 0, of a size that things have: its square is a number above 0 too."""
+    return number(float, f"a number in [1e-09, 1e+09] {unit}", lambda value: 1e-9 <= value <= 1e9)
 
 
 def _named(folder: Literal["scenarios", "studies", "suites"]) -> Parameter:

@@ -23,10 +23,10 @@ def draw_map(
     seeds: Seeds | None = None,
     json: Json = False,
 ) -> None:
-    """Draw the jam map of a context, the reward of every launch, or make it a page to play them.
+    """Draw the jam map of a context, the reward of every launch, or make it a page that simulates them.
 
-    Draws the reward of all launches of one context, with the best one and what trained agents choose; or writes a page
-    for any browser, offline, that plays the descent of each of them.
+    Draws the reward of all launches of one context, with the best one and what trained agents choose; or writes the
+    page of play, for any browser, offline, in which these are marked.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def draw_map(
     html
         Write this page.
     seeds
-        Contexts to page through in it (default: that of --seed).
+        Contexts to choose from in it (default: that of --seed).
     """
     from sledenv.benchmark.landscape import landscape
     from sledenv.benchmark.map_page import map_page

@@ -56,8 +56,8 @@ class Shape:
 
     gyration_radius: Annotated[float, Parameter(metavar="M"), positive("m")]
     radius: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
-    eccentricity: Annotated[float, Parameter(metavar="M")] = 0.0
-    half_angle_deg: Annotated[float, Parameter(metavar="DEG")] = 180.0
+    eccentricity: Annotated[float, Parameter(metavar="M"), within(1e9, "m")] = 0.0
+    half_angle_deg: Annotated[float, Parameter(metavar="DEG"), within(180.0, "deg")] = 180.0
 
     def body(self, mass: float) -> Body:
         """Return the body of this mass."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sledenv.envs.inputs import FIELDS, Contexts, Given
 from sledenv.kernel.records import LOG_FULL, OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
-from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split, load_scenario
+from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import DescentJam
@@ -309,8 +309,11 @@ class Task:
         for body in self.bodies:
             height = drop + highest_support(body) + below
             gyration = body.inertia / body.mass  # [m^2]
-            square = speed**2 + fall**2 + gyration * spin**2 + 2.0 * gravity * height
-            fastest = float(np.sqrt(square)) or 1.0
+            square = speed * speed + fall * fall + gyration * spin * spin + 2.0 * gravity * height
+            if not 0.0 <= square < math.inf:
+                at_most = f"speed {speed:g} m/s, fall {fall:g} m/s, spin {spin:g} rad/s, drop {drop:g} m"
+                raise ScenarioError(f"scenario {self.scenario.id}: its launches have no finite energy: {at_most}")
+            fastest = math.sqrt(square) or 1.0
             scales.append((fastest, fastest / float(np.sqrt(gyration))))
         speeds, spins = zip(*scales, strict=True)
         return max(speeds), max(spins)

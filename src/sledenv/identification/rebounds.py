@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from sledenv.identification.objective import Floats
 from sledenv.identification.plausibility import friction_drives, off_balance, remedy
-from sledenv.identification.recorded_tables import columns, numbered, place, read_table, recorded_names
+from sledenv.identification.recorded_tables import LARGEST, columns, numbered, place, read_table, recorded_names
 from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import POSITIVE, checked
+from sledenv.simulation.rules import Rule, checked
 from sledenv.simulation.support import lowest_arms, within_a_turn
 
 BEFORE: Final = tuple(REBOUND_COLUMNS[f"{name}_before"] for name in ("u", "v", "omega"))
@@ -30,6 +30,7 @@ _OTHER_POSES: Final = {  # what else a column of orientations may hold, and what
     "phi_rad were in degrees": math.pi / 180.0,
     "phi_rad counted from x to y, and not clockwise": -1.0,
 }
+_LENGTH: Rule = (lambda v: (v >= 1.0 / LARGEST) & (v <= LARGEST), f"in [{1.0 / LARGEST:g}, {LARGEST:g}] m")
 
 
 @dataclass(frozen=True)
@@ -210,12 +211,12 @@ def read_rebounds(
     after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
     if body is not None:
         body = made_body(body)
-        k = math.sqrt(body.inertia / body.mass)
+        k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
         phi = columns(table, POSE)[:, 0]
         reach, corner = arms_of(body, phi)
         others = {words: arms_of(body, factor * phi)[0] for words, factor in _OTHER_POSES.items()}
     else:
-        k = checked("identify", "gyration_radius", gyration_radius, POSITIVE)
+        k = checked("identify", "gyration_radius", gyration_radius, _LENGTH)
         reach, corner = columns(table, ARMS), np.zeros(len(table), bool)
     names = recorded_names(table)
     recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]

@@ -14,6 +14,7 @@ import pandas as pd
 from sledenv.identification.objective import Floats
 
 RECORDING: Final = "recording"  # column that tells recordings apart
+LARGEST: Final = 1e9  # of m, m/s, rad and rad/s: nothing is recorded beyond, and no square of it overflows
 _LINE: Final = "line"  # index of a table read from text: the lines of the file, which count its header and from 1
 _ROW: Final = "row"  # of any other table: its rows, counted from 0
 
@@ -72,19 +73,23 @@ def recorded_names(table: pd.DataFrame) -> pd.Series | None:
 
 
 def numbers(table: pd.DataFrame, name: str) -> Floats:
-    """Return a column as floats, NaN where there is nothing, or raise ValueError naming column, row and value."""
+    """Return a column as floats of usual size, NaN where there is nothing, or raise ValueError naming row and value."""
     column = table[name]
     kinds = pd.api.types
     text = kinds.is_object_dtype(column) or kinds.is_string_dtype(column)
-    if not text and (kinds.is_bool_dtype(column) or not kinds.is_numeric_dtype(column)):
-        raise ValueError(f"{name}: must be numbers, is of the type {column.dtype}")
     found = pd.to_numeric(column, errors="coerce") if text else column
+    if kinds.is_bool_dtype(found) or kinds.is_complex_dtype(found) or not kinds.is_numeric_dtype(found):
+        raise ValueError(f"{name}: must be numbers, is of the type {found.dtype}")
     wrong = (found.isna() & column.notna()).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
         value = reprlib.repr(column.iloc[row])
         raise ValueError(f"{name}, {place(table, row)}: is {value}, must be a number, with a decimal point")
     floats: Floats = found.to_numpy(float, na_value=np.nan)
+    beyond = np.isfinite(floats) & (np.abs(floats) > LARGEST)
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        raise ValueError(f"{name}, {place(table, row)}: is {floats[row]:g}, must be in [-{LARGEST:g}, {LARGEST:g}]")
     return floats
 
 

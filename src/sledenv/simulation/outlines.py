@@ -258,6 +258,11 @@ def hull_of_circles(circles: Floats, parts: Sequence[str], sides: Sequence[str])
 
     ``parts`` has a name for each circle, ``sides`` one for the straight side that follows it clockwise. Circles within
     others are left out, and so is what sticks out by no more than rounding. A circle may have several of the arcs.
+
+    Raises
+    ------
+    ValueError
+        If squares of the numbers overflow or vanish, so that no hull can be told.
     """
     rows = zip(circles.tolist(), parts, sides, strict=True)
     given = [Arc(x, y, r, -math.pi, part, side) for (x, y, r), part, side in rows]
@@ -268,12 +273,14 @@ def hull_of_circles(circles: Floats, parts: Sequence[str], sides: Sequence[str])
     now = now._replace(begin=angle_of(-now.x, -now.y))  # its point that is furthest from the origin is on the hull
     arcs: list[Arc] = []
     gone = 0.0
-    while True:
+    for _ in range(2 * len(left)):  # a hull of n circles has at most 2n - 1 arcs
         turn, now = _next_of(now, left)
         gone += turn
         if gone >= TURN:
             return in_order(arcs)
         arcs.append(now)
+    largest = float(np.abs(circles).max())
+    raise ValueError(f"circles: no hull can be told of them, the largest of their numbers being {largest:g} m")
 
 
 def _not_within(circles: list[Arc]) -> list[Arc]:

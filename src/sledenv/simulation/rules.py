@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -40,6 +41,8 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     except (TypeError, ValueError):
         comma = "," if allowed.startswith("a ") else ""
         raise TypeError(f"{owner}.{field} = {value!r}: must be a number{comma} {allowed}") from None
+    except OverflowError:  # an integer that no float holds
+        raise ValueError(f"{owner}.{field} = {reprlib.repr(value)}: must be {allowed}") from None
     if not accepts(number):
         raise ValueError(f"{owner}.{field} = {value!r}: must be {allowed}")
     return number

@@ -130,7 +130,11 @@ def _middle(ends: list[Circle]) -> tuple[float, float, float]:
 
 def _on_runners(arcs: tuple[Arc, ...], bow_radius: float) -> tuple[Arc, ...]:
     """Bend the straight side between the ends of the runners."""
-    k = next(k for k, arc in enumerate(arcs) if arc.part == RUNNER and arcs[(k + 1) % len(arcs)].part == RUNNER)
+    following = [*arcs[1:], arcs[0]]
+    sides = [k for k, arc in enumerate(arcs) if arc.part == following[k].part == RUNNER]
+    if not sides:
+        raise ValueError("sled: the runners must be on the outline: the rider is too large, or lies too far off")
+    (k,) = sides
     try:
         return bulged(arcs, k, bow_radius, RUNNER)
     except ValueError as error:

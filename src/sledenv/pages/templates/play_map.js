@@ -249,14 +249,16 @@ function marksShown() {
 /* In the unit that a reader sees; what is not chosen is the context's. */
 const placeOfMark = ({ launch }, name) => (launch[name] ?? here().values[name]) / PARAMETERS[name].factor;
 
+let written = "";
+
 function drawMarks() {
-  $("marks").innerHTML = marksShown()
-    .map(
-      ({ name, sign, colour, expected }, i) =>
-        `<button type="button" data-mark="${i}"><i style="background:${colour}">${escaped(sign)}</i>` +
-        `${escaped(name)} ${fixed(expected, 3)}</button>`,
-    )
-    .join("");
+  const buttons = marksShown().map(
+    ({ name, sign, colour, expected }, i) =>
+      `<button type="button" data-mark="${i}"><i style="background:${colour}">${escaped(sign)}</i>` +
+      `${escaped(name)} ${fixed(expected, 3)}</button>`,
+  );
+  if (buttons.join("") === written) return; // a button that someone presses stays the same
+  $("marks").innerHTML = written = buttons.join("");
 }
 
 function drawMaps() {
@@ -275,7 +277,7 @@ function drawMaps() {
   const launch = AXES.map((name, i) => `${name} ${fixed(best[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
   $("map-words").textContent =
-    `Best of the map, a star: ${launch}, ` +
+    `Best of the map, ${marksShown().length ? "grey" : "white"} star: ${launch}, ` +
     `${trembles ? "expected " : ""}reward ${fixed(map.expected[map.best], 3)}${given}.`;
 }
 

@@ -71,7 +71,7 @@ function fillRows(names) {
     const value = shownOf(name);
     document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], value);
     const typed = $(`number-${name}`);
-    if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : value;
+    if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : Number(value.toPrecision(7));
     typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");
   }
 }
