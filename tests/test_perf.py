@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import sledenv
-from perf import env, harness, limit, methods, reference, report, versus, workloads
+from perf import env, harness, limit, methods, packs, reference, report, versus, workloads
 from perf.contact_model import START
+from sledenv.benchmark.problem import Problem
 from sledenv.kernel.records import REBOUND
 
 
@@ -184,6 +185,22 @@ def test_all_ways_to_step_run_and_a_bare_simulator_is_compared_with_itself() -> 
     alone = [row for row in rows if row["name"] == row["bare"]]
     assert len(alone) == 4
     assert all(row["of_bare"]["median"] == 1.0 for row in alone)
+
+
+@pytest.mark.jit_only
+def test_crashes_and_somersaults_of_packs_are_told() -> None:
+    """Oracle: the reward, of which a crash has its progress alone; a disc rolls over, a sled does not."""
+    exact = Problem("sled_tilt", launch_noise=(0.0, 0.0))
+    contexts = exact.contexts("test", 2)
+    rewards, crashed = packs.everywhere(exact, contexts)
+    assert crashed.any(axis=1).all()
+    assert rewards[crashed].max() <= 0.5 < rewards[~crashed].max()
+    points = packs.grid(packs.jam_map(exact, contexts[:1], packs.CELLS)[0].launches)
+    best = points[rewards.argmax(axis=1)]
+    for problem, actions, stays in ((exact, best, True), (Problem("disc"), np.zeros((2, 1)), False)):
+        drawn = problem.contexts("test", 2)
+        batch = problem.task.descend_batch(drawn, problem.task.launches(drawn, actions), keep_rebounds=True)
+        assert packs.upright(batch).tolist() == [stays, stays]
 
 
 def test_descents_part_where_a_rebound_differs() -> None:
