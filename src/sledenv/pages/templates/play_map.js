@@ -167,7 +167,7 @@ function pictureOf(values) {
 
 function chartOf(svg, [x, y]) {
   const width = Math.max(svg.parentElement.clientWidth, 200);
-  const [left, right, top, bottom] = [44, 16, 6, 38];
+  const [left, right, top, bottom] = [44, 16, 14, 38];
   const height = top + bottom + clamp(0.72 * (width - left - right), 170, 330);
   const [w, h] = [width - left - right, height - top - bottom];
   const column = (value) => left + ((value - x.low) / (x.high - x.low)) * w;
