@@ -121,6 +121,11 @@ def visit(page: Browser, file: Path, address: str = "") -> None:
     wait_until(page, "shown !== null && !asking")
 
 
+def wait_for_map(page: Browser) -> None:
+    """Wait until nothing below the maps moves any more, and nothing in them."""
+    wait_until(page, "map?.complete && !asking && !drawing")
+
+
 def put(page: Browser, name: str, value: float) -> None:
     """Type a number, and wait for the descent that follows."""
     page.run(
@@ -346,6 +351,7 @@ def test_the_table_can_be_saved(page: Browser) -> None:
     for name, cells in expected.items():
         found = [row[name] for row in rows]
         assert (found if isinstance(cells[0], str) else list(map(float, found))) == cells, name
+    wait_for_map(page)
     page.click("#csv")
 
 
@@ -361,6 +367,7 @@ def test_the_film_holds_impacts_as_that_of_the_replay_does(page: Browser) -> Non
     page.click("#play")
     wait_until(page, "$('play').textContent === 'Play' && position > 0")
     assert float(page.text("#time").removesuffix(" s")) == pytest.approx(descent.time, abs=1e-4)
+    wait_for_map(page)
     page.click("#rebounds tbody tr")
     assert page.run("return document.querySelectorAll('#cone, #force').length") == 2
 
@@ -390,6 +397,7 @@ def test_the_launch_can_be_dragged(page: Browser, what: str, kind: str) -> None:
 @pytest.mark.jit_only
 def test_the_cone_of_a_rebound_and_the_ledger_are_those_of_the_descent(page: Browser) -> None:
     """Oracle: the records and the ledger of ``simulate``."""
+    wait_for_map(page)
     descent = in_python(*drawn("sled_snow"))
     for i, rebound in enumerate(descent.rebounds):
         page.click(f"[data-rebound='{i}']")
@@ -426,10 +434,6 @@ def test_a_launch_is_kept_to_compare(page: Browser, file: Path) -> None:
 
 
 # Maps and clouds.
-
-
-def wait_for_map(page: Browser) -> None:
-    wait_until(page, "map?.complete && !asking && !drawing")
 
 
 def rewards_of(page: Browser) -> np.ndarray:
@@ -515,7 +519,7 @@ def test_a_click_on_a_map_chooses_a_launch(page: Browser) -> None:
 def test_a_cloud_is_of_normal_errors(page: Browser) -> None:
     """Oracle: moments of the draws; ``simulate`` of each of them."""
     wait_until(page, "cloud?.paths")
-    draws = np.array(page.run("return NORMAL"))
+    draws = np.array(page.run("return NORMAL"))[[k for i in range(8) for k in range(i, 64, 8)]]  # as workers share them
     assert draws.shape == (64, 2)
     assert draws.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.06)
     assert draws.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.1)

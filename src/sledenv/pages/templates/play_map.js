@@ -167,7 +167,7 @@ function pictureOf(values) {
 
 function chartOf(svg, [x, y]) {
   const width = Math.max(svg.parentElement.clientWidth, 200);
-  const [left, right, top, bottom] = [44, 16, 6, 38];
+  const [left, right, top, bottom] = [44, 16, 14, 38];
   const height = top + bottom + clamp(0.72 * (width - left - right), 170, 330);
   const [w, h] = [width - left - right, height - top - bottom];
   const column = (value) => left + ((value - x.low) / (x.high - x.low)) * w;
@@ -268,7 +268,7 @@ function drawMaps() {
   $("trembling").hidden = !trembles;
   drawChart($("map"), map.rewards);
   if (trembles) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
-  $("best").hidden = map.best < 0;
+  $("best").disabled = map.best < 0;
   if (map.best < 0) {
     $("map-words").textContent = `${map.count} of ${CELLS * CELLS} launches simulated`;
     return;
@@ -351,9 +351,9 @@ async function refreshCloud() {
   }));
   const setting = sceneOf();
   try {
-    const halves = [launches.slice(0, DRAWS / 2), launches.slice(DRAWS / 2)];
+    const parts = Array.from({ length: 8 }, (_, i) => launches.filter((_launch, k) => k % 8 === i));
     const found = await Promise.all(
-      halves.map((half) => crew.ask({ task: "paths", scene: setting, launches: half }, 5, true)),
+      parts.map((part) => crew.ask({ task: "paths", scene: setting, launches: part }, 5, true)),
     );
     if (cloud !== own) return;
     own.paths = found.flat();

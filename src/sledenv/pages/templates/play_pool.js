@@ -57,7 +57,7 @@ class Pool {
       hand.timer = setTimeout(() => {
         hand.worker.terminate();
         this.#hire();
-        task.reject(new Error(`stopped after ${PATIENCE} s`));
+        task.reject(new Error(`stopped after ${task.seconds} s`));
       }, 1e3 * task.seconds);
     hand.worker.postMessage(task.message);
   }

@@ -89,7 +89,13 @@ function pushAt(t) {
   return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest };
 }
 
-const pointsOf = ({ x, y }) => x.map((one, i) => [one, y[i]]);
+/* Some points of a path, enough to say where it goes: a function takes no more arguments than some ten thousand. */
+function pointsOf({ x, y }) {
+  const step = Math.ceil(x.length / 2000);
+  return x.map((one, i) => [one, y[i]]).filter((_, i) => i % step === 0 || i === x.length - 1);
+}
+
+const extent = (values) => values.reduce(([low, high], one) => [Math.min(low, one), Math.max(high, one)], [0, 0]);
 
 /* The scale stays as it is while something is dragged. */
 function fit() {
@@ -144,7 +150,7 @@ function visible({ x, y }) {
 function drawPath() {
   const { rows, rebounds } = shown;
   scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
-  $("land").innerHTML = scene.ground(Math.min(...rows.x), Math.max(...rows.x));
+  $("land").innerHTML = scene.ground(...extent(rows.x));
   $("trace").innerHTML =
     [...rebounds.x_contact].map((place) => scene.contact(place, place)).join("") +
     strobe(shown).map(poseAt).join("") +
