@@ -112,7 +112,7 @@ def _array(name: str, value: Any) -> NDArray[np.float64]:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.asarray(None)
-    if array.dtype.kind not in "biuf":
+    if array.dtype.kind not in "iuf":
         raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
     return np.asarray(array, np.float64)
 

@@ -76,7 +76,7 @@ def study(
     one = given if isinstance(given, Study) else load_study(given)
     if launches is not None:
         one = one.model_copy(update={"launches": checked_count("launches", launches)})
-    run = runner(workers, ray)
+    run = runner(None if workers is None else checked_count("workers", workers), ray)
     folder = Path(out).resolve()  # a worker of a cluster may work elsewhere
     check_free(folder, os.fspath(out), {*FILES, *(entry.name for entry in folder.glob(".*"))})
     drawn = draws(one)
