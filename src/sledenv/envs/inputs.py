@@ -73,7 +73,9 @@ def checked_actions(
     if not fine[acting].all():
         lane = int(np.arange(lanes)[acting][np.argmin(fine[acting].all(axis=1))])
         name = "action" if lanes == 1 else f"actions[{lane}]"
-        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
+        bounds = f"[{space.low.min()}, {space.high.max()}]"
+        hint = "; gymnasium.wrappers.ClipAction puts others there" if np.isfinite(given[lane]).all() else ""
+        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within {bounds}{hint}")
     return within
 
 
