@@ -102,10 +102,10 @@ trial: ## install the wheel in an empty environment and try every command in an 
 versions: ## run the fast tests with the lowest and the newest versions of all dependencies (VERSIONS="lowest tests/envs")
 	PYTHON=$(PYTHON) .ci/versions $(VERSIONS)
 
-# Moviepy and array-api-compat are what tests of Gymnasium's wrappers need besides.
+# Moviepy, Box2D and array-api-compat are what tests of Gymnasium's wrappers need besides.
 gymnasium-tests: $(STAMP) ## run Gymnasium's own tests with these environments (GYMNASIUM=folder of a checkout)
 	@test -n "$(GYMNASIUM)" || { echo "name a checkout of Gymnasium: make $@ GYMNASIUM=../Gymnasium" >&2; exit 1; }
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill array-api-compat array-api-extra
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill Box2D array-api-compat array-api-extra
 	SDL_VIDEODRIVER=dummy $(BIN)/python -m tests.gymnasium_suite $(GYMNASIUM)
 
 lint: $(STAMP) ## check style, types, the direction of imports, and the templates of pages

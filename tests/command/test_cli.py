@@ -180,7 +180,8 @@ def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert capsys.readouterr().out == f"replay: wrote {page}\n"
         assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
         text = page.read_text(encoding="utf-8")
-        assert '"title":"ice_drop, seed 3, solver compliant"' in text
+        title = load_scenario(own_pack("ice_drop")).title
+        assert f'"title":"{title}, draw 3, compliant surfaces"' in text
         assert f"spin {spin}00 rad/s" in text
     assert main(["replay", own_pack("ice_drop"), "--out", str(page), "--json"]) == 0
     written = {"scenario": "ice_drop", "seed": 0, "solver": "compliant", "written": [str(page)]}
@@ -337,7 +338,13 @@ def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.C
     assert "must end in .png" in refused(capsys, "map", own_pack("ice_drop"), "--out", str(tmp_path / "map.pdf"))
 
 
-def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def interrupted(*given: object, **named: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_benchmark_runs_a_suite_and_writes_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Oracle: the page names the agents; a second call finds everything done."""
     agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
     suite = tmp_path / "two.yaml"
@@ -346,6 +353,15 @@ def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: py
     )
     (tmp_path / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
     call = ["benchmark", "--suite", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]
+    with monkeypatch.context() as patch:
+        patch.setattr("sledenv.benchmark.runner.run_suite", interrupted)
+        assert main(call) == 130
+    assert capsys.readouterr() == (
+        "",
+        "benchmark: suite two, Two: 3 jobs (3 agents with their seeds, scenarios: 1), each judged in 3 contexts; "
+        f"results go to {tmp_path / 'out'}\n"
+        "sledenv benchmark: interrupted; the same command goes on where it was\n",
+    )
     assert main(call) == 0
     page = tmp_path / "out" / "report" / "index.html"
     assert "best fixed" in page.read_text()

@@ -71,6 +71,31 @@ def test_study_refuses(
     assert [path.name for path in tmp_path.iterdir()] == ["drop.yaml"]
 
 
+@pytest.mark.parametrize(("launches", "planned", "rounded"), [(6, 6, False), (7, 12, True)])
+def test_what_is_about_to_be_done_is_told_and_how_to_go_on(
+    launches: int,
+    planned: int,
+    rounded: bool,
+    file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Oracle: groups of three launches, of which there is a power of two."""
+
+    def interrupted(*given: object, **named: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sledenv.uncertainty.study", interrupted)
+    folder = tmp_path / "out"
+    assert main(["study", str(file), "--out", str(folder), "--launches", str(launches)]) == 130
+    out, err = capsys.readouterr()
+    first, second = err.splitlines()
+    more = f", for {launches} asked for: they come in groups of 3, a power of two of groups" if rounded else ""
+    assert (out, first) == ("", f"study: drop: {planned} launches{more}; results go to {folder}")
+    assert second == "sledenv study: interrupted; the same command goes on where it was"
+
+
 def test_without_the_extra_the_command_to_install_it_is_named() -> None:
     """Oracle: a process in which SALib cannot be imported; import sledenv alone loads neither pandas nor scipy."""
     program = (

@@ -27,6 +27,7 @@ from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.rules import checked_count
 from sledenv.simulation.settings import BatchSolver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
@@ -67,7 +68,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
     """
     folder = folder.resolve()  # a worker of a cluster may work elsewhere
     jobs = list(suite.jobs())
-    run = runner(workers, ray)
+    run = runner(None if workers is None else checked_count("workers", workers), ray)
     for part in ("trained", "judged", "searched"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     with alone(folder / ".lock", wait=False):

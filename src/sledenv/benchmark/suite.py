@@ -106,6 +106,16 @@ class Suite(Document):
             raise ValueError(f"must be 'all' or list fields of the context, {', '.join(Context._fields)}")
         return observe
 
+    @property
+    def words(self) -> str:
+        """What is to be done, for a reader."""
+        seeds = sum(sum(agents.values()) for agents in self.agents.values())
+        agents = len({module for agents in self.agents.values() for module in agents})
+        jobs = (
+            f"{seeds * len(self.scenarios)} jobs ({agents} agents with their seeds, scenarios: {len(self.scenarios)})"
+        )
+        return f"suite {self.id}, {self.title}: {jobs}, each judged in {self.contexts} contexts"
+
     def problem(self, scenario: str, environment: Environment = "launch") -> Problem:
         """Return what the agents of the suite are given in a scenario."""
         return Problem(scenario, environment, **self._given())

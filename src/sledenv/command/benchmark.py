@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sledenv.command.arguments import File, Folder, Json, Ray, ScenarioName, Seed, Seeds, SuiteName, Workers
-from sledenv.command.running import DPI, taken, tell, working
+from sledenv.command.running import DPI, progress, resumable, taken, tell, working
 
 
 def draw_map(
@@ -92,7 +92,10 @@ def benchmark(
     from sledenv.benchmark.tables import shown
 
     one = Suite.load(suite)
-    folder = run_suite(one, out or Path("runs/benchmark") / one.id, workers=workers, ray=ray)
+    folder = out or Path("runs/benchmark") / one.id
+    progress("benchmark")(f"{one.words}; results go to {folder}")
+    with resumable():
+        folder = run_suite(one, folder, workers=workers, ray=ray)
     results = read_results(folder)
     page, found = write_report(results, folder / "report"), scores(results)
     if not json:

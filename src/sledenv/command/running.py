@@ -79,8 +79,8 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         return _told(f"{name}: error: {error}", WRONG)
     except (MemoryError, GivenCodeError) as error:
         return _told(f"{name}: error: {error}", FAILED)
-    except KeyboardInterrupt:
-        return _told(f"{name}: interrupted", _INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return _told(f"{name}: interrupted{error}", _INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
     return status or 0
@@ -141,6 +141,15 @@ def working(words: str) -> Iterator[None]:
     with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as shown:
         shown.add_task(words, total=None)
         yield
+
+
+@contextmanager
+def resumable() -> Iterator[None]:
+    """Let an interrupt in this context be told with how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("; the same command goes on where it was") from None
 
 
 def progress(name: str) -> Callable[[str], None]:

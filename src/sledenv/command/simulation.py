@@ -204,7 +204,7 @@ def replay(
     with ExitStack() as places:
         page = taken(places, "--out", replacing(out, ".html", ".htm"))
         asked = _asked(scenario, launch, solver)
-        page.write_text(replay_page(_descend(asked, "trajectory"), asked.title), encoding="utf-8")
+        page.write_text(replay_page(_descend(asked, "trajectory"), asked.heading), encoding="utf-8")
     tell(f"replay: wrote {out}", asked.named | {"written": [out]}, json)
 
 
@@ -250,6 +250,7 @@ class _Asked(NamedTuple):
     """Which descent the arguments mean."""
 
     named: dict[str, Any]
+    words: str  # title of the scenario
     given: tuple[Body, ContactLaw, Slope, State]
     settings: Settings
 
@@ -257,6 +258,12 @@ class _Asked(NamedTuple):
     def title(self) -> str:
         """Its name."""
         return "{scenario}, seed {seed}, solver {solver}".format(**self.named)
+
+    @property
+    def heading(self) -> str:
+        """Its name for a page: whoever opens it may know neither the command nor its options."""
+        surfaces = {"compliant": "compliant surfaces", "rigid": "rigid surfaces", "euler": "by Euler's method"}
+        return f"{self.words}, draw {self.named['seed']}, {surfaces[self.named['solver']]}"
 
 
 def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
@@ -274,6 +281,7 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
     launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
     return _Asked(
         {"scenario": scenario.id, "seed": chosen.seed, "solver": solver},
+        scenario.title,
         (scenario.body(context), scenario.law(context), scenario.slope(context), launch),
         scenario.settings(solver),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sledenv.command.arguments import Count, Folder, Json, Ray, StudyName, Workers
-from sledenv.command.running import tell
+from sledenv.command.running import progress, resumable, tell
 
 
 def study(
@@ -35,10 +35,16 @@ def study(
     """
     from sledenv.uncertainty import load_study
     from sledenv.uncertainty import study as simulate_study
+    from sledenv.uncertainty.run import launches_of
 
     given = load_study(study)
     folder = out or Path("runs/study") / given.id
-    found = simulate_study(given, folder, launches=launches, workers=workers, ray=ray)
+    asked = launches or given.launches
+    planned = launches_of(given.model_copy(update={"launches": asked}))
+    more = f", for {asked} asked for: they come in groups of {len(given.parameters) + 2}, a power of two of groups"
+    progress("study")(f"{given.id}: {planned} launches{more if planned > asked else ''}; results go to {folder}")
+    with resumable():
+        found = simulate_study(given, folder, launches=launches, workers=workers, ray=ray)
     title = f"{given.id}, {found.launches} launches, solver {given.solver}: {given.question or given.title}"
     tables = {name: getattr(found, name) for name in ("shares", "quantiles", "envelopes", "sobol")}
     named = {"study": given.id, "launches": found.launches, "solver": given.solver}

@@ -73,7 +73,9 @@ def checked_actions(
     if not fine[acting].all():
         lane = int(np.arange(lanes)[acting][np.argmin(fine[acting].all(axis=1))])
         name = "action" if lanes == 1 else f"actions[{lane}]"
-        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within [{space.low.min()}, {space.high.max()}]")
+        bounds = f"[{space.low.min()}, {space.high.max()}]"
+        hint = "; gymnasium.wrappers.ClipAction puts others there" if np.isfinite(given[lane]).all() else ""
+        raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within {bounds}{hint}")
     return within
 
 
@@ -112,7 +114,7 @@ def _array(name: str, value: Any) -> NDArray[np.float64]:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.asarray(None)
-    if array.dtype.kind not in "biuf":
+    if array.dtype.kind not in "iuf":
         raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
     return np.asarray(array, np.float64)
 

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from sledenv.envs.info import checked_info
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.machine.extras import needs
 
@@ -44,12 +45,13 @@ def make_vec_env(
     info : sequence of str
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
     """
+    given = checked_info(info)
     env = gym.make_vec(
         env_id,
         num_envs=n_envs,
         vectorization_mode="vector_entry_point",
         autoreset_mode=AutoresetMode.SAME_STEP.value,
-        info=tuple(info),
+        info=given,
         **(env_kwargs or {}),
     )
     adapter = SledVecEnv(env)
@@ -74,7 +76,7 @@ class SledVecEnv(VecEnv):
     """
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any]) -> None:
-        native = env.unwrapped
+        native = getattr(env, "unwrapped", None)
         if env is not native or not isinstance(native, SledVectorEnv):
             raise TypeError(f"env = {env!r}: must be a native vector environment, not wrapped")
         if native.autoreset_mode is not AutoresetMode.SAME_STEP:
@@ -86,6 +88,8 @@ class SledVecEnv(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Begin an episode in every lane, with the seeds and options set for this reset."""
         seeds, options = self._seeds, self._options
+        if len(options) != self.num_envs:
+            raise ValueError(f"options has {len(options)} entries: must be one a lane, {self.num_envs}")
         self._reset_seeds()
         self._reset_options()
         observations, info = self.env.reset(

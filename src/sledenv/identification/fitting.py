@@ -15,7 +15,7 @@ from sledenv.identification.covariance import Covariance, covariance_at
 from sledenv.identification.intervals import Interval, LocalMinimumError, profile_end
 from sledenv.identification.minimisation import LIMIT, minimise
 from sledenv.identification.objective import Floats, Problem
-from sledenv.simulation.rules import checked, checked_count
+from sledenv.simulation.rules import checked, checked_count, checked_seed
 
 _SAME = 1e-3  # of its scale: values of a parameter that differ by less belong to one minimum
 _EXACT = 1e-8  # a residual that counts as zero
@@ -185,6 +185,7 @@ def solve(
     if not problem.free:
         raise ValueError(f"fixed = {dict(problem.fixed)!r}: must leave a parameter to fit")
     checked_count("starts", starts)
+    seed = checked_seed(seed)
     free = [problem.parameter(name) for name in problem.free]
     low, high = np.array([(one.low, one.high) for one in free]).T
     first = 0.5 * (low + high) if start is None else np.array([start.get(one.name, np.nan) for one in free])

@@ -12,6 +12,7 @@ from sledenv.identification.fitting import Fit, solve
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.identification.rebounds import Rebounds
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
+from sledenv.simulation.rules import checked_mapping, checked_pair
 
 _MOST_FRICTION = 2.0
 _MOST_SOFTENING = 1.0
@@ -99,11 +100,12 @@ class ImpactModel:
         unused = {} if rebounds.corner.any() else {"corner_rolling_arm": 0.0}
         if rebounds.corner.all():
             unused = {"rolling_arm": 0.0}
-        limits = dict(bounds or {})
+        limits = dict(checked_mapping("bounds", bounds))
         parameters = self.parameters(rebounds.gyration_radius)
         for name in limits:
             if name not in [one.name for one in parameters]:
                 raise ValueError(f"bounds: {name!r} is no parameter")
+            checked_pair(f"bounds, {name!r}", limits[name])
         problem = Problem(
             [one._replace(low=low, high=high) for one in parameters for low, high in [limits.get(one.name, one[2:4])]],
             lambda values: rebounds.residuals(self.velocities(rebounds, values)),
@@ -120,4 +122,4 @@ class ImpactModel:
                 f"more rebounds than {len(problem.free) / 3:.3g}, or fix parameters"
             )
         usual = {one.name: min(max(_USUAL.get(one.name, 0.0), one.low), one.high) for one in problem.parameters}
-        return solve(problem, {**usual, **(start or {})}, starts=starts, seed=seed)
+        return solve(problem, {**usual, **checked_mapping("start", start)}, starts=starts, seed=seed)

@@ -19,7 +19,7 @@ from sledenv.identification.objective import Floats
 from sledenv.identification.rebounds import Rebounds, read_rebounds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis
-from sledenv.simulation.rules import checked_choice
+from sledenv.simulation.rules import checked_choice, checked_flag, checked_mapping
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,8 @@ def identify(
     """
     checked_choice("hypothesis", hypothesis, get_args(Hypothesis))
     rebounds = read_rebounds(table, body, gyration_radius=gyration_radius)
-    held = {**({} if speed_dependent else {"softening": 0.0}), **(fixed or {})}
+    softens = checked_flag("speed_dependent", speed_dependent)
+    held = {**({} if softens else {"softening": 0.0}), **checked_mapping("fixed", fixed)}
     speed = float(np.median(rebounds.approach)) if "softening" not in held else 1.0
     model = ImpactModel(hypothesis, held, speed)
     fit = model.fit(rebounds, **settings)

@@ -21,6 +21,8 @@ _ROW: Final = "row"  # of any other table: its rows, counted from 0
 
 def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
     """Read a CSV or Parquet file, or raise OSError or ValueError."""
+    if not isinstance(place, str | os.PathLike):
+        raise TypeError(f"table = {place!r}: must be a DataFrame or the path of a file")
     file = Path(place)
     kind = file.suffix.lower()
     if kind not in (".csv", ".parquet"):

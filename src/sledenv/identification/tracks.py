@@ -24,7 +24,15 @@ from sledenv.pages.replay import Ghost
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
+from sledenv.simulation.rules import (
+    POSITIVE,
+    checked,
+    checked_choice,
+    checked_mapping,
+    checked_pair,
+    checked_seed,
+    made,
+)
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
 
@@ -96,15 +104,15 @@ def identify_tracks(
     body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
     known = None
     if noise is not None:
-        names = zip(Noise._fields, noise, strict=True)
+        names = zip(Noise._fields, checked_pair("noise", noise), strict=True)
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
-    held = known_of(fixed or {}, bounds or {}, solver)
+    held = known_of(checked_mapping("fixed", fixed), checked_mapping("bounds", bounds), solver)
     recordings = recordings_of(table, reach(body), known)
     check_frame(body, slope, recordings)
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, bounds or {}), loss)
     if solver == "rigid":
         held[STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
-    search = Search(model, held, np.random.default_rng(seed))
+    search = Search(model, held, np.random.default_rng(checked_seed(seed)))
     fits = search.run()
     if not fits:
         raise ValueError(_nothing_told(search))

@@ -165,7 +165,14 @@ class Scenario(Document):
         rng : Generator
         split : {"train", "validation", "test"}, optional
             As for :meth:`contexts`.
+
+        Raises
+        ------
+        TypeError
+            If ``rng`` is no random generator of numpy.
         """
+        if not isinstance(rng, np.random.Generator):
+            raise TypeError(f"rng = {rng!r}: must be a numpy.random.Generator, such as numpy.random.default_rng(0)")
         return Context(*self.contexts(rng.random(len(Context._fields)), split).tolist())
 
     def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 _T = TypeVar("_T", bound=tuple[Any, ...])
+_V = TypeVar("_V")
 
 Rule = tuple[Callable[[Any], Any], str]  # what accepts a float, or each entry of an array; what it accepts, in words
 
@@ -35,7 +36,7 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     if type(value) is float and accepts(value):
         return value
     try:
-        if isinstance(value, str | bytes) or getattr(value, "dtype", np.dtype(float)).kind not in "biuf":
+        if isinstance(value, str | bytes | bool) or getattr(value, "dtype", np.dtype(float)).kind not in "iuf":
             raise TypeError
         number = float(value)
     except (TypeError, ValueError):
@@ -135,6 +136,30 @@ def checked_count(name: str, value: int) -> int:
     if value < 1:
         raise ValueError(f"{name} = {value!r}: must be an integer >= 1")
     return int(value)
+
+
+def checked_seed(value: int) -> int:
+    """Return a seed, an integer at or above 0, or raise TypeError or ValueError."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"seed = {value!r}: must be an integer >= 0")
+    if value < 0:
+        raise ValueError(f"seed = {value!r}: must be an integer >= 0")
+    return int(value)
+
+
+def checked_pair(name: str, value: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Return two of something, or raise TypeError."""
+    if not isinstance(value, tuple | list | np.ndarray) or len(value) != 2:
+        raise TypeError(f"{name} = {value!r}: must be a pair")
+    first, second = value
+    return first, second
+
+
+def checked_mapping(name: str, value: Mapping[str, _V] | None) -> Mapping[str, _V]:
+    """Return what is given by names, nothing for None, or raise TypeError."""
+    if not isinstance(value, Mapping | None):
+        raise TypeError(f"{name} = {value!r}: must be a mapping of names to values")
+    return value or {}
 
 
 def checked_flag(name: str, value: bool) -> bool:

@@ -116,7 +116,7 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
     idle |= absent
     if given is None:
         return tuple(name for name in PARAMETERS if name not in idle)
-    if isinstance(given, str) or not given:
+    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
         raise ValueError(f"parameters = {given!r}: must be a sequence of names, at least one")
     for name in given:
         checked_choice("parameters", name, tuple(PARAMETERS))

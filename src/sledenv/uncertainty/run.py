@@ -76,7 +76,7 @@ def study(
     one = given if isinstance(given, Study) else load_study(given)
     if launches is not None:
         one = one.model_copy(update={"launches": checked_count("launches", launches)})
-    run = runner(workers, ray)
+    run = runner(None if workers is None else checked_count("workers", workers), ray)
     folder = Path(out).resolve()  # a worker of a cluster may work elsewhere
     check_free(folder, os.fspath(out), {*FILES, *(entry.name for entry in folder.glob(".*"))})
     drawn = draws(one)
@@ -95,6 +95,12 @@ def study(
     return result
 
 
+def launches_of(one: Study) -> int:
+    """Return how many launches a study takes: at least as many as it says, a power of two of Saltelli's groups."""
+    group = len(one.parameters) + 2
+    return group << max((-(-one.launches // group) - 1).bit_length(), 0)
+
+
 def draws(one: Study) -> NDArray[np.float64]:
     """Return the draws in (0, 1) of a study, shape (groups * (parameters + 2), parameters), by Saltelli's scheme.
 
@@ -102,7 +108,7 @@ def draws(one: Study) -> NDArray[np.float64]:
     other. More launches are the same ones and others after them.
     """
     count = len(one.parameters)
-    groups = 1 << max((-(-one.launches // (count + 2)) - 1).bit_length(), 0)
+    groups = launches_of(one) // (count + 2)
     problem = {"num_vars": count, "names": list(one.parameters), "bounds": [[0.0, 1.0]] * count}
     sample = sobol.sample(problem, groups, calc_second_order=False, seed=one.seed)
     return np.asarray(sample + EDGE, dtype=np.float64)  # neither 0 nor 1

@@ -1,0 +1,87 @@
+"""What is given to public functions and is not what they take is refused by name, not by words of Python's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sledenv
+from sledenv import ContactLaw, Slope, State
+from sledenv.envs.launch import SledLaunch
+from sledenv.envs.sb3 import SledVecEnv, make_vec_env
+from sledenv.identification.tracks import identify_tracks
+
+ID = "sledenv/SledLaunch-v0"
+
+
+def rebounds() -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    names = [f"{name}_{when}" for when in ("before", "after") for name in ("u", "v", "omega")]
+    units = {"u": "m_s", "v": "m_s", "omega": "rad_s"}
+    table = pd.DataFrame(rng.uniform(0.5, 1.0, (20, 6)), columns=[f"{n}_{units[n.split('_')[0]]}" for n in names])
+    table["v_before_m_s"] *= -1.0
+    return table.assign(a_m=rng.uniform(-0.1, 0.1, 20), b_m=0.2)
+
+
+def fitted(**given: Any) -> Any:
+    return sledenv.identify(rebounds(), **{"gyration_radius": 0.3, "starts": 1} | given)
+
+
+def tracked(**given: Any) -> Any:
+    t = np.arange(9.0)
+    poses = pd.DataFrame({"t_s": t, "x_m": t, "y_m": 1.0, "phi_rad": 0.0})
+    return identify_tracks(poses, sledenv.disc(1.0, 0.5), Slope(0.1), **given)
+
+
+def differentiated(parameters: Any) -> Any:
+    launch = State(0.0, 1.0, 0.0, 1.0, -1.0, 0.0)
+    return sledenv.sensitivity(
+        sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1), launch, parameters=parameters
+    )
+
+
+def reset(context: dict[str, Any]) -> Any:
+    return SledLaunch("sled_snow").reset(options={"context": context})
+
+
+def with_options(count: int) -> Any:
+    envs = make_vec_env(ID, 3)
+    envs.set_options([{}] * count)
+    return envs.reset()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fitted(speed_dependent="x"), "speed_dependent = 'x': must be True or False"),
+        (lambda: fitted(seed=True), "seed = True: must be an integer >= 0"),
+        (lambda: fitted(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: fitted(fixed=5), "fixed = 5: must be a mapping of names to values"),
+        (lambda: fitted(bounds=5), "bounds = 5: must be a mapping of names to values"),
+        (lambda: fitted(bounds={"friction": 5}), "bounds, 'friction' = 5: must be a pair"),
+        (lambda: fitted(start=5), "start = 5: must be a mapping of names to values"),
+        (lambda: sledenv.identify(None), "table = None: must be a DataFrame or the path of a file"),
+        (lambda: tracked(noise=5), "noise = 5: must be a pair"),
+        (lambda: tracked(fixed=5), "fixed = 5: must be a mapping of names to values"),
+        (lambda: tracked(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: sledenv.study("push_off", "out", workers=0), "workers = 0: must be an integer >= 1"),
+        (lambda: ContactLaw(1e6, 0.5, True, 0.0), "ContactLaw.friction = True: must be a number"),
+        (lambda: State(0.0, 1.0, np.True_, 1.0, -1.0, 0.0), "State.phi = np.True_: must be a number"),
+        (lambda: Slope(10**400), "Slope.angle = 1000"),
+        (lambda: reset({"speed": True}), "context.speed = True: must be a number"),
+        (lambda: differentiated(5), "parameters = 5: must be a sequence of names, at least one"),
+        (lambda: sledenv.load_scenario("sled_snow").sample(None), "rng = None: must be a numpy.random.Generator"),
+        (lambda: SledVecEnv(None), "env = None: must be a native vector environment, not wrapped"),
+        (lambda: make_vec_env(ID, 2, info=None), "info = None: must be a sequence of any of 'context', 'launch'"),
+        (lambda: with_options(2), "options has 2 entries: must be one a lane, 3"),
+    ],
+)
+def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: str) -> None:
+    """Oracle: the message, which has the name, the value and what is allowed."""
+    with pytest.raises((TypeError, ValueError), match=f"^{re.escape(message)}"):
+        call()
