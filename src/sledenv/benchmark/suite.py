@@ -109,7 +109,8 @@ class Suite(Document):
     @property
     def words(self) -> str:
         """What is to be done, for a reader."""
-        seeds = sum(sum(agents.values()) for agents in self.agents.values())
+        entries = [entry for agents in self.agents.values() for entry in agents.values()]
+        seeds = sum(entry.seeds * max(1, len(entry.variants)) for entry in entries)
         agents = len({module for agents in self.agents.values() for module in agents})
         jobs = (
             f"{seeds * len(self.scenarios)} jobs ({agents} agents with their seeds, scenarios: {len(self.scenarios)})"
