@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sledenv.machine.extras import needs
 
 from . import uniform_lookups
-from .lookups import Model, best_of
+from .lookups import Model
 
 with needs("benchmark", __name__):
     import cma
@@ -33,5 +33,4 @@ class Agent(uniform_lookups.Agent):
             rewards.append(model.expect(tried[-1]))
             for search, points, earned in zip(searches, asked, rewards[-1], strict=True):
                 search.tell(list(points), -earned)
-        best = best_of(np.concatenate(tried, axis=1), np.concatenate(rewards, axis=1))
-        return model.launches(best[:, np.newaxis])[:, 0].astype(np.float32)
+        return model.choose(np.concatenate(tried, axis=1), np.concatenate(rewards, axis=1))

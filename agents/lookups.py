@@ -15,14 +15,16 @@ from sledenv.envs.inputs import Contexts
 Floats = NDArray[np.float64]
 
 LEAST: Final = 8  # descents that a search can do with
+FINALISTS: Final = 4  # candidates that are judged again
 _SEED: Final = 9  # of draws that nobody is judged by
 
 
 class Model:
     """A model of the descents of contexts that an agent sees, with draws of the tremble of its own.
 
-    What is hidden is drawn too. Half as many draws as the root of the descents leave the other factor to candidates:
-    each candidate is tried with all draws, the same for all.
+    Half of the descents try candidates, all with the same few draws. The other half judges the best of these again,
+    with new draws: who is best of many by few draws is so by luck in part. What is hidden is drawn too. Where nothing
+    is drawn, all descents try candidates.
 
     Parameters
     ----------
@@ -43,13 +45,13 @@ class Model:
     """
 
     def __init__(self, problem: Problem, lookups: int, observations: NDArray[np.float32]) -> None:
-        draws = (
-            round(0.5 * math.sqrt(checked_lookups(lookups))) if problem.noise.any() or problem.task.hidden.any() else 1
-        )
-        self.candidates = lookups // draws
         self._problem, self._landing = problem, Landing(problem)
         self._contexts: Contexts = problem.task.contexts_seen(observations)
-        self._scenes = problem.scenes(self._contexts, draws, (_SEED,))
+        self._uncertain = bool(problem.noise.any() or problem.task.hidden.any())
+        half = checked_lookups(lookups) // 2
+        self._draws = round(0.5 * math.sqrt(lookups)) if self._uncertain else 1
+        self._draws_again = half // FINALISTS
+        self.candidates = half // self._draws if self._uncertain else lookups
 
     def launches(self, landings: Floats) -> Floats:
         """Return the launches of landings of shape (n, m, k), of the same shape."""
@@ -57,8 +59,25 @@ class Model:
         return self._landing.launches(rows, landings.reshape(-1, landings.shape[2])).reshape(landings.shape)
 
     def expect(self, landings: Floats) -> Floats:
-        """Return the mean rewards of landings of shape (n, m, k) over the draws, shape (n, m)."""
-        return self._problem.expect(self._scenes, self.launches(landings))
+        """Return the mean rewards of landings of shape (n, m, k), shape (n, m)."""
+        return self._earned(landings, self._draws, 0)
+
+    def choose(self, landings: Floats, rewards: Floats) -> NDArray[np.float32]:
+        """Return the launch of the best of landings of shape (n, m, k) that earn ``rewards``, shape (n, k)."""
+        if self._uncertain:
+            ranks = np.argsort(-rewards, axis=1, kind="stable")[:, :FINALISTS]
+            landings, rewards = (
+                np.take_along_axis(landings, ranks[..., np.newaxis], 1),
+                np.take_along_axis(rewards, ranks, 1),
+            )
+            again = self._earned(landings, self._draws_again, 1)
+            rewards = self._draws * rewards + self._draws_again * again
+        return self.launches(best_of(landings, rewards)[:, np.newaxis])[:, 0].astype(np.float32)
+
+    def _earned(self, landings: Floats, draws: int, number: int) -> Floats:
+        return self._problem.expect(
+            self._problem.scenes(self._contexts, draws, (_SEED, number)), self.launches(landings)
+        )
 
 
 def checked_lookups(lookups: Any) -> int:

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 from sledenv.benchmark.problem import Problem
 
-from .lookups import Model, best_of, checked_lookups
+from .lookups import Model, checked_lookups
 
 _FILE: Final = "lookups.yaml"
 
@@ -45,5 +45,4 @@ class Agent:
         model, width = Model(self._problem, self._lookups, observations), self._problem.actions
         points = qmc.Sobol(width, rng=np.random.default_rng(0)).random_base2((model.candidates - 1).bit_length())
         landings = np.tile(2.0 * points[: model.candidates] - 1.0, (len(observations), 1, 1))
-        best = best_of(landings, model.expect(landings))
-        return model.launches(best[:, np.newaxis])[:, 0].astype(np.float32)
+        return model.choose(landings, model.expect(landings))

@@ -17,11 +17,12 @@ from .lookups import Floats, Model, best_of, checked_lookups
 
 _FILE: Final = "lookups.yaml"
 APART: Final = 0.1  # of proposals, where the box is 2 wide: nearer ones would fail for the same reason
+LEAST_PROPOSALS: Final = 4
 NEAR: Final = 0.03  # standard deviation of the landings tried around the best of them
 
 
 class Agent:
-    """Tries half of its candidates where the critic rates highest, and the others around the best of these."""
+    """Tries half of its candidates, four at least, where the critic rates highest, the others around the best."""
 
     def __init__(self, problem: Problem, proposer: critic.Agent, lookups: int) -> None:
         self._problem, self._proposer, self._lookups = problem, proposer, checked_lookups(lookups)
@@ -56,11 +57,15 @@ class Agent:
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         model = Model(self._problem, self._lookups, observations)
-        proposed = self._proposer.proposals(observations, model.candidates // 2, APART)
-        rewards = model.expect(proposed)
-        rest = model.candidates - proposed.shape[1]
-        cloud = qmc.MultivariateNormalQMC(np.zeros(self._problem.actions), rng=np.random.default_rng(0)).random(rest)
-        around: Floats = self._problem.inside(best_of(proposed, rewards)[:, np.newaxis] + NEAR * cloud)
-        landings = np.concatenate([proposed, around], axis=1)
-        best = best_of(landings, np.concatenate([rewards, model.expect(around)], axis=1))
-        return model.launches(best[:, np.newaxis])[:, 0].astype(np.float32)
+        count = min(model.candidates, max(LEAST_PROPOSALS, model.candidates // 2))
+        landings = self._proposer.proposals(observations, count, APART)
+        rewards = model.expect(landings)
+        rest = model.candidates - count
+        if rest:
+            cloud = qmc.MultivariateNormalQMC(np.zeros(self._problem.actions), rng=np.random.default_rng(0)).random(
+                rest
+            )
+            around: Floats = self._problem.inside(best_of(landings, rewards)[:, np.newaxis] + NEAR * cloud)
+            landings = np.concatenate([landings, around], axis=1)
+            rewards = np.concatenate([rewards, model.expect(around)], axis=1)
+        return model.choose(landings, rewards)

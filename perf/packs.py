@@ -67,7 +67,7 @@ def mean_and_interval(values: Floats) -> tuple[float, float, float]:
 
 
 def judged(name: str, count: int = CONTEXTS, folder: Path = RUNS) -> dict[str, Any]:
-    """What a scenario asks, in numbers; for scenarios in which a rider may fall with a picture."""
+    """What a scenario asks, in numbers and a picture."""
     problem, exact = Problem(name), Problem(name, launch_noise=(0.0, 0.0))
     contexts = problem.contexts("test", count)
     best = oracle(problem, contexts, folder)
@@ -78,10 +78,8 @@ def judged(name: str, count: int = CONTEXTS, folder: Path = RUNS) -> dict[str, A
     earned = problem.expect(problem.trials(contexts, "test"), fixed[:, np.newaxis])[:, 0]
     rewards, crashed = everywhere(exact, contexts)
     aimed = problem.task.descend_batch(contexts, problem.task.launches(contexts, launches), keep_rebounds=True)
-    if problem.scenario.ends.touching is not None:
-        # The context whose margin is larger than that of nine in ten.
-        shown = int(np.argsort(reward - earned)[9 * count // 10])
-        draw(problem, contexts[[shown]], launches[[shown]], fixed[[shown]])
+    shown = int(np.argsort(reward - earned)[9 * count // 10])  # the margin is larger than that of nine contexts in ten
+    draw(problem, contexts[[shown]], launches[[shown]], fixed[[shown]])
     return {
         "contexts": count,
         "scenario": problem.scenario.hash,
