@@ -305,44 +305,11 @@ class Agent:
         parts = [self._landings(part) for part in np.array_split(observations, math.ceil(len(observations) / 64))]
         return self._landing.actions(observations, np.concatenate(parts).astype(np.float32))
 
-    def proposals(self, observations: Floats, count: int, apart: float) -> NDArray[np.float64]:
-        """Return different landings that it rates highly, the best first.
-
-        Parameters
-        ----------
-        observations : ndarray, shape (n, 11)
-        count : int
-            At most 1,024.
-        apart : float
-            Least distance of any two in one entry, where the box is 2 wide. If there is room for fewer, the others
-            are nearer.
-
-        Returns
-        -------
-        ndarray, shape (n, count, k)
-        """
-        box = np.broadcast_to(self._box, (len(observations), *self._box.shape))
-        peaks = self._peaks(observations)
-        landings = np.concatenate([peaks, box], axis=1)
-        rated = self._critic.rate(observations, landings.astype(np.float32))
-        rated[:, : peaks.shape[1]] += 1e-3  # refined, so as good as a neighbour of the box that seems better
-        found = np.empty((len(landings), count, landings.shape[2]))
-        for one, ratings, chosen in zip(landings, rated, found, strict=True):
-            left = ratings.copy()
-            for i in range(count):
-                if not np.isfinite(left).any():
-                    left = np.where(np.isin(one, chosen[:i]).all(axis=1), -np.inf, ratings)
-                chosen[i] = one[left.argmax()]
-                left[np.abs(one - chosen[i]).max(axis=1) < apart] = -np.inf
-        return found
-
     def _landings(self, observations: Floats) -> NDArray[np.float64]:
-        return self._peaks(observations)[:, 0]
-
-    def _peaks(self, observations: Floats) -> NDArray[np.float64]:
         anywhere = np.broadcast_to(self._box, (len(observations), *self._box.shape))
         cloud = np.broadcast_to(self._cloud, (len(observations), ACTING.starts, *self._cloud.shape))
-        return searched(self._problem, self._critic, observations, anywhere, ACTING, lambda *_: cloud)[0]
+        peaks, _ = searched(self._problem, self._critic, observations, anywhere, ACTING, lambda *_: cloud)
+        return peaks[:, 0]
 
 
 class _Learner:

@@ -21,10 +21,44 @@ LEAST_PROPOSALS: Final = 4
 NEAR: Final = 0.03  # standard deviation of the landings tried around the best of them
 
 
+class Proposer(critic.Agent):
+    """A critic that proposes more than one landing."""
+
+    def proposals(self, observations: NDArray[np.float32], count: int, apart: float) -> Floats:
+        """Return different landings that the critic rates highly, the one that it would do first.
+
+        Parameters
+        ----------
+        observations : ndarray, shape (n, 11)
+        count : int
+            At most 1,024.
+        apart : float
+            Least distance of any two in one entry, where the box is 2 wide. If there is room for fewer, the others
+            are nearer.
+
+        Returns
+        -------
+        ndarray, shape (n, count, k)
+        """
+        box = np.broadcast_to(self._box, (len(observations), *self._box.shape))
+        landings = np.concatenate([self._landings(observations)[:, np.newaxis], box], axis=1)
+        rated = self._critic.rate(observations, landings.astype(np.float32))
+        rated[:, 0] = np.inf
+        found = np.empty((len(landings), count, landings.shape[2]))
+        for one, ratings, chosen in zip(landings, rated, found, strict=True):
+            left = ratings.copy()
+            for i in range(count):
+                if left.max() == -np.inf:
+                    left = np.where((one[:, np.newaxis] == chosen[:i]).all(axis=2).any(axis=1), -np.inf, ratings)
+                chosen[i] = one[left.argmax()]
+                left[np.abs(one - chosen[i]).max(axis=1) < apart] = -np.inf
+        return found
+
+
 class Agent:
     """Tries half of its candidates, four at least, where the critic rates highest, the others around the best."""
 
-    def __init__(self, problem: Problem, proposer: critic.Agent, lookups: int) -> None:
+    def __init__(self, problem: Problem, proposer: Proposer, lookups: int) -> None:
         self._problem, self._proposer, self._lookups = problem, proposer, checked_lookups(lookups)
 
     @classmethod
@@ -47,13 +81,13 @@ class Agent:
         settings = dict(settings)
         lookups = checked_lookups(settings.pop("lookups"))
         (folder / _FILE).write_text(yaml.safe_dump({"lookups": lookups}))
-        return cls(problem, critic.Agent.train(problem, settings, seed, folder), lookups)
+        return cls(problem, Proposer.train(problem, settings, seed, folder), lookups)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the critic of a run."""
         lookups = yaml.safe_load((folder / _FILE).read_text())["lookups"]
-        return cls(problem, critic.Agent.load(problem, folder), lookups)
+        return cls(problem, Proposer.load(problem, folder), lookups)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         model = Model(self._problem, self._lookups, observations)

@@ -89,7 +89,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
         *(("launch", algo, "all") for algo in ("best_fixed", "cma_es", "critic", "land_flat", "random_launch", "sac")),
         *(("descent", algo, "all") for algo in ("no_trim", "ppo", "replan", "zero")),
         *(("launch", "cma_es", "speed"), ("launch", "land_flat", "spin+speed"), ("launch", "sac", "speed")),
-        *(("launch", "cma_lookups", "spin"), ("launch", "verified", "all")),
+        *(("launch", "cma_lookups", "spin+speed"), ("launch", "verified", "all")),
         ("descent", "replan", "spin+speed"),
     ],
 )

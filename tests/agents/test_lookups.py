@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from sledenv.agents import cma_lookups, critic, uniform_lookups, verified
+from sledenv.agents import cma_lookups, uniform_lookups, verified
 from sledenv.agents.lookups import Model, checked_lookups
 from sledenv.agents.train import default_settings
 from sledenv.benchmark.landing import Landing
@@ -72,7 +72,7 @@ def test_what_a_model_verifies_is_better_than_what_the_critic_would_do(
 
 def test_proposals_differ_and_the_first_is_the_best(problem: Problem, trained: verified.Agent) -> None:
     observations = seen(problem, 4)
-    proposer: critic.Agent = trained._proposer
+    proposer = trained._proposer
     proposed = proposer.proposals(observations, 12, 0.1)
     assert proposed.shape == (4, 12, 1)
     apart = np.abs(proposed - proposed.transpose(0, 2, 1)) + np.eye(12)

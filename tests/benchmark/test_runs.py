@@ -33,11 +33,13 @@ class Agent:
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2) -> str:
-    """Message of a command that ends with a status and prints nothing but this line."""
+    """Message of a command that ends with a status and prints only this line, after what it says it will do."""
     assert main(arguments) == status
     out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1), err
-    return err
+    *said, message = err.splitlines()
+    assert out == ""
+    assert [line.partition(":")[0] for line in said] == ["benchmark"] * len(said)
+    return message
 
 
 @pytest.mark.parametrize(

@@ -366,11 +366,12 @@ def test_sampling_is_reproducible_and_always_takes_eleven_draws(name: str) -> No
 def test_no_draw_leaves_its_range(one: float, other: float) -> None:
     """Oracle: the bounds, for the extreme draws 0 and 1 - 2^-53; a degenerate range gives its number exactly."""
 
-    class Extreme:
+    class Extreme(np.random.Generator):
         def __init__(self, draw: float) -> None:
+            super().__init__(np.random.PCG64(0))
             self.draw = draw
 
-        def random(self, size: int) -> np.ndarray:
+        def random(self, size: int) -> np.ndarray:  # type: ignore[override]
             return np.full(size, self.draw)
 
     low, high = sorted((one, other))
