@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import Unpack, get_args
 
 import numpy as np
@@ -121,6 +122,10 @@ class Identification:
             lines.append(f"{name!s:<20}{row['value']:>11.5g}  {reach:^25} {row['unit']:<4} {row['note']}".rstrip())
         lines += ["", f"error of the fit, relative to the speed before: mean {mean:.4f}, 90th percentile {tail:.4f}"]
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the same text."""
+        return f"<pre>{escape(str(self))}</pre>"
 
 
 def identify(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from typing import get_args
 
 import numpy as np
@@ -313,6 +314,10 @@ class TrackFit:
             reach = "" if row["note"] == "not fitted" else f"[{row['low']:.5g}, {row['high']:.5g}]"
             lines.append(f"{name!s:<20}{row['value']:>11.5g}  {reach:^25} {row['unit']:<4} {row['note']}".rstrip())
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the same text."""
+        return f"<pre>{escape(str(self))}</pre>"
 
     def descent(self, name: str | None = None, time: float | None = None) -> Descent:
         """Simulate a recording's descent, with its trajectory, for as long as it was recorded or for ``time`` [s]."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from operator import itemgetter
 from typing import Any, Final, Literal, get_args
 
@@ -89,6 +90,11 @@ class Descent:
     def rebound_jam(self) -> ReboundJam:
         """Grip, tangential loss and stuck flags of each rebound."""
         return rebound_jam(self.rebounds, self.slope.friction_at(self.rebounds["x_contact"], self.law.friction))
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: with a trajectory the page that replays it, or else its story."""
+        # Pages are made of descents, so no import can stand at the top of this file.
+        return str(import_module("sledenv.pages.notebook").descent_view(self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 import pandas as pd
@@ -52,6 +53,10 @@ class StudyResult:
     def words(self) -> str:
         """What was found, for a reader."""
         return summary.words(self.shares, self.quantiles, self.sobol)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: :attr:`words`."""
+        return f"<pre>{escape(self.words)}</pre>"
 
 
 def read_launches(files: tuple[Path, ...], columns: list[str] | None = None) -> pd.DataFrame:

@@ -1,0 +1,55 @@
+"""What notebooks show of results."""
+
+from __future__ import annotations
+
+import re
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from sledenv import ContactLaw, Slope, State, simulate, sled
+from sledenv.pages.words import story
+from sledenv.simulation.outcomes import Descent
+from tests.browser import browser, data_of, needs_chromium
+
+
+def descended(record: str) -> Descent:
+    law = ContactLaw.from_restitution(0.2, stiffness=1e7, friction=0.01, rolling_arm=0.001)
+    return simulate(sled(), law, Slope(0.14, 12.0), State(0.0, 0.8, 0.3, 8.0, 0.0, -1.0), record=record)
+
+
+def test_a_descent_shows_its_story_or_with_a_trajectory_its_replay() -> None:
+    """The page inside the frame is a whole one."""
+    words = descended("rebounds")._repr_html_()
+    assert unescape(words) == f"<pre>{story(descended('rebounds'))}</pre>"
+    shown = descended("trajectory")._repr_html_()
+    (page,) = re.findall(r'srcdoc="([^"]*)"', shown)
+    assert data_of(unescape(page))["title"].startswith("Descent: finish after")
+
+
+@needs_chromium
+def test_the_frame_of_a_notebook_replays(tmp_path: Path) -> None:
+    """In a page around it the frame has drawn its table, and nothing is refused."""
+    file = tmp_path / "notebook.html"
+    file.write_text(f"<!doctype html><meta charset=utf-8><title>x</title>{descended('trajectory')._repr_html_()}")
+    with browser(tmp_path / "profile") as page:
+        page.open(file)
+        assert page.run("return document.querySelector('iframe').contentDocument.querySelectorAll('tr').length") > 1
+        assert page.log() == []
+
+
+@pytest.mark.parametrize("module", ["sledenv.identification.rebound_fit", "sledenv.uncertainty.result"])
+def test_other_results_show_their_words_with_signs_of_html_escaped(
+    module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sledenv.identification.rebound_fit import Identification
+    from sledenv.uncertainty.result import StudyResult
+
+    if module.endswith("rebound_fit"):
+        monkeypatch.setattr(Identification, "__str__", lambda self: "a < b")
+        result = object.__new__(Identification)
+    else:
+        monkeypatch.setattr(StudyResult, "words", "a < b")
+        result = object.__new__(StudyResult)
+    assert result._repr_html_() == "<pre>a &lt; b</pre>"
