@@ -150,17 +150,31 @@ class Suite(Document):
             for module, entry in agents.items()
             for variant in (entry.variants or {"": {}}).items()
         ]
+        settings = {
+            (kind, module, scenario, variant): self._settings(module, problem, changes)
+            for scenario in self.scenarios
+            for kind in self.agents
+            for problem in [self._problem(scenario, kind)]
+            for of, module, _, variant, changes in named
+            if of == kind
+        }
         for seed in range(max((seeds for _, _, seeds, *_ in named), default=0)):
             for scenario in self.scenarios:
-                for kind, module, seeds, variant, changes in named:
+                for kind, module, seeds, variant, _ in named:
                     if seed < seeds:
-                        settings = self._settings(kind, module, scenario, changes)
-                        yield Job(module, kind, scenario, seed, settings, self._given(), variant)
+                        chosen = dict(settings[kind, module, scenario, variant])
+                        yield Job(module, kind, scenario, seed, chosen, self._given(), variant)
 
-    def _settings(self, kind: Environment, module: str, scenario: str, changes: dict[str, Any]) -> dict[str, Any]:
+    def _problem(self, scenario: str, kind: Environment) -> Problem:
+        try:
+            return self.problem(scenario, kind)
+        except ValueError as error:
+            raise SuiteError(f"suite {self.id}: {error}") from error
+
+    def _settings(self, module: str, problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
         try:
             agent_class(module)
-            settings = read_settings(Path(self.settings), module, self.problem(scenario, kind))
+            settings = read_settings(Path(self.settings), module, problem)
         except ValueError as error:
             raise SuiteError(f"suite {self.id}: {error}") from error
         unknown = sorted(changes.keys() - settings.keys())
