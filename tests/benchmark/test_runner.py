@@ -162,6 +162,10 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"agents": {}}, "agents: must have at least 1 entry"),
         ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
         ({"agents": {"launch": {"sledenv.agents.zero": {"seeds": 1, "varaints": {}}}}}, "did you mean 'variants'?"),
+        (
+            {"agents": {"launch": {"sledenv.agents.uniform_lookups": {"seeds": 1, "variants": {"../k": {}}}}}},
+            "must have names of letters, digits and _, not '../k'",
+        ),
         ({"observe": ["frictoin"]}, "must be 'all' or list fields of the context"),
         ({"exact": 3}, "exact = 3"),
         ({"seeds": 3}, "seeds = 3: unknown key (did you mean 'steps'?); known: id, title"),

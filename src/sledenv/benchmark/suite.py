@@ -52,6 +52,14 @@ class Entry(Section):
     # name -> settings in place of those of the file; default: one variant without a name and without changes
     variants: Annotated[dict[str, dict[str, Any]], Field(default_factory=dict)]
 
+    @field_validator("variants")
+    @classmethod
+    def _nameable(cls, variants: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        wrong = [name for name in variants if not name.isidentifier()]  # it is a part of the names of files
+        if wrong:
+            raise ValueError(f"must have names of letters, digits and _, not {wrong[0]!r}")
+        return variants
+
     @model_validator(mode="before")
     @classmethod
     def _alone(cls, given: Any) -> Any:
