@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing
@@ -26,6 +28,7 @@ with needs("agents", __name__):
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 
+_LANDINGS = "landings.yaml"
 _MODEL = "model.zip"
 _BEFORE = "model_before.zip"
 _SCALE_CONTEXTS = 1000
@@ -34,7 +37,7 @@ _SCALE_CONTEXTS = 1000
 class _Validation(BaseCallback):
     """Judge the policy on validation contexts, write the learning curve and keep the best policy so far."""
 
-    def __init__(self, agent: type[Learned], problem: Problem, folder: Path, every: int) -> None:
+    def __init__(self, agent: Callable[[Any], Learned], problem: Problem, folder: Path, every: int) -> None:
         super().__init__()
         self._agent = agent
         self._problem = problem
@@ -60,7 +63,7 @@ class _Validation(BaseCallback):
 
     def _check(self) -> None:
         self._next = self.num_timesteps + self._every
-        mean, finished = self._curve.check(self._agent(self._problem, self.model), self._descents)
+        mean, finished = self._curve.check(self._agent(self.model), self._descents)
         self.logger.record("validation/mean_reward", mean)
         self.logger.record("validation/finished", finished)
         self.logger.dump(self.num_timesteps)
@@ -141,14 +144,15 @@ def _schedule(value: Any) -> Any:
 class Learned:
     """A trained policy, acting without exploration noise.
 
-    Where an episode has one step, it tells a launch by its landing: see :class:`sledenv.benchmark.landing.Landing`.
+    Where an episode has one step, it tells a launch by its landing, see :class:`sledenv.benchmark.landing.Landing`,
+    unless its settings say ``landings: false``.
     """
 
     algorithm: ClassVar[type[BaseAlgorithm]]
 
-    def __init__(self, problem: Problem, model: Any) -> None:
+    def __init__(self, model: Any, landing: Landing | None) -> None:
         self.model = model
-        self._landing = Landing(problem) if problem.environment == "launch" else None
+        self._landing = landing
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -158,8 +162,8 @@ class Learned:
         ----------
         problem : Problem
         settings : dict
-            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated. A value such as
-            "lin_0.001" decays linearly to 0.
+            Hyperparameters as in configs/agents; ``checks`` is how often the policy is validated, and ``landings``
+            whether actions are landings. A value such as "lin_0.001" decays linearly to 0.
         seed : int
             Of the networks, the environments and the exploration; no two seeds share a lane's stream of contexts.
         folder : Path
@@ -169,6 +173,9 @@ class Learned:
         settings = {name: _schedule(value) for name, value in settings.items()}
         steps = settings.pop("n_timesteps")
         checks = settings.pop("checks", 20)
+        landings = bool(settings.pop("landings", True)) and problem.environment == "launch"
+        (folder / _LANDINGS).write_text(yaml.safe_dump({"landings": landings}))
+        landing = Landing(problem) if landings else None
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
         env: VecEnv = VecMonitor(
@@ -180,14 +187,15 @@ class Learned:
             )
         )
         if problem.environment == "launch":
-            env = Landed(Standardised(env, random_rewards(problem, seed)), Landing(problem))
+            env = Standardised(env, random_rewards(problem, seed))
+        if landing is not None:
+            env = Landed(env, landing)
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.
             warnings.filterwarnings("ignore", message=".*rich is experimental.*")
-            model.learn(
-                steps, callback=_Validation(cls, problem, folder, steps // checks), progress_bar=sys.stderr.isatty()
-            )
+            validation = _Validation(lambda learned: cls(learned, landing), problem, folder, steps // checks)
+            model.learn(steps, callback=validation, progress_bar=sys.stderr.isatty())
         env.close()
         return cls.load(problem, folder)
 
@@ -199,12 +207,17 @@ class Learned:
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the policy of a run."""
-        return cls(problem, cls.algorithm.load(folder / _MODEL, device="cpu"))
+        return cls._read(problem, folder, _MODEL)
 
     @classmethod
     def load_untrained(cls, problem: Problem, folder: Path) -> Self:
         """Read the policy with which the run began."""
-        return cls(problem, cls.algorithm.load(folder / _BEFORE, device="cpu"))
+        return cls._read(problem, folder, _BEFORE)
+
+    @classmethod
+    def _read(cls, problem: Problem, folder: Path, name: str) -> Self:
+        landings = yaml.safe_load((folder / _LANDINGS).read_text())["landings"]
+        return cls(cls.algorithm.load(folder / name, device="cpu"), Landing(problem) if landings else None)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         chosen, _ = self.model.predict(observations, deterministic=True)

@@ -1,4 +1,4 @@
-"""Policies of SAC and TD3 that take the action which their critic rates best of many."""
+"""Policies of SAC, TD3 and TQC that take the action which their critic rates best of many."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from sledenv.machine.extras import needs
 
 with needs("agents", __name__):
     import torch
-    from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+    from sb3_contrib.tqc.policies import TQCPolicy
+    from stable_baselines3.common.policies import BasePolicy
     from stable_baselines3.sac.policies import SACPolicy
     from stable_baselines3.td3.policies import TD3Policy
 
@@ -22,7 +23,7 @@ WIDTHS: Final = (0.1, 0.03)  # standard deviations, where the box is 2 wide
 
 
 class _Searching(BasePolicy):
-    """What both policies share: the search.
+    """What these policies share: the search.
 
     An actor climbs its critic from where it stands, but the reward of a landing has many maxima with cliffs between
     them. Where an episode has one step the critic is a regression of the reward over the whole box, so that its best
@@ -30,7 +31,7 @@ class _Searching(BasePolicy):
     stays a function of what it sees.
     """
 
-    critic: ContinuousCritic
+    critic: Any
     _box: torch.Tensor
     _cloud: torch.Tensor
 
@@ -64,9 +65,12 @@ class _Searching(BasePolicy):
 
     def _best(self, observation: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         lanes, tried, _ = actions.shape
-        ratings = torch.stack(self.critic(observation.repeat_interleave(tried, dim=0), actions.flatten(0, 1)))
-        best = ratings.amin(dim=0).view(lanes, tried).argmax(dim=1)
-        return actions[torch.arange(lanes), best]
+        ratings = self._rated(observation.repeat_interleave(tried, dim=0), actions.flatten(0, 1))
+        return actions[torch.arange(lanes), ratings.view(lanes, tried).argmax(dim=1)]
+
+    def _rated(self, observation: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        """Return what the most cautious of the critics says of each action."""
+        return torch.stack(self.critic(observation, actions)).amin(dim=0)
 
 
 class SearchingSAC(_Searching, SACPolicy):
@@ -82,3 +86,15 @@ class SearchingTD3(_Searching, TD3Policy):
 
     def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
         return self.searched(observation, super()._predict(observation, deterministic))
+
+
+class SearchingTQC(_Searching, TQCPolicy):
+    """Explores as SAC does; acts with what has the highest mean of the quantiles that its critic tells."""
+
+    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
+        proposed = super()._predict(observation, deterministic)
+        return self.searched(observation, proposed) if deterministic else proposed
+
+    def _rated(self, observation: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        quantiles: torch.Tensor = self.critic(observation, actions)
+        return quantiles.mean(dim=(1, 2))

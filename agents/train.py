@@ -16,7 +16,7 @@ from sledenv.scenarios.configuration import CONFIGS
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "cma_lookups", "critic", "land_flat", "no_trim", "ppo", "random_launch"),
-    *("random_search", "random_trim", "replan", "sac", "td3", "uniform_lookups", "verified", "zero"),
+    *("random_search", "random_trim", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
 )
 SETTINGS: Final = CONFIGS / "agents"
 

@@ -29,7 +29,7 @@ def quick(monkeypatch):
 
     def settings(algo, problem, folder):
         values = original(algo, problem, folder)
-        if algo in ("sac", "td3"):
+        if algo in ("sac", "td3", "tqc"):
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "ppo":
             values |= {"n_timesteps": 1024, "n_envs": 8, "n_steps": 64, "n_epochs": 1}
@@ -59,7 +59,7 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
 
 EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "cma_es", "critic", "land_flat", "ppo", "random_launch")),
-    *(("launch", algo) for algo in ("random_search", "sac", "td3", "zero")),
+    *(("launch", algo) for algo in ("random_search", "sac", "td3", "tqc", "zero")),
     *(("launch", algo) for algo in ("cma_lookups", "uniform_lookups", "verified")),
     *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
 ]

@@ -6,11 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 
 from sledenv.agents.learning import Landed, Standardised, random_rewards
 from sledenv.agents.ppo import Agent as PpoAgent
-from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTD3
+from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTD3, SearchingTQC
+from sledenv.agents.train import default_settings
 from sledenv.agents.wrappers import Landed as Landed1
 from sledenv.agents.wrappers import Standardised as Standardised1
 from sledenv.benchmark.landing import Landing
@@ -52,7 +54,7 @@ def test_rewards_that_are_all_alike_are_not_divided_by_zero():
     assert np.isfinite(env.step(np.zeros((2, 2), np.float32))[1]).all()
 
 
-@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3)])
+@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3), (TQC, SearchingTQC)])
 def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_others(algorithm, policy):
     """Oracle: the critic itself, on many uniform launches."""
     problem, model = policy_of(algorithm, policy)
@@ -62,7 +64,8 @@ def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_o
 
     def rated(launches: np.ndarray) -> np.ndarray:
         with torch.no_grad():
-            return torch.stack(model.critic(observed, torch.as_tensor(launches))).amin(0)[:, 0].numpy()
+            told = model.critic(observed, torch.as_tensor(launches))
+            return (told.mean((1, 2)) if algorithm is TQC else torch.stack(told).amin(0)[:, 0]).numpy()
 
     with torch.no_grad():
         proposed = model.actor(observed).numpy()
@@ -76,7 +79,7 @@ def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_o
     assert (abs(found) <= 1.0).all()
 
 
-@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3)])
+@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3), (TQC, SearchingTQC)])
 def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(algorithm, policy, tmp_path):
     """Oracle: the same observations twice, alone or among others, before and after a file."""
     problem, model = policy_of(algorithm, policy, own_pack("track_grade_20"))
@@ -102,7 +105,6 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
     """Oracle: the seeds that the environments are asked for."""
     from sledenv.agents import learning
     from sledenv.agents.td3 import Agent
-    from sledenv.agents.train import default_settings
 
     asked = []
 
@@ -129,13 +131,26 @@ def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
     np.testing.assert_array_equal(seen, also)
     model = PPO("MlpPolicy", wrapped, n_steps=2, seed=0)
     model.policy.action_net.bias.data[:] = torch.tensor([0.3, 0.5])  # an untrained policy neither turns nor spins
-    agent = PpoAgent(problem, model)
+    agent = PpoAgent(model, Landing(problem))
     for _ in range(3):  # contexts change with every step
         chosen = agent.act(seen)
         told, _ = model.predict(seen, deterministic=True)
         assert np.abs(chosen[:, 0] - told[:, 0]).max() > 0.1
         (seen, rewards, *_), (_, earned, *_) = launches.step(chosen), wrapped.step(told)
         np.testing.assert_array_equal(rewards, earned)
+
+
+@pytest.mark.parametrize("landings", [True, False])
+def test_an_agent_without_landings_launches_what_its_policy_says(landings, tmp_path):
+    """Oracle: the policy itself, before and after the agent is read from its folder."""
+    problem = Problem(BRAKE_MAT)
+    quick = {"n_timesteps": 64, "n_envs": 8, "n_steps": 4, "n_epochs": 1, "batch_size": 8, "checks": 1}
+    agents = [PpoAgent.train(problem, default_settings("ppo", problem) | quick | {"landings": landings}, 0, tmp_path)]
+    agents += [PpoAgent.load(problem, tmp_path), PpoAgent.load_untrained(problem, tmp_path)]
+    seen = problem.task.observe(problem.contexts("test", 50))
+    for agent in agents:
+        told, _ = agent.model.predict(seen, deterministic=True)
+        assert np.array_equal(agent.act(seen), told) != landings
 
 
 def test_the_noise_of_td3_is_normal():

@@ -16,8 +16,8 @@ from sledenv.simulation.jam import SHOWN, DescentJam
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
 # In the order of tables.
-AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3", "critic")
-LEARNED: Final = ("ppo", "sac", "td3", "critic")
+AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3", "tqc", "critic")
+LEARNED: Final = ("ppo", "sac", "td3", "tqc", "critic")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
 STATUSES: Final = ("finish", "jammed", "tumbled")
 SMALL_REGRET: Final = 0.01  # of the interquartile mean

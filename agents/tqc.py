@@ -1,0 +1,25 @@
+"""Truncated quantile critics of sb3-contrib, from the context to the launch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sledenv.benchmark.problem import Problem
+from sledenv.machine.extras import needs
+
+from .learning import Learned
+from .searching import SearchingTQC
+
+with needs("agents", __name__):
+    from sb3_contrib import TQC
+
+
+class Agent(Learned):
+    """Learns off-policy as SAC does, but how the rewards of an action are distributed instead of their mean."""
+
+    algorithm = TQC
+
+    @classmethod
+    def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
+        """Take the policy that searches."""
+        return settings | {"policy": SearchingTQC}
