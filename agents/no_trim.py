@@ -22,16 +22,12 @@ class Agent:
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
         """Search the launch as the agent best_fixed does, from whole descents."""
-        return cls(best_fixed.Agent.train(_launched(problem), settings, seed, folder))
+        return cls(best_fixed.Agent.train(problem.launch_alone(), settings, seed, folder))
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the launch of a run."""
-        return cls(best_fixed.Agent.load(_launched(problem), folder))
+        return cls(best_fixed.Agent.load(problem.launch_alone(), folder))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.column_stack([self._launch.act(observations), np.zeros(len(observations), np.float32)])
-
-
-def _launched(problem: Problem) -> Problem:
-    return Problem(problem.scenario, "launch", problem.control)

@@ -1,4 +1,4 @@
-"""Model-predictive control: at every rebound, try a few trims in a simulation of rigid surfaces and take the best."""
+"""Model-predictive control: at every rebound, try a few trims in a simulation of the descent and take the best."""
 
 from __future__ import annotations
 
@@ -24,23 +24,17 @@ _FILE = "lookahead.yaml"
 class Agent:
     """Looks ahead to the end of the descent, as if the trim it tries were the last; it looks again after the next hop.
 
-    The launch is the best of a grid, a trim the best of evenly spaced ones. Three things are approximate: the surfaces
-    of the simulation are rigid; a state that has been observed has the precision of float32; and the energy supplied
-    leaves out what cannot be observed after the launch, its spin, the height of its pose and the work of former trims,
-    so that every trim looks a little too good. Where the agent chooses the speed, or else what gives energy, that has
-    the middle of its bounds in this sum, alike for all trims.
-
-    Attributes
-    ----------
-    descents : int
-        How many the lookahead has simulated.
+    The launch is the best of a grid under the tremble, a trim the best of evenly spaced ones. Two things are
+    approximate. A state that has been observed has the precision of float32. And the energy supplied leaves out what
+    cannot be observed after the launch, its spin, the height of its pose and the work of former trims, so that every
+    trim looks a little too good. Where the agent chooses the speed, or else what gives energy, that has the middle of
+    its bounds in this sum, alike for all trims.
     """
 
     def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
-        self._model = Problem(problem.scenario, control=problem.control, solver="rigid")
+        self._model = Problem(problem.scenario, control=problem.control)
         self._cells = int(settings["cells"])
         self._trims = np.linspace(-1.0, 1.0, settings["trims"])
-        self.descents = 0
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -54,32 +48,31 @@ class Agent:
         return cls(problem, yaml.safe_load((folder / _FILE).read_text()))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        contexts = self._model.task.contexts_seen(observations)
         actions = np.zeros((len(observations), self._model.actions + 1))
         waits = ~observations[:, FIELDS:].any(axis=1)  # before the launch; afterwards sine or cosine is not 0
         if waits.any():
-            actions[waits, :-1] = self._best_launches(contexts[waits])
+            actions[waits, :-1] = self._launches(observations[waits, :FIELDS])
         if not waits.all():
-            actions[~waits, -1] = self._best_trims(contexts[~waits], observations[~waits])
+            actions[~waits, -1] = self._best_trims(observations[~waits])
         return actions.astype(np.float32)
 
-    def _best_launches(self, contexts: Contexts) -> Floats:
+    def _launches(self, observations: NDArray[np.float32]) -> NDArray[Any]:
         """Return the launches that the model rewards most under the tremble, shape (n, k)."""
         best = []
-        for one in jam_map(self._model, contexts, self._cells):
+        for one in jam_map(self._model, self._model.task.contexts_seen(observations), self._cells):
             cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
             best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
-            self.descents += self._cells
         return np.array(best)
 
-    def _best_trims(self, contexts: Contexts, observations: NDArray[np.float32]) -> Floats:
+    def _best_trims(self, observations: NDArray[np.float32]) -> Floats:
         """Return the trims that the model rewards most, shape (n,); in the run-out they stay as they are."""
-        tried = len(self._trims)
+        contexts, tried = self._model.task.contexts_seen(observations), len(self._trims)
         states, lent = self._model.task.flights_seen(np.repeat(observations, tried, axis=0))
         repeated = np.repeat(contexts, tried, axis=0)
         spins = np.tile(self._model.task.trims(self._trims), len(contexts))
         ahead, rewards = states[:, 0] < self._model.scenario.slope_section.length_m, np.zeros(len(states))
-        rewards[ahead] = self._predicted(*(each[ahead] for each in (repeated, states, lent, spins)))
+        if ahead.any():
+            rewards[ahead] = self._predicted(*(each[ahead] for each in (repeated, states, lent, spins)))
         best = self._trims[rewards.reshape(-1, tried).argmax(axis=1)]
         return np.where(ahead[::tried], best, observations[:, FIELDS + FLIGHT.index("trim")])
 
@@ -92,7 +85,6 @@ class Agent:
         gravity = scenario.slope_section.gravity_m_s2
         states[:, -1] += spins - lent
         outcomes = task.descend_batch(contexts, states).outcomes
-        self.descents += len(outcomes)
         rotor = 0.0 if scenario.rider is None else 0.5 * inertia**2 / scenario.rider.rotor_inertia_kg_m2
         work = inertia * (spins - lent) * (states[:, -1] - 0.5 * (spins - lent)) + rotor * (spins**2 - lent**2)
         length = scenario.slope_section.length_m

@@ -15,7 +15,7 @@ from sledenv.command.running import app, run
 from sledenv.scenarios.configuration import CONFIGS
 
 ALGORITHMS: Final = (
-    *("best_fixed", "cma_es", "cma_lookups", "critic", "land_flat", "no_trim", "ppo", "random_launch"),
+    *("best_fixed", "cma_es", "cma_lookups", "critic", "critic_replan", "land_flat", "no_trim", "ppo", "random_launch"),
     *("random_search", "random_trim", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
 )
 SETTINGS: Final = CONFIGS / "agents"

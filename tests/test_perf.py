@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import sledenv
-from perf import env, harness, limit, methods, packs, reference, report, versus, workloads
+from perf import env, harness, limit, methods, packs, reference, report, trims, versus, workloads
 from perf.contact_model import START
 from sledenv.benchmark.problem import Problem
-from sledenv.kernel.records import REBOUND
+from sledenv.kernel.records import REBOUND, RUNNING
 
 
 def test_every_measurement_has_one_turn_a_round_and_the_order_rotates() -> None:
@@ -188,6 +188,23 @@ def test_all_ways_to_step_run_and_a_bare_simulator_is_compared_with_itself() -> 
 
 
 @pytest.mark.jit_only
+def test_foresight_of_no_trim_is_the_descent_alone_and_other_trims_are_felt() -> None:
+    """Oracle: launches that are left alone, and rides that are trimmed by hand."""
+    problem, alone = Problem("sled_mat", "descent"), Problem("sled_mat")
+    trials = problem.trials(problem.contexts("test", 2), "test", 4)
+    actions = np.zeros((2, alone.actions))
+    earned = np.concatenate([trims.foreseen(problem, trials[[i]], actions[[i]]) for i in range(2)])
+    flat = trials.reshape(8, -1)
+    launches = problem.task.launches(flat, np.repeat(actions, 4, axis=0))
+    assert np.array_equal(earned[:, 0], problem.task.descend_batch(flat, launches).jam.reward)
+    rides = problem.task.rides(flat, launches)
+    rides.hop(np.zeros(8))
+    while (rides.outcomes()["status"] == RUNNING).any():
+        rides.hop(problem.task.trims(np.ones(8)))
+    assert np.array_equal(earned[:, 1], rides.descents().jam.reward)
+    assert np.ptp(earned, axis=1).max() > 0.0
+
+
 def test_crashes_and_somersaults_of_packs_are_told() -> None:
     """Oracle: the reward, of which a crash has its progress alone; a disc rolls over, a sled does not."""
     exact = Problem("sled_tilt", launch_noise=(0.0, 0.0))

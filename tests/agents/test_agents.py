@@ -37,10 +37,12 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "cma_es":
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
-        if algo in ("critic", "verified"):
+        if algo in ("critic", "critic_replan", "verified"):
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
         if algo == "replan":
             values |= {"cells": 60, "trims": 3}
+        if algo == "critic_replan":
+            values |= {"trims": 3}
         return values
 
     monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)
@@ -62,6 +64,7 @@ EVERY_AGENT = [
     *(("launch", algo) for algo in ("random_search", "sac", "td3", "tqc", "zero")),
     *(("launch", algo) for algo in ("cma_lookups", "uniform_lookups", "verified")),
     *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
+    ("descent", "critic_replan"),
 ]
 
 
@@ -87,7 +90,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
     [
         # One of those that share what chooses a launch.
         *(("launch", algo, "all") for algo in ("best_fixed", "cma_es", "critic", "land_flat", "random_launch", "sac")),
-        *(("descent", algo, "all") for algo in ("no_trim", "ppo", "replan", "zero")),
+        *(("descent", algo, "all") for algo in ("critic_replan", "no_trim", "ppo", "replan", "zero")),
         *(("launch", "cma_es", "speed"), ("launch", "land_flat", "spin+speed"), ("launch", "sac", "speed")),
         *(("launch", "cma_lookups", "spin+speed"), ("launch", "verified", "all")),
         ("descent", "replan", "spin+speed"),

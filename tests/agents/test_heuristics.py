@@ -188,13 +188,12 @@ def test_replan_earns_more_with_trims_than_its_launches_do_without():
     batch, launches = problem.judge(agent, contexts)
     alone = Problem(own_pack("brake_mat")).descend(contexts, launches).jam.reward
     assert batch.jam.reward.mean() > alone.mean() + 0.02
-    assert agent.descents >= 30 * 300 + 5 * int(batch.outcomes["rebounds"].sum() - 30)
 
 
 def test_the_lookahead_of_replan_predicts_what_its_model_earns():
-    """Oracle: a ride on rigid surfaces, trimmed once, whose ledger knows everything; launched upright without spin."""
+    """Oracle: a ride, trimmed once, whose ledger knows everything; launched upright without spin."""
     problem = Problem(own_pack("ice_drop"), "descent")
-    task = Task(own_pack("ice_drop"), solver="rigid")
+    task = Task(own_pack("ice_drop"))
     agent = replan.Agent(problem, LOOKAHEAD)
     contexts = problem.contexts("test", 20)
     rides = task.rides(contexts, task.launches(contexts, np.zeros((20, 2))))

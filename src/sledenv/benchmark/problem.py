@@ -130,6 +130,11 @@ class Problem:
         noise = tuple(self.noise.tolist())
         return Problem(self.scenario, self.environment, self.control, solver=self.task.solver, launch_noise=noise)
 
+    def launch_alone(self) -> Problem:
+        """Return the problem of the same launch without trims afterwards."""
+        noise, seen = tuple(self.noise.tolist()), self.task.observed
+        return Problem(self.scenario, control=self.control, solver=self.task.solver, launch_noise=noise, observe=seen)
+
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 11); context i does not depend on ``count``."""
         part = _number(split)
