@@ -130,7 +130,12 @@ def measure(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> dict[str, A
     return {"rounds": rounds, "scenario": SCENARIO, "rows": rows}
 
 
-COLUMNS: show.Columns = {
+def tables(result: dict[str, Any]) -> str:
+    """Return the table of docs/performance.md, without the most lanes, which are no faster."""
+    return show.table([row for row in result["rows"] if not row["name"].endswith(f" {LANES[-1]:,} lanes")], _COLUMNS)
+
+
+_COLUMNS: show.Columns = {
     "environment": lambda row: row["env"],
     "how": lambda row: row["name"],
     "steps/s": lambda row: f"{row['steps_per_s']['median']:,.0f}",
