@@ -130,12 +130,15 @@ def measure(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES) -> dict[str, A
     return {"rounds": rounds, "scenario": SCENARIO, "rows": rows}
 
 
-COLUMNS: show.Columns = {
+def tables(result: dict[str, Any]) -> str:
+    """Return the table of docs/performance.md, without the most lanes, which are no faster."""
+    return show.table([row for row in result["rows"] if not row["name"].endswith(f" {LANES[-1]:,} lanes")], _COLUMNS)
+
+
+_COLUMNS: show.Columns = {
     "environment": lambda row: row["env"],
     "how": lambda row: row["name"],
     "steps/s": lambda row: f"{row['steps_per_s']['median']:,.0f}",
-    "of the bare simulator": lambda row: (
-        f"{show.percent(row['of_bare'], 0)} of {row['bare']}" if row["bare"] != row["name"] else "-"
-    ),
+    "of the bare simulator": lambda row: show.percent(row["of_bare"], 0) if row["bare"] != row["name"] else "-",
     "times gym.make": lambda row: show.median(row["times_make"]),
 }

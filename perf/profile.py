@@ -1,8 +1,9 @@
 """Where the time of one hop goes: a sampling profile of the compiled code, by kernel module and function.
 
-Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the reference descent again and again. It cannot
-find the symbols of the object file, so the process writes the address of every function in it to the map file that perf
-looks for. What LLVM has inlined counts for the caller. It needs linux-perf and binutils.
+``python -m perf.profile`` prints it. Linux's ``perf`` samples a process that calls ``sledenv.simulate`` on the
+reference descent again and again. It cannot find the symbols of the object file, so the process writes the address of
+every function in it to the map file that perf looks for. What LLVM has inlined counts for the caller. It needs
+linux-perf and binutils.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def measure(seconds: float = SECONDS) -> dict[str, Any]:
 
 
 def tables(result: dict[str, Any]) -> str:
-    """Return the tables of docs/performance.md."""
+    """Return a table of each case."""
 
     def part(case: dict[str, Any]) -> str:
         compiled = 1.0 - case["shares"].get(PYTHON, 0.0)
@@ -104,4 +105,7 @@ def tables(result: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    _work(sys.argv[1], int(sys.argv[2]), sys.argv[3])
+    if sys.argv[1:]:
+        _work(sys.argv[1], int(sys.argv[2]), sys.argv[3])
+    else:
+        print(tables(measure()))
