@@ -15,6 +15,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
 from sledenv.envs import LAUNCH_ID
+from sledenv.envs.inputs import checked_actions
 from sledenv.envs.render import DescentRenderer
 from tests.packs import own_pack
 
@@ -246,15 +247,20 @@ def test_an_action_outside_by_rounding_is_on_the_bound():
         env.reset(seed=0)
         rewards.append(env.step(np.array([entry, -entry]))[1])
     assert len(set(rewards)) == 1
+    space = env.action_space
     rng = np.random.default_rng(0)
-    for low, width in zip(rng.uniform(-10.0, 10.0, 60), rng.uniform(0.5, 20.0, 60), strict=True):
-        scaled = gym.wrappers.RescaleAction(env, np.float32(low), np.float32(low + width))
-        for bound in (scaled.action_space.low, scaled.action_space.high):
-            scaled.reset(seed=0)
-            scaled.step(bound)
+    furthest = 0.0
+    for away, width in zip(rng.uniform(-500.0, 500.0, 1200), 10.0 ** rng.uniform(-3.0, 3.0, 1200), strict=True):
+        scaled = gym.wrappers.RescaleAction(env, np.float32(away * width), np.float32((away + 1.0) * width))
+        asked = np.array([scaled.action(scaled.action_space.low), scaled.action(scaled.action_space.high)])
+        assert np.array_equal(checked_actions(space, asked, 2), np.clip(asked, space.low, space.high))
+        furthest = max(furthest, np.abs(asked).max() - 1.0)
+    assert furthest > 1e-5  # rounding is met
+    scaled.reset(seed=0)
+    scaled.step(scaled.action_space.high)
     env.reset(seed=0)
-    with pytest.raises(InvalidAction, match=r"action = \[1.00001, 0.0\]: must be within .*; .*\.ClipAction puts"):
-        env.step(np.array([1.00001, 0.0]))
+    with pytest.raises(InvalidAction, match=r"action = \[1.001, 0.0\]: must be within .*; .*\.ClipAction puts"):
+        env.step(np.array([1.001, 0.0]))
 
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
