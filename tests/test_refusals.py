@@ -14,6 +14,7 @@ import sledenv
 from sledenv import ContactLaw, Slope, State
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
+from sledenv.envs.vector import SledLaunchVector
 from sledenv.identification.tracks import identify_tracks
 
 ID = "sledenv/SledLaunch-v0"
@@ -49,9 +50,23 @@ def reset(context: dict[str, Any]) -> Any:
     return SledLaunch("sled_snow").reset(options={"context": context})
 
 
-def with_options(count: int) -> Any:
+def made(**given: Any) -> Any:
+    return SledLaunch("sled_snow", **given)
+
+
+def lanes(**given: Any) -> Any:
+    return SledLaunchVector(2, "sled_snow").reset(**given)
+
+
+def restored() -> Any:
+    env = SledLaunch("sled_mat")
+    env.reset(seed=0)
+    return SledLaunch("sled_snow").restore(env.snapshot())
+
+
+def with_options(options: list[Any]) -> Any:
     envs = make_vec_env(ID, 3)
-    envs.set_options([{}] * count)
+    envs.set_options(options)
     return envs.reset()
 
 
@@ -73,12 +88,28 @@ def with_options(count: int) -> Any:
         (lambda: ContactLaw(1e6, 0.5, True, 0.0), "ContactLaw.friction = True: must be a number"),
         (lambda: State(0.0, 1.0, np.True_, 1.0, -1.0, 0.0), "State.phi = np.True_: must be a number"),
         (lambda: Slope(10**400), "Slope.angle = 1000"),
+        (lambda: reset({"speed": 1e308}), "context.speed = 1e+308: must be in [-1e+150, 1e+150]"),
+        (lambda: reset({"spin": -1e308}), "context.spin = -1e+308: must be in [-1e+150, 1e+150]"),
+        (lambda: reset({"drop": 1e308}), "context.drop = 1e+308: must be in [0, 1e+150] m"),
+        (lambda: with_options([{"context": {"speed": 1e308}}, {}, {}]), "context.speed = 1e+308: must be in [-1e+150"),
+        (lambda: lanes(options={"context": {"fall": [0.0, 1e308]}}), "context.fall = 1e+308: must be in [-1e+150"),
+        (lambda: made().reset(seed=True), "seed = True: must be an integer >= 0"),
+        (lambda: made().reset(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: lanes(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: lanes(seed=[0, True]), "seed[1] = True: must be an integer >= 0"),
+        (lambda: lanes(seed=np.array(1.0)), "seed = array(1.): must be an integer >= 0, or a sequence of one a lane"),
+        (lambda: make_vec_env(ID, 2, seed=True), "seed = True: must be an integer >= 0"),
+        (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array', 'rgb_array_list', 'ansi'"),
+        (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
+        (lambda: made(solver=np.zeros(2)), "solver = array([0., 0.]): must be one of 'compliant', 'rigid'"),
+        (lambda: made(split=["test"]), "split = ['test']: must be one of 'train', 'validation', 'test'"),
+        (restored, "snapshot.task['scenario'] = ('sled_mat', "),
         (lambda: reset({"speed": True}), "context.speed = True: must be a number"),
         (lambda: differentiated(5), "parameters = 5: must be a sequence of names, at least one"),
         (lambda: sledenv.load_scenario("sled_snow").sample(None), "rng = None: must be a numpy.random.Generator"),
         (lambda: SledVecEnv(None), "env = None: must be a native vector environment, not wrapped"),
         (lambda: make_vec_env(ID, 2, info=None), "info = None: must be a sequence of any of 'context', 'launch'"),
-        (lambda: with_options(2), "options has 2 entries: must be one a lane, 3"),
+        (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
     ],
 )
 def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: str) -> None:

@@ -194,8 +194,12 @@ def test_a_snapshot_restores_what_was_shown(name):
         ({"episode": {}}, "must hold _context, _launch, _seen"),
         ({"episode": None}, "must hold _context, _launch, _seen"),
         ({"episode": {"_context": 3, "_launch": None, "_seen": 0.0}}, r"snapshot.episode\['_context'\] = 3"),
-        ({"episode": {"_context": np.zeros((2, 11)), "_launch": None, "_seen": 0.0}}, r"_context has shape \(2, 11\)"),
+        (
+            {"episode": {"_context": np.zeros((2, 11)), "_launch": None, "_seen": 0.0}},
+            r"shape \(2, 11\): must be float64",
+        ),
         ({"stream": None}, "snapshot.stream = None"),
+        ({"episode": {"_context": np.zeros((1, 11), int), "_launch": None, "_seen": 0.0}}, "is int64 of shape"),
         ({"task": None}, "of another task"),
     ],
 )
@@ -308,8 +312,8 @@ def test_info_can_be_logged_as_json():
     [
         ({"friction": -0.1}, r"context\.friction = -0.1: must be in \[0, inf\)"),
         ({"angle": 2.0}, r"context\.angle = 2.0: must be in \(-pi/2, pi/2\) rad"),
-        ({"speed": np.nan}, r"context\.speed = nan: must be a finite number"),
-        ({"drop": -0.5}, r"context\.drop = -0.5: must be in \[0, inf\)"),
+        ({"speed": np.nan}, r"context\.speed = nan: must be in \[-1e\+150, 1e\+150\]"),
+        ({"drop": -0.5}, r"context\.drop = -0.5: must be in \[0, 1e\+150\] m"),
     ],
 )
 def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(change, message):

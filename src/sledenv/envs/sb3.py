@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sledenv.envs.info import checked_info
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.machine.extras import needs
+from sledenv.simulation.rules import checked_seed
 
 with needs("agents", __name__):
     from stable_baselines3.common.vec_env import VecEnv
@@ -46,6 +47,8 @@ def make_vec_env(
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
     """
     given = checked_info(info)
+    if seed is not None:
+        seed = checked_seed(seed)
     env = gym.make_vec(
         env_id,
         num_envs=n_envs,
