@@ -18,6 +18,8 @@ from sledenv.envs.vector import SledLaunchVector
 from sledenv.identification.tracks import identify_tracks
 
 ID = "sledenv/SledLaunch-v0"
+DISC, LAW, INCLINE = sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1)
+LAUNCH = State(0.0, 1.0, 0.0, 1.0, -1.0, 0.0)
 
 
 def rebounds() -> pd.DataFrame:
@@ -36,14 +38,11 @@ def fitted(**given: Any) -> Any:
 def tracked(**given: Any) -> Any:
     t = np.arange(9.0)
     poses = pd.DataFrame({"t_s": t, "x_m": t, "y_m": 1.0, "phi_rad": 0.0})
-    return identify_tracks(poses, sledenv.disc(1.0, 0.5), Slope(0.1), **given)
+    return identify_tracks(poses, DISC, Slope(0.1), **given)
 
 
 def differentiated(parameters: Any) -> Any:
-    launch = State(0.0, 1.0, 0.0, 1.0, -1.0, 0.0)
-    return sledenv.sensitivity(
-        sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1), launch, parameters=parameters
-    )
+    return sledenv.sensitivity(DISC, LAW, Slope(0.1), LAUNCH, parameters=parameters)
 
 
 def reset(context: dict[str, Any]) -> Any:
@@ -64,7 +63,11 @@ def restored() -> Any:
     return SledLaunch("sled_snow").restore(env.snapshot())
 
 
-def with_options(options: list[Any]) -> Any:
+def many(launches: Any, law: Any = LAW, slope: Any = INCLINE) -> Any:
+    return sledenv.simulate_batch(DISC, law, slope, launches)
+
+
+def with_options(options: Any) -> Any:
     envs = make_vec_env(ID, 3)
     envs.set_options(options)
     return envs.reset()
@@ -79,6 +82,9 @@ def with_options(options: list[Any]) -> Any:
         (lambda: fitted(fixed=5), "fixed = 5: must be a mapping of names to values"),
         (lambda: fitted(bounds=5), "bounds = 5: must be a mapping of names to values"),
         (lambda: fitted(bounds={"friction": 5}), "bounds, 'friction' = 5: must be a pair"),
+        (lambda: fitted(bounds={"friction": ("a", 1)}), "bounds.friction = 'a': must be a number, a finite number"),
+        (lambda: tracked(bounds={"friction": (0, True)}), "bounds.friction = True: must be a number, a finite number"),
+        (lambda: tracked(fixed={"friction": "x"}), "fixed.friction = 'x': must be a number, a finite number"),
         (lambda: fitted(start=5), "start = 5: must be a mapping of names to values"),
         (lambda: sledenv.identify(None), "table = None: must be a DataFrame or the path of a file"),
         (lambda: tracked(noise=5), "noise = 5: must be a pair"),
@@ -109,6 +115,25 @@ def with_options(options: list[Any]) -> Any:
         (lambda: sledenv.load_scenario("sled_snow").sample(None), "rng = None: must be a numpy.random.Generator"),
         (lambda: SledVecEnv(None), "env = None: must be a native vector environment, not wrapped"),
         (lambda: make_vec_env(ID, 2, info=None), "info = None: must be a sequence of any of 'context', 'launch'"),
+        (lambda: make_vec_env(ID, 2, info=[[]]), "info = [[]]: must be a sequence of any of 'context', 'launch'"),
+        (lambda: make_vec_env(ID, 2, env_kwargs=5), "env_kwargs = 5: must be a mapping of names to values"),
+        (lambda: with_options(5), "options = 5: must be a mapping, or a list of one a lane"),
+        (
+            lambda: many([[0.0, 1.0, 0.0, True, -1.0, 0.0]]),
+            "launches holds True or False: must hold numbers, columns x",
+        ),
+        (lambda: many(np.ones((2, 6), bool)), "launches holds True or False: must hold numbers, columns x, y"),
+        (lambda: many(np.ones((2, 6), complex)), "launches holds complex128: must hold numbers, columns x, y"),
+        (
+            lambda: many([LAUNCH], law=[(1e6, 0.5, True, 0.0, 0.0)]),
+            "law holds True or False: must hold numbers, columns",
+        ),
+        (lambda: many([LAUNCH], slope=[(True, 9.0, 9.81)]), "slope holds True or False: must hold numbers, columns"),
+        (lambda: sledenv.Ride(DISC, LAW, Slope(0.1), LAUNCH, rotor_inertia=1.0).trim(10**400), "Ride.trim.spin = 1000"),
+        (
+            lambda: sledenv.identify(rebounds() * 1j, gyration_radius=0.3),
+            "u_before_m_s: must be numbers, is of the type",
+        ),
         (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
     ],
 )

@@ -162,6 +162,13 @@ def checked_mapping(name: str, value: Mapping[str, _V] | None) -> Mapping[str, _
     return value or {}
 
 
+def checked_bounds(value: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest values by their names, whatever their order, or raise TypeError or ValueError."""
+    pairs = {name: checked_pair(f"bounds, {name!r}", pair) for name, pair in checked_mapping("bounds", value).items()}
+    finite = {name: [checked("bounds", name, end, FINITE) for end in pair] for name, pair in pairs.items()}
+    return {name: (low, high) for name, (low, high) in finite.items()}
+
+
 def checked_flag(name: str, value: bool) -> bool:
     """Return whether something is to be, or raise TypeError."""
     if not isinstance(value, bool | np.bool_):
