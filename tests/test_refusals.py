@@ -14,9 +14,12 @@ import sledenv
 from sledenv import ContactLaw, Slope, State
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
+from sledenv.envs.vector import SledLaunchVector
 from sledenv.identification.tracks import identify_tracks
 
 ID = "sledenv/SledLaunch-v0"
+DISC, LAW, INCLINE = sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1)
+LAUNCH = State(0.0, 1.0, 0.0, 1.0, -1.0, 0.0)
 
 
 def rebounds() -> pd.DataFrame:
@@ -35,23 +38,38 @@ def fitted(**given: Any) -> Any:
 def tracked(**given: Any) -> Any:
     t = np.arange(9.0)
     poses = pd.DataFrame({"t_s": t, "x_m": t, "y_m": 1.0, "phi_rad": 0.0})
-    return identify_tracks(poses, sledenv.disc(1.0, 0.5), Slope(0.1), **given)
+    return identify_tracks(poses, DISC, Slope(0.1), **given)
 
 
 def differentiated(parameters: Any) -> Any:
-    launch = State(0.0, 1.0, 0.0, 1.0, -1.0, 0.0)
-    return sledenv.sensitivity(
-        sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1), launch, parameters=parameters
-    )
+    return sledenv.sensitivity(DISC, LAW, Slope(0.1), LAUNCH, parameters=parameters)
 
 
 def reset(context: dict[str, Any]) -> Any:
     return SledLaunch("sled_snow").reset(options={"context": context})
 
 
-def with_options(count: int) -> Any:
+def made(**given: Any) -> Any:
+    return SledLaunch("sled_snow", **given)
+
+
+def lanes(**given: Any) -> Any:
+    return SledLaunchVector(2, "sled_snow").reset(**given)
+
+
+def restored() -> Any:
+    env = SledLaunch("sled_mat")
+    env.reset(seed=0)
+    return SledLaunch("sled_snow").restore(env.snapshot())
+
+
+def many(launches: Any, law: Any = LAW, slope: Any = INCLINE) -> Any:
+    return sledenv.simulate_batch(DISC, law, slope, launches)
+
+
+def with_options(options: Any) -> Any:
     envs = make_vec_env(ID, 3)
-    envs.set_options([{}] * count)
+    envs.set_options(options)
     return envs.reset()
 
 
@@ -64,6 +82,9 @@ def with_options(count: int) -> Any:
         (lambda: fitted(fixed=5), "fixed = 5: must be a mapping of names to values"),
         (lambda: fitted(bounds=5), "bounds = 5: must be a mapping of names to values"),
         (lambda: fitted(bounds={"friction": 5}), "bounds, 'friction' = 5: must be a pair"),
+        (lambda: fitted(bounds={"friction": ("a", 1)}), "bounds.friction = 'a': must be a number, a finite number"),
+        (lambda: tracked(bounds={"friction": (0, True)}), "bounds.friction = True: must be a number, a finite number"),
+        (lambda: tracked(fixed={"friction": "x"}), "fixed.friction = 'x': must be a number, a finite number"),
         (lambda: fitted(start=5), "start = 5: must be a mapping of names to values"),
         (lambda: sledenv.identify(None), "table = None: must be a DataFrame or the path of a file"),
         (lambda: tracked(noise=5), "noise = 5: must be a pair"),
@@ -73,12 +94,47 @@ def with_options(count: int) -> Any:
         (lambda: ContactLaw(1e6, 0.5, True, 0.0), "ContactLaw.friction = True: must be a number"),
         (lambda: State(0.0, 1.0, np.True_, 1.0, -1.0, 0.0), "State.phi = np.True_: must be a number"),
         (lambda: Slope(10**400), "Slope.angle = 1000"),
+        (lambda: reset({"speed": 1e308}), "context.speed = 1e+308: must be in [-1e+150, 1e+150]"),
+        (lambda: reset({"spin": -1e308}), "context.spin = -1e+308: must be in [-1e+150, 1e+150]"),
+        (lambda: reset({"drop": 1e308}), "context.drop = 1e+308: must be in [0, 1e+150] m"),
+        (lambda: with_options([{"context": {"speed": 1e308}}, {}, {}]), "context.speed = 1e+308: must be in [-1e+150"),
+        (lambda: lanes(options={"context": {"fall": [0.0, 1e308]}}), "context.fall = 1e+308: must be in [-1e+150"),
+        (lambda: made().reset(seed=True), "seed = True: must be an integer >= 0"),
+        (lambda: made().reset(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: lanes(seed=-1), "seed = -1: must be an integer >= 0"),
+        (lambda: lanes(seed=[0, True]), "seed[1] = True: must be an integer >= 0"),
+        (lambda: lanes(seed=np.array(1.0)), "seed = array(1.): must be an integer >= 0, or a sequence of one a lane"),
+        (lambda: make_vec_env(ID, 2, seed=True), "seed = True: must be an integer >= 0"),
+        (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array', 'rgb_array_list', 'ansi'"),
+        (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
+        (lambda: made(solver=np.zeros(2)), "solver = array([0., 0.]): must be one of 'compliant', 'rigid'"),
+        (lambda: made(split=["test"]), "split = ['test']: must be one of 'train', 'validation', 'test'"),
+        (restored, "snapshot.task['scenario'] = ('sled_mat', "),
         (lambda: reset({"speed": True}), "context.speed = True: must be a number"),
         (lambda: differentiated(5), "parameters = 5: must be a sequence of names, at least one"),
         (lambda: sledenv.load_scenario("sled_snow").sample(None), "rng = None: must be a numpy.random.Generator"),
         (lambda: SledVecEnv(None), "env = None: must be a native vector environment, not wrapped"),
         (lambda: make_vec_env(ID, 2, info=None), "info = None: must be a sequence of any of 'context', 'launch'"),
-        (lambda: with_options(2), "options has 2 entries: must be one a lane, 3"),
+        (lambda: make_vec_env(ID, 2, info=[[]]), "info = [[]]: must be a sequence of any of 'context', 'launch'"),
+        (lambda: make_vec_env(ID, 2, env_kwargs=5), "env_kwargs = 5: must be a mapping of names to values"),
+        (lambda: with_options(5), "options = 5: must be a mapping, or a list of one a lane"),
+        (
+            lambda: many([[0.0, 1.0, 0.0, True, -1.0, 0.0]]),
+            "launches holds True or False: must hold numbers, columns x",
+        ),
+        (lambda: many(np.ones((2, 6), bool)), "launches holds True or False: must hold numbers, columns x, y"),
+        (lambda: many(np.ones((2, 6), complex)), "launches holds complex128: must hold numbers, columns x, y"),
+        (
+            lambda: many([LAUNCH], law=[(1e6, 0.5, True, 0.0, 0.0)]),
+            "law holds True or False: must hold numbers, columns",
+        ),
+        (lambda: many([LAUNCH], slope=[(True, 9.0, 9.81)]), "slope holds True or False: must hold numbers, columns"),
+        (lambda: sledenv.Ride(DISC, LAW, Slope(0.1), LAUNCH, rotor_inertia=1.0).trim(10**400), "Ride.trim.spin = 1000"),
+        (
+            lambda: sledenv.identify(rebounds() * 1j, gyration_radius=0.3),
+            "u_before_m_s: must be numbers, is of the type",
+        ),
+        (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
     ],
 )
 def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: str) -> None:

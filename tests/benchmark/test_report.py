@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import sledenv
 from sledenv.benchmark import figures
 from sledenv.benchmark.report import write_report
 from tests.benchmark import make
@@ -99,6 +100,25 @@ def test_jam_maps_mark_the_best_launch_and_every_choice() -> None:
     chosen = judged[(judged["agent"] == "sac") & (judged["context"] == 0)]
     chosen = chosen[chosen["stage"] == "trained"]
     assert marks["o"] == pytest.approx(chosen[["action_0", "action_1"]].to_numpy())
+
+
+def test_jam_maps_of_a_scenario_that_ships_are_in_its_units() -> None:
+    """Oracle: the control bounds of its file; of another scenario with the same name nothing is known."""
+    made = make.whole(("sled_snow",), ("launch",), seeds=1, contexts=5)
+    snow = sledenv.load_scenario("sled_snow")
+    (low, high), (_, fastest) = (snow.control_bounds[name] for name in ("orientation", "spin"))
+    for hashed, labels, ends in (
+        (snow.hash, ("orientation [deg]", "spin [rad/s]"), (low, high, fastest)),
+        ("another", ("orientation [-1 to 1 of its bounds]", "spin [-1 to 1 of its bounds]"), (-1.0, 1.0, 1.0)),
+    ):
+        figure = figures.plot_maps(made._replace(results=made.results.assign(scenario_hash=hashed)))
+        assert figure is not None
+        ax = figure.axes[0]
+        assert (ax.get_xlabel(), ax.get_ylabel()) == labels
+        (star,) = (line.get_xydata()[0] for line in ax.lines if line.get_marker() == "*")
+        best = made.oracle.loc[0, ["action_0", "action_1"]].to_numpy(float)
+        middle, half = 0.5 * (ends[1] + ends[0]), 0.5 * (ends[1] - ends[0])
+        assert star == pytest.approx([middle + half * best[0], ends[2] * best[1]])
 
 
 def test_a_map_of_three_choices_shows_the_best_of_what_is_not_on_the_axes() -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -18,7 +19,7 @@ import pytest
 
 from sledenv.command import arguments, cli, identification
 from sledenv.command.arguments import Count, Seeds, positive, within
-from sledenv.command.running import app, run, tell, working
+from sledenv.command.running import app, progress, run, tell, working
 from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.configuration import shipped
 from sledenv.simulation import rigid_impact, settings
@@ -58,6 +59,31 @@ def test_an_error_is_one_line_and_a_status(
     assert run(command, ["work"]) == status
     assert capsys.readouterr() == ("", f"tool work: {message}\n")
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN  # as before
+
+
+def test_an_interrupt_that_a_library_drops_is_heeded_at_the_next_line(
+    capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
+) -> None:
+    """Oracle: the interrupt of a method that Python calls as it frees an object, whose errors it drops."""
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
+    command = app("tool", "A tool.")
+
+    class Freed:
+        def __del__(self) -> None:
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+    @command.default
+    def work() -> None:
+        told = progress("tool")
+        told("first")
+        Freed()
+        told("second")
+
+    assert run(command, []) == 130
+    assert capsys.readouterr() == ("", "tool: first\ntool: interrupted\n")
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler  # as before
 
 
 def test_an_error_of_the_program_itself_has_its_traceback() -> None:

@@ -413,8 +413,16 @@ def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
     for one in (env, other):
         one.restore(kept)
         assert equal([one.step(action) for action in todo], followed)
-    with pytest.raises(ValueError, match="another task"):
-        native(5, mode, env_id).restore(kept)
+    more = native(5, mode, env_id)
+    more.reset(seed=0)
+    own = more.snapshot()
+    for wrong, named in (
+        (kept, r"snapshot.task\['num_envs'\] = 4: .* of another task, must be 5"),
+        (own._replace(episode=kept.episode), r"snapshot.episode\['_launches'\] is float64 of shape \(4, 6\): must be"),
+        (own._replace(stream=kept.stream), r"snapshot.stream has shape \(4, 11\): must be \(5, 11\)"),
+    ):
+        with pytest.raises(ValueError, match=named):
+            more.restore(wrong)
     with pytest.raises(TypeError, match="must come from snapshot"):
         env.restore(kept._replace(stream=None))
 

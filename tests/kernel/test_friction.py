@@ -242,6 +242,21 @@ def test_a_force_at_its_bound_locks() -> None:
     assert choose(0.0, 0.5, (-1, 0, 0), friction=0.0, arm=0.0) == (-1, 0, 0)  # neither drive nor bound
 
 
+def test_a_force_at_its_bound_up_to_rounding_locks() -> None:
+    """Oracle: F = -drive = f N and M = a N - b F = delta N, which decimal numbers meet up to rounding alone.
+
+    Without a tolerance the violation of a lock, some 1e-17, is beaten by a branch that slides or rotates.
+    """
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        b, friction, arm = rng.uniform(-1.0, 1.0), rng.uniform(0.05, 1.0), rng.uniform(0.05, 0.5)
+        normal, side = rng.uniform(0.5, 3.0), rng.choice([-1.0, 1.0])
+        drive = side * friction * normal
+        a = (arm * normal - b * drive) / normal
+        given_: dict[str, float] = {"friction": friction, "arm": arm, "drive_t": drive, "closing": normal}
+        assert choose(a, b, (-1, 0, 0), **given_) == (-1, 0, 0)
+
+
 @pytest.mark.jit_only  # plain Python refuses to divide by zero
 def test_a_singular_branch_is_not_chosen() -> None:
     """Oracle: J/m + a^2 + a b f s = 0 leaves a sliding contact without normal force to rest on (Painleve).

@@ -180,7 +180,18 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
     ("changes", "message"),
     [
         ({"contact__fricton": 0.3}, "contact.fricton = 0.3: unknown key (did you mean 'friction'?)"),
-        ({"contact__fricton": UNIFORM}, "contact.fricton = 0.25: unknown key (did you mean 'friction'?)"),
+        (
+            {"contact__fricton": UNIFORM},
+            "contact.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
+        ),
+        (
+            {"scenario": "sled_patch", "zone__fricton": UNIFORM},
+            "zone.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
+        ),
+        (
+            {"contact__friction": {"kind": "uniform", "low": -0.3, "high": -0.1}},
+            "contact.friction: uniform, low -0.3, high -0.1: must be a number",
+        ),
         ({"contact__friction": {"kind": "uniform", "low": 0.3, "high": 0.3}}, "low = 0.3: must be below high = 0.3"),
         (
             {"contact__friction": {"kind": "triangular", "low": 0.1, "mode": 0.5, "high": 0.3}},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -27,6 +27,8 @@ from sledenv.benchmark.scores import (
 )
 from sledenv.kernel.records import LOSSES
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
+from sledenv.scenarios.configuration import Pair
+from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.scenarios.sections import CONTROLS
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
@@ -142,10 +144,11 @@ def plot_maps(results: Results) -> Figure | None:
     scenarios = sorted(maps["scenario"].unique())
     with style({"axes.spines.top": True, "axes.spines.right": True}):
         figure = Figure(figsize=(WIDTH, 1.0 + 2.7 * len(scenarios)), layout="constrained")
-        grid = figure.subplots(len(scenarios), _MAPS, squeeze=False, sharex=True)
+        grid = figure.subplots(len(scenarios), _MAPS, squeeze=False, sharex="row")
         image = None
         for row, scenario in zip(grid, scenarios, strict=True):
             here = maps[maps["scenario"] == scenario]
+            axes = _axes(results, scenario, here)
             contexts = sorted(here["context"].unique())[:_MAPS]
             for ax in row[len(contexts) :]:
                 ax.set_visible(False)
@@ -154,10 +157,8 @@ def plot_maps(results: Results) -> Figure | None:
                 best = results.oracle[
                     (results.oracle["scenario"] == scenario) & (results.oracle["context"] == context)
                 ].iloc[0]
-                image = _draw_map(ax, here[here["context"] == context], best, places, judged) or image
+                image = _draw_map(ax, axes, here[here["context"] == context], best, places, judged) or image
                 ax.set_title(f"{scenario}, context {context}: best {best['reward']:.2f}", loc="left", fontsize=9.5)
-        for ax in grid[-1]:
-            ax.set_xlabel(_free(maps)[0])
         if image is not None:
             figure.colorbar(image, ax=grid, label="reward", shrink=0.6, aspect=30, pad=0.02)
         star = Line2D([], [], color="white", mec=INK, marker="*", ms=11.0, ls="", label="best launch")
@@ -228,35 +229,67 @@ def _panels(
     return figure
 
 
-def _draw_map(ax: Axes, cells: pd.DataFrame, best: pd.Series, places: pd.DataFrame, every: pd.DataFrame) -> Any:
+def _draw_map(
+    ax: Axes, axes: list[_Axis], cells: pd.DataFrame, best: pd.Series, places: pd.DataFrame, every: pd.DataFrame
+) -> Any:
     """Draw one jam map over the first two things that are chosen, a curve over one alone; return what has colours.
 
     A cell is the best of all launches that belong there, whatever else of them is chosen.
     """
-    free = _free(cells)
+    along, *across = axes
     image = None
-    if len(free) > 1:
-        grid = cells.pivot_table(index=free[1], columns=free[0], values="reward", aggfunc="max")
-        image = ax.pcolormesh(grid.columns, grid.index, grid, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
-        edge = 0.5 * (grid.columns[1] - grid.columns[0])  # a full turn leaves out its end, which is its beginning
-        ax.set_xlim(grid.columns[0] - edge, grid.columns[-1] + edge)
-        ax.set_ylabel(free[1])
+    if across:
+        grid = cells.pivot_table(index=across[0].name, columns=along.name, values="reward", aggfunc="max")
+        x, y = along.at(grid.columns), across[0].at(grid.index)
+        image = ax.pcolormesh(x, y, grid, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
+        edge = 0.5 * (x[1] - x[0])  # a full turn leaves out its end, which is its beginning
+        ax.set_xlim(x[0] - edge, x[-1] + edge)
     else:
-        curve = cells.sort_values(free[0])
-        ax.plot(curve[free[0]], curve["reward"], color=INK, lw=0.9)
-        ax.set_ylabel("reward")
-    heights = ("action_1", "reward")[len(free) == 1]
+        curve = cells.sort_values(along.name)
+        ax.plot(along.at(curve[along.name]), curve["reward"], color=INK, lw=0.9)
+    ax.set(xlabel=along.label, ylabel=across[0].label if across else "reward")
+
+    def place(rows: Any) -> tuple[Any, Any]:
+        return along.at(rows["action_0"]), across[0].at(rows["action_1"]) if across else rows["reward"]
+
     clip: dict[str, Any] = {"ls": "", "clip_on": False, "mec": "white", "mew": 0.6}
-    ax.plot(best["action_0"], best[heights], marker="*", ms=11.0, **clip | {"color": "white", "mec": INK}, zorder=5)
+    ax.plot(*place(best), marker="*", ms=11.0, **clip | {"color": "white", "mec": INK}, zorder=5)
     for agent, rows in places.groupby("agent", sort=False):
         colour, marker = look(agent, every)
-        ax.plot(rows["action_0"], rows[heights], marker=marker, ms=6.0, color=colour, zorder=4, **clip)
+        ax.plot(*place(rows), marker=marker, ms=6.0, color=colour, zorder=4, **clip)
     return image
 
 
-def _free(cells: pd.DataFrame) -> list[str]:
-    """Which things the launches of jam maps choose."""
-    return [name for name in CONTROLS if name in cells and cells[name].notna().any()]
+class _Axis(NamedTuple):
+    """One thing that the launches of a jam map choose."""
+
+    name: str
+    label: str
+    bounds: Pair  # what -1 and 1 are
+
+    def at(self, values: Any) -> Any:
+        """Return where values in [-1, 1] lie."""
+        return between(self.bounds, values)
+
+
+def _axes(results: Results, scenario: str, cells: pd.DataFrame) -> list[_Axis]:
+    """Return the first two things that the launches of jam maps choose, or the only one.
+
+    Results do not hold the bounds of a scenario: they are those of the one that ships under its name, unless another
+    one was meant, whose launches remain in [-1, 1].
+    """
+    hashes = results.results.loc[results.results["scenario"] == scenario, "scenario_hash"].unique()
+    known = load_scenario(scenario) if scenario in scenario_names() else None
+    bounds = known.control_bounds if known is not None and [*hashes] == [known.hash] else {}
+    free = [name for name in CONTROLS if name in cells and cells[name].notna().any()][:2]
+    units = {name: CONTROLS[name].unit if name in bounds else "-1 to 1 of its bounds" for name in free}
+    return [_Axis(name, f"{name} [{units[name]}]", bounds.get(name, (-1.0, 1.0))) for name in free]
+
+
+def between(bounds: Pair, values: Any) -> Any:
+    """Return what values in [-1, 1] stand for, the lower and the upper bound at the ends."""
+    low, high = bounds
+    return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
 
 
 def look(agent: str, table: pd.DataFrame) -> tuple[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sledenv.benchmark.figures import label, look, style
+from sledenv.benchmark.figures import between, label, look, style
 from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
@@ -103,8 +103,7 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
 
 def physical(problem: Problem, name: str, values: Any) -> Any:
     """Return values in [-1, 1] of a control in its unit."""
-    low, high = problem.scenario.control_bounds[name]
-    return low + 0.5 * (np.asarray(values, float) + 1.0) * (high - low)
+    return between(problem.scenario.control_bounds[name], values)
 
 
 def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 FAILED: Final = 1
 WRONG: Final = 2
 _INTERRUPTED = 128 + signal.SIGINT
+_interrupts: list[int] = []  # that have come since the command began
 _BROKEN_PIPE = 141
 _WIDTH = 120  # of a table that is not printed on a terminal
 DPI: Final = 150  # of pictures
@@ -67,6 +68,10 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         return _told(f"{command.name[0]}: error: a command is needed, see --help", WRONG)
     name = " ".join((*command.name, *(word for word in command.parse_commands(words)[0] if word[0] != "-")))
     before = signal.signal(signal.SIGTERM, _terminate)  # or the folder being written would stay
+    heeded = signal.getsignal(signal.SIGINT)
+    _interrupts.clear()
+    if heeded is signal.default_int_handler:  # a process in the background may ignore it
+        signal.signal(signal.SIGINT, _interrupt)
     try:
         status = command(words, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
@@ -83,6 +88,7 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         return _told(f"{name}: interrupted{error}", _INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGINT, heeded)
     return status or 0
 
 
@@ -103,6 +109,11 @@ def _told(message: str, status: int) -> int:
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
 
 
 def tell(result: str | Table, data: Any, as_json: bool) -> None:
@@ -153,8 +164,17 @@ def resumable() -> Iterator[None]:
 
 
 def progress(name: str) -> Callable[[str], None]:
-    """Return what tells on standard error what a command is about to do."""
-    return lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True)
+    """Return what tells on standard error what a command is about to do, or that it is not as it was interrupted.
+
+    Python drops an interrupt that comes while it frees an object or runs a callback of a library.
+    """
+
+    def told(line: str) -> None:
+        if _interrupts:
+            raise KeyboardInterrupt
+        print(f"{name}: {line}", file=sys.stderr, flush=True)
+
+    return told
 
 
 def taken(places: ExitStack, option: str, place: AbstractContextManager[Path]) -> Path:

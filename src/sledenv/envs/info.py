@@ -25,7 +25,7 @@ _LAUNCHED: Final = {
 def checked_info(info: Sequence[str]) -> tuple[str, ...]:
     """Return which entries of info are to be given, or raise ValueError."""
     listed = not isinstance(info, str) and isinstance(info, Iterable)
-    if not listed or not set(info) <= set(INFO_KEYS):
+    if not listed or not all(isinstance(key, str) and key in INFO_KEYS for key in info):
         raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
     return tuple(info)
 

@@ -17,7 +17,7 @@ from sledenv.simulation.rules import checked, checked_rows
 Contexts = NDArray[np.float64]
 
 FIELDS: Final = len(Context._fields)
-_SLACK = 1e-6  # by which an action may lie outside the box: a few units in the last place of its float32
+_SLACK = 1e-4  # by which an action may lie outside the box: what RescaleAction's float32 cancels, with much to spare
 
 
 class Given(NamedTuple):
@@ -49,7 +49,7 @@ def checked_actions(
     Returns
     -------
     ndarray
-        What lies outside the box by rounding, at most 1e-6, is on its bound.
+        What lies outside the box by rounding, at most 1e-4, is on its bound.
 
     Raises
     ------

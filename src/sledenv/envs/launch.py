@@ -21,6 +21,7 @@ from sledenv.envs.task import Task, TaskOptions
 from sledenv.pages.words import setting, story
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import checked_choice, checked_seed
 from sledenv.simulation.scene import State
 
 _NOTHING = -1.0  # [s] before any time of a film
@@ -29,17 +30,30 @@ _NOTHING = -1.0  # [s] before any time of a film
 class Snapshot(NamedTuple):
     """Where an environment stands, random stream included; opaque, picklable, may be restored any number of times."""
 
-    task: tuple[Any, ...]  # of what
+    task: dict[str, Any]  # of what
     episode: dict[str, Any]
     stream: Any  # np.random.Generator, or the Streams of a batch
 
 
-def check_snapshot(snapshot: Any, task: tuple[Any, ...], episode: dict[str, tuple[type, ...]], stream: type) -> None:
-    """Raise TypeError or ValueError unless a snapshot is one of a task, with the attributes that an episode has."""
+def check_snapshot(
+    snapshot: Any,
+    task: dict[str, Any],
+    episode: dict[str, tuple[type, ...]],
+    arrays: dict[str, np.ndarray],
+    stream: type,
+) -> None:
+    """Raise TypeError or ValueError unless a snapshot is one of a task, with the attributes that an episode has.
+
+    ``arrays`` has some of the attributes as they may be, whatever their entries.
+    """
     if not isinstance(snapshot, Snapshot):
         raise TypeError(f"snapshot = {snapshot!r}: must come from snapshot()")
-    if snapshot.task != task:
-        raise ValueError(f"the snapshot is of another task: {snapshot.task}, not {task}")
+    if not isinstance(snapshot.task, dict) or snapshot.task.keys() != task.keys():
+        raise ValueError(f"snapshot.task = {snapshot.task!r}: the snapshot is of another task, must be {task}")
+    for name, own in task.items():
+        if snapshot.task[name] != own:
+            given = snapshot.task[name]
+            raise ValueError(f"snapshot.task[{name!r}] = {given!r}: the snapshot is of another task, must be {own!r}")
     held = snapshot.episode
     if not isinstance(held, dict) or held.keys() != episode.keys():
         raise ValueError(f"snapshot.episode = {held!r}: must hold {', '.join(episode)}")
@@ -47,6 +61,11 @@ def check_snapshot(snapshot: Any, task: tuple[Any, ...], episode: dict[str, tupl
     for name, (value, allowed) in (kinds | {"stream": (snapshot.stream, (stream,))}).items():
         if not isinstance(value, allowed):
             raise TypeError(f"snapshot.{name} = {value!r}: must come from snapshot()")
+    for name, own in arrays.items():
+        value = held[name]
+        if (value.dtype, value.shape) != (own.dtype, own.shape):
+            have = f"is {value.dtype} of shape {value.shape}"
+            raise ValueError(f"snapshot.episode[{name!r}] {have}: must be {own.dtype} of shape {own.shape}")
 
 
 class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -75,7 +94,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         What the agent chooses, such as "both", orientation and spin; the rest is a disturbance that it observes.
         docs/environments.md lists the words. What the scenario says by default.
     render_mode : {"human", "rgb_array", "rgb_array_list", "ansi"}, optional
-        A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds.
+        A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds. Give
+        ``gym.make`` a str: with anything else Gymnasium itself fails, in words of Python's.
     solver : {"compliant", "rigid"}
         Which contact is simulated, as for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -118,8 +138,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: Sequence[str] = INFO_KEYS,
         **task: Unpack[TaskOptions],
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode = {render_mode!r}: must be one of {self.metadata['render_modes']}")
+        if render_mode is not None:
+            checked_choice("render_mode", render_mode, tuple(self.metadata["render_modes"]))
         self.task = Task(scenario, control, **task)
         self.observation_space = self.task.observation_space
         self.action_space = self.task.action_space
@@ -148,11 +168,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises
         ------
         TypeError, ValueError
-            For an unknown option, or naming the field of a context that cannot be simulated; the episode goes on.
+            For a wrong seed, an unknown option, or naming the field of a context that cannot be simulated; the episode
+            goes on.
         """
         given = read_options(options, self.task.split)
         self.task.check(given)
-        super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
+        super().reset(seed=None if seed is None else checked_seed(seed))
         context = self.task.begin(given, lambda drawn: self.np_random.random((len(drawn), self.task.draws)))
         self.enter(context)
         info = {"context": context_info(context)} if "context" in self.info_keys else {}
@@ -250,9 +271,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         TypeError, ValueError
             If it is no snapshot, or one of another task; the environment stays where it is.
         """
-        check_snapshot(snapshot, self._identity(), self._episode, np.random.Generator)
-        if snapshot.episode["_context"].shape != (1, self.task.draws):
-            raise ValueError(f"snapshot.episode: _context has shape {snapshot.episode['_context'].shape}")
+        arrays = {"_context": np.empty((1, self.task.draws))}
+        check_snapshot(snapshot, self._identity(), self._episode, arrays, np.random.Generator)
         for name, value in copy.deepcopy(snapshot.episode).items():
             setattr(self, name, value)
         self.np_random = copy.deepcopy(snapshot.stream)
@@ -272,9 +292,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer.draw(body)
         return self._renderer
 
-    def _identity(self) -> tuple[Any, ...]:
-        task = self.task
-        return type(self).__name__, task.scenario.hash, task.control, task.solver, *task.noise.tolist(), task.observed
+    def _identity(self) -> dict[str, Any]:
+        return {"environment": type(self).__name__} | self.task.identity
 
     def _launch_frame(self) -> NDArray[np.uint8]:
         scenario, context = self._given()

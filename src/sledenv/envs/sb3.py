@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sledenv.envs.info import checked_info
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.machine.extras import needs
+from sledenv.simulation.rules import checked_mapping, checked_seed
 
 with needs("agents", __name__):
     from stable_baselines3.common.vec_env import VecEnv
@@ -46,13 +47,15 @@ def make_vec_env(
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
     """
     given = checked_info(info)
+    if seed is not None:
+        seed = checked_seed(seed)
     env = gym.make_vec(
         env_id,
         num_envs=n_envs,
         vectorization_mode="vector_entry_point",
         autoreset_mode=AutoresetMode.SAME_STEP.value,
         info=given,
-        **(env_kwargs or {}),
+        **checked_mapping("env_kwargs", env_kwargs),
     )
     adapter = SledVecEnv(env)
     if seed is not None:
@@ -88,6 +91,8 @@ class SledVecEnv(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Begin an episode in every lane, with the seeds and options set for this reset."""
         seeds, options = self._seeds, self._options
+        if not isinstance(options, list | tuple):
+            raise TypeError(f"options = {options!r}: must be a mapping, or a list of one a lane")
         if len(options) != self.num_envs:
             raise ValueError(f"options has {len(options)} entries: must be one a lane, {self.num_envs}")
         self._reset_seeds()

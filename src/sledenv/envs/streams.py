@@ -33,14 +33,14 @@ class Streams:
         self._block = np.empty((lanes, _BLOCK, draws))
         self._next = np.full(lanes, _BLOCK)
 
-    def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
-        """Start streams anew where there is a seed, and from fresh entropy where there was none before.
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of streams, and of the doubles that an episode takes."""
+        lanes, _, draws = self._block.shape
+        return lanes, draws
 
-        Raises
-        ------
-        gymnasium.error.Error
-            For a seed that is not an integer >= 0; no stream has changed then.
-        """
+    def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
+        """Start streams anew where there is a seed, and from fresh entropy where there was none before."""
         pairs = zip(lanes.tolist(), seeds, strict=True)
         fresh = [(i, seeding.np_random(s)) for i, s in pairs if s is not None or self.generators[i] is None]
         for i, (generator, seed) in fresh:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import Final, Literal, TypedDict, get_args
+from typing import Any, Final, Literal, TypedDict, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -22,7 +22,7 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.ride import Ride, RideBatch
-from sledenv.simulation.rules import NOT_NEGATIVE, checked
+from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -117,8 +117,7 @@ class Task:
         bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
         words = control_words(bounds)
         for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(BatchSolver))):
-            if value not in allowed:
-                raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
+            checked_choice(name, value, allowed)
         if split is not None:
             check_split(split)
         if not isinstance(launch_noise, Sequence | np.ndarray) or len(launch_noise) != 2:
@@ -152,6 +151,17 @@ class Task:
         self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
         self.observation_names, self.ride_observation_names = Context._fields, (*Context._fields, *FLIGHT)
         self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What two tasks have in common if each can go on where the other stands."""
+        return {
+            "scenario": (self.scenario.id, self.scenario.hash),
+            "control": self.control,
+            "solver": self.solver,
+            "launch_noise": tuple(self.noise.tolist()),
+            "observe": self.observed,
+        }
 
     def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Contexts:
         """Return the contexts of new episodes.

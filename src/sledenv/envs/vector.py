@@ -26,7 +26,7 @@ from sledenv.envs.task import Task, TaskOptions
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.memory import check_room
 from sledenv.simulation.ride import RideBatch
-from sledenv.simulation.rules import checked_count
+from sledenv.simulation.rules import checked_count, checked_seed
 from sledenv.simulation.scene import State
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
@@ -168,7 +168,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 
         Raises
         ------
-        ValueError, TypeError, gymnasium.error.Error
+        ValueError, TypeError
             For an unknown option, or a wrong mask, context or seed; nothing has changed then.
         gymnasium.error.ResetNeeded
             If the very first reset leaves lanes out.
@@ -289,16 +289,20 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         TypeError, ValueError
             If it is no snapshot, or one of another task; the batch stays where it is.
         """
-        check_snapshot(snapshot, self._identity(), self._episode, Streams)
+        own = {name: getattr(self, name) for name in ("_launches", "_seen", "_steps", "_ended")}
+        arrays = own | {"_contexts": np.empty((self.num_envs, self.task.draws))}
+        check_snapshot(snapshot, self._identity(), self._episode, arrays, Streams)
+        if snapshot.stream.shape != self._streams.shape:
+            raise ValueError(f"snapshot.stream has shape {snapshot.stream.shape}: must be {self._streams.shape}")
         if self._drawn:
             raise ValueError(f"render_mode = {self.render_mode!r}: a batch that draws cannot go on from a snapshot")
         for name, value in copy.deepcopy(snapshot.episode).items():
             setattr(self, name, value)
         self._streams = copy.deepcopy(snapshot.stream)
 
-    def _identity(self) -> tuple[Any, ...]:
-        task, kind = self.task, (type(self).__name__, self.num_envs, self.autoreset_mode.value, self.info_keys)
-        return *kind, task.scenario.hash, task.control, task.solver, *task.noise.tolist(), task.observed
+    def _identity(self) -> dict[str, Any]:
+        batch = {"num_envs": self.num_envs, "autoreset_mode": self.autoreset_mode.value, "info": self.info_keys}
+        return {"environment": type(self).__name__} | batch | self.task.identity
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]  # as in SyncVectorEnv
@@ -316,15 +320,17 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None, lanes: Lanes) -> list[int | None]:
         """Return the seed of each of some lanes, or raise TypeError or ValueError."""
-        if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
-            return [int(seed) + i for i in lanes.tolist()]
+        if isinstance(seed, int | np.integer):
+            first = checked_seed(seed)
+            return [first + i for i in lanes.tolist()]
         if seed is None:
             return [None] * len(lanes)
-        if isinstance(seed, str | float | bool) or not hasattr(seed, "__len__"):
+        if isinstance(seed, str) or not (isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)):
             raise TypeError(f"seed = {seed!r}: must be an integer >= 0, or a sequence of one a lane")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
-        return [int(own) if isinstance(own := seed[i], np.integer) else own for i in lanes.tolist()]
+        owns = [(i, seed[i]) for i in lanes.tolist()]
+        return [None if own is None else checked_seed(own, f"seed[{i}]") for i, own in owns]
 
     def _restart(self, lanes: Lanes, info: dict[str, Any], given: Given | None = None) -> None:
         """Begin an episode in lanes, in contexts of which something may be given, and add its info."""

@@ -12,7 +12,7 @@ from sledenv.identification.fitting import Fit, solve
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.identification.rebounds import Rebounds
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
-from sledenv.simulation.rules import checked_mapping, checked_pair
+from sledenv.simulation.rules import checked_bounds, checked_mapping
 
 _MOST_FRICTION = 2.0
 _MOST_SOFTENING = 1.0
@@ -100,12 +100,11 @@ class ImpactModel:
         unused = {} if rebounds.corner.any() else {"corner_rolling_arm": 0.0}
         if rebounds.corner.all():
             unused = {"rolling_arm": 0.0}
-        limits = dict(checked_mapping("bounds", bounds))
+        limits = checked_bounds(bounds)
         parameters = self.parameters(rebounds.gyration_radius)
         for name in limits:
             if name not in [one.name for one in parameters]:
                 raise ValueError(f"bounds: {name!r} is no parameter")
-            checked_pair(f"bounds, {name!r}", limits[name])
         problem = Problem(
             [one._replace(low=low, high=high) for one in parameters for low, high in [limits.get(one.name, one[2:4])]],
             lambda values: rebounds.residuals(self.velocities(rebounds, values)),

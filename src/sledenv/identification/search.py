@@ -28,7 +28,7 @@ from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.rules import POSITIVE, checked
+from sledenv.simulation.rules import FINITE, POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
 from sledenv.simulation.settings import BatchSolver
 from sledenv.simulation.simulate import simulate
@@ -112,7 +112,7 @@ def known_of(
             raise ValueError(f"fixed: {name!r} is no parameter: must be one of {', '.join((*LAW, 'stiffness'))}")
         if name in bounds:
             raise ValueError(f"bounds: {name!r} is fixed")
-    found = {name: float(value) for name, value in fixed.items() if name != "stiffness"}
+    found = {name: checked("fixed", name, value, FINITE) for name, value in fixed.items() if name != "stiffness"}
     if "corner_rolling_arm" not in bounds:
         found.setdefault("corner_rolling_arm", 0.0)
     if "stiffness" in fixed:

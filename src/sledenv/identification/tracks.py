@@ -28,6 +28,7 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import (
     POSITIVE,
     checked,
+    checked_bounds,
     checked_choice,
     checked_mapping,
     checked_pair,
@@ -107,10 +108,11 @@ def identify_tracks(
     if noise is not None:
         names = zip(Noise._fields, checked_pair("noise", noise), strict=True)
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
-    held = known_of(checked_mapping("fixed", fixed), checked_mapping("bounds", bounds), solver)
+    limits = checked_bounds(bounds)
+    held = known_of(checked_mapping("fixed", fixed), limits, solver)
     recordings = recordings_of(table, reach(body), known)
     check_frame(body, slope, recordings)
-    model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, bounds or {}), loss)
+    model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, limits), loss)
     if solver == "rigid":
         held[STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
     search = Search(model, held, np.random.default_rng(checked_seed(seed)))

@@ -30,7 +30,7 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.simulation.bodies import Body, records_of
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, made
+from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
@@ -44,6 +44,12 @@ _TURN = 0.5 * (math.sqrt(5.0) - 1.0)  # of the range, between the draws of two s
 
 class ScenarioError(ValueError):
     """A scenario that does not exist or is not valid; one line of the message for each problem."""
+
+
+# Beyond it energies overflow. A state that is simulated may have more, and its descent ends as "non_finite".
+_MOST: Final = 1e150
+_MOVING: Rule = (lambda v: abs(v) <= _MOST, f"in [-{_MOST:g}, {_MOST:g}]")
+_HIGH: Rule = (lambda v: (v >= 0.0) & (v <= _MOST), f"in [0, {_MOST:g}] m")
 
 
 class _ContextFields(NamedTuple):
@@ -71,7 +77,7 @@ class Context(_ContextFields):
     __slots__ = ()
     rules: ClassVar[tuple[Rule, ...]] = (
         *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
-        *(FINITE, NOT_NEGATIVE, FINITE, FINITE, FINITE),
+        *(_MOVING, _HIGH, _MOVING, FINITE, _MOVING),
         *(NOT_NEGATIVE, NOT_NEGATIVE, (lambda v: (v >= 0.0) & (v == np.floor(v)), "a whole number >= 0")),
     )
 
@@ -383,8 +389,7 @@ class Scenario(Document):
 
 def check_split(split: str) -> None:
     """Raise ValueError unless ``split`` is one."""
-    if split not in get_args(Split):
-        raise ValueError(f"split = {split!r}: must be one of {', '.join(map(repr, get_args(Split)))}")
+    checked_choice("split", split, get_args(Split))
 
 
 def scenario_names() -> tuple[str, ...]:

@@ -131,7 +131,9 @@ def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.nd
         table = np.asarray(given)
     except ValueError:  # rows of different lengths
         table = np.asarray(given, dtype=object)
-    if table.dtype.kind not in "biuf":
+    if table.dtype.kind == "b" or _has_flag(given):
+        raise TypeError(f"{name} holds True or False: must hold numbers, columns {', '.join(fields)}")
+    if table.dtype.kind not in "iuf":
         raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
     table = np.array(table, dtype=float, ndmin=2, order="C")
     if table.ndim != 2 or table.shape[1] != len(fields):
@@ -172,6 +174,11 @@ def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     if not lanes:
         raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
+
+
+def _has_flag(given: Any) -> bool:
+    """Whether True or False is among the numbers of lists, where NumPy would make a number of it."""
+    return any(map(_has_flag, given)) if isinstance(given, tuple | list) else isinstance(given, bool | np.bool_)
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:

@@ -124,7 +124,7 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
 
 def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
     """Return one of the words that are allowed, or raise ValueError."""
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         raise ValueError(f"{name} = {value!r}: must be one of {', '.join(map(repr, allowed))}")
     return value
 
@@ -138,12 +138,12 @@ def checked_count(name: str, value: int) -> int:
     return int(value)
 
 
-def checked_seed(value: int) -> int:
+def checked_seed(value: int, name: str = "seed") -> int:
     """Return a seed, an integer at or above 0, or raise TypeError or ValueError."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"seed = {value!r}: must be an integer >= 0")
+        raise TypeError(f"{name} = {value!r}: must be an integer >= 0")
     if value < 0:
-        raise ValueError(f"seed = {value!r}: must be an integer >= 0")
+        raise ValueError(f"{name} = {value!r}: must be an integer >= 0")
     return int(value)
 
 
@@ -160,6 +160,13 @@ def checked_mapping(name: str, value: Mapping[str, _V] | None) -> Mapping[str, _
     if not isinstance(value, Mapping | None):
         raise TypeError(f"{name} = {value!r}: must be a mapping of names to values")
     return value or {}
+
+
+def checked_bounds(value: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest values by their names, whatever their order, or raise TypeError or ValueError."""
+    pairs = {name: checked_pair(f"bounds, {name!r}", pair) for name, pair in checked_mapping("bounds", value).items()}
+    finite = {name: [checked("bounds", name, end, FINITE) for end in pair] for name, pair in pairs.items()}
+    return {name: (low, high) for name, (low, high) in finite.items()}
 
 
 def checked_flag(name: str, value: bool) -> bool:

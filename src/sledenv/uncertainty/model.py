@@ -152,7 +152,16 @@ class Study(Document):
         try:
             return Scenario.model_validate(content)
         except ScenarioError as error:
-            raise ValueError(str(error).replace(f"scenario {self.id}: ", "")) from error
+            lines = str(error).replace(f"scenario {self.id}: ", "").splitlines()
+            raise ValueError("\n".join(map(self._as_given, lines))) from error
+
+    def _as_given(self, problem: str) -> str:
+        """Return what the scenario says of a median as said of the distribution that was given."""
+        path, _, rest = problem.partition(" = ")
+        name = f"zone.{path.rpartition('.')[2]}" if path.startswith("zones.") else path
+        given = self.parameters.get(name)
+        said = "" if given is None else f"{_central(given)!r}: "
+        return f"{name}: {given.words}: {rest.removeprefix(said)}" if given and rest.startswith(said) else problem
 
     def _zones(self, inherited: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         """Zones of the scenario, the drawn one with what is given here."""
