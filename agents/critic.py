@@ -20,6 +20,7 @@ from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.machine.extras import needs
 
 from .curve import Curve
+from .touch import Touch
 
 with needs("agents", __name__):
     import torch
@@ -30,7 +31,6 @@ with needs("agents", __name__):
 Floats = NDArray[np.float32]
 
 _FILE: Final = "critic.npz"
-_HARMONICS: Final = 4  # of an orientation: corners and chord are felt over a part of a turn
 _RANGE: Final = (-0.1, 1.1)  # of the bins: a reward lies in [0, 1], and its smeared target within these
 _SMEAR: Final = 0.75  # standard deviation of a target, in bins: Farebrother et al., "Stop Regressing", 2024
 _AVERAGED: Final = 0.995  # of the averaged weights, how much is kept in a step
@@ -44,8 +44,8 @@ class Critic(nn.Module):
 
     Parameters
     ----------
-    turns : sequence of bool
-        For each entry of a landing whether its bounds are a full turn apart, so that -1 and 1 are the same.
+    touch : Touch
+        Makes the inputs.
     layers : sequence of int
         Units of the hidden layers.
     bins : int
@@ -57,16 +57,15 @@ class Critic(nn.Module):
     middles: torch.Tensor
     edges: torch.Tensor
 
-    def __init__(self, turns: tuple[bool, ...], layers: list[int], bins: int, half: bool = False) -> None:
+    def __init__(self, touch: Touch, layers: list[int], bins: int, half: bool = False) -> None:
         super().__init__()
-        self._turns = turns
-        widths = [FIELDS + sum(2 * _HARMONICS if turning else 1 for turning in turns), *layers]
+        self.touch = touch
+        widths = [touch.width, *layers]
         hidden = [(nn.Linear(a, b), nn.SiLU()) for a, b in pairwise(widths)]
         self.first = nn.Sequential(*hidden[0])
         self.hidden = nn.Sequential(*(part for pair in hidden[1:] for part in pair))
         self.last = nn.Linear(widths[-1], bins)
         self._half = half
-        self.width = widths[0]
         edges = torch.linspace(*_RANGE, bins + 1)
         self.register_buffer("edges", edges, persistent=False)
         self.register_buffer("middles", 0.5 * (edges[1:] + edges[:-1]), persistent=False)
@@ -79,18 +78,6 @@ class Critic(nn.Module):
         logits: torch.Tensor = self.last(values.float())
         return logits
 
-    def inputs(self, observations: Floats, landings: Floats) -> Floats:
-        """Put together what the network sees, from arrays of shape (n, 11) and (n, k); an angle by its directions."""
-        columns = [observations]
-        for i, turning in enumerate(self._turns):
-            entry = landings[:, i : i + 1]
-            if turning:
-                angles = np.pi * np.arange(1, _HARMONICS + 1, dtype=np.float32) * entry
-                columns += [np.sin(angles), np.cos(angles)]
-            else:
-                columns.append(entry)
-        return np.concatenate(columns, axis=1)
-
     def loss(self, inputs: torch.Tensor, rewards: torch.Tensor) -> torch.Tensor:
         """Return the mean cross-entropy against rewards of shape (n,), each a narrow normal distribution (HL-Gauss)."""
         deviation = _SMEAR * (self.edges[1] - self.edges[0])
@@ -101,7 +88,7 @@ class Critic(nn.Module):
     def rate(self, observations: Floats, landings: Floats) -> Floats:
         """Return the expected rewards of landings of shape (n, m, k) in contexts seen, shape (n, 11); shape (n, m)."""
         many = landings.shape[1]
-        inputs = self.inputs(np.repeat(observations, many, axis=0), landings.reshape(-1, landings.shape[2]))
+        inputs = self.touch.inputs(np.repeat(observations, many, axis=0), landings.reshape(-1, landings.shape[2]))
         parts = [self(part).softmax(dim=1) @ self.middles for part in torch.split(torch.from_numpy(inputs), _BLOCK)]
         return np.asarray(torch.cat(parts).numpy().reshape(-1, many))
 
@@ -161,7 +148,7 @@ class Sampler:
         best = np.take_along_axis(first, rewards.argmax(axis=1)[:, None, None], axis=1)
         second = self._near(best, self._tries - half)
         landings = np.concatenate([first, second], axis=1).astype(np.float32)
-        inputs = critic.inputs(np.repeat(seen, self._tries, axis=0), landings.reshape(-1, problem.actions))
+        inputs = critic.touch.inputs(np.repeat(seen, self._tries, axis=0), landings.reshape(-1, problem.actions))
         rewards = np.concatenate([rewards, self._earned(contexts, second)], axis=1)
         return Samples(inputs, rewards.astype(np.float32).ravel())
 
@@ -272,7 +259,7 @@ class Agent:
         """
         torch.manual_seed(seed)
         torch.set_num_threads(1)  # the other cores simulate
-        critic = Critic(problem.turns, settings["net_arch"], settings["bins"], settings["bfloat16"])
+        critic = Critic(Touch(problem), settings["net_arch"], settings["bins"], settings["bfloat16"])
         sampling, shuffling = (np.random.default_rng([seed, i]) for i in range(2))
         turns = math.ceil(settings["n_timesteps"] / (settings["n_contexts"] * settings["n_tries"]))
         learner = _Learner(critic, settings, turns, shuffling)
@@ -329,7 +316,7 @@ class _Learner:
         self._critic, self._rng = critic, rng
         self._steps, self._batch = settings["gradient_steps"], settings["batch_size"]
         rows = turns * settings["n_contexts"] * settings["n_tries"]
-        self._inputs = np.empty((rows, critic.width), np.float32)
+        self._inputs = np.empty((rows, critic.touch.width), np.float32)
         self._rewards = np.empty(rows, np.float32)
         self._optimiser = torch.optim.AdamW(
             critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
@@ -372,7 +359,7 @@ def kept(problem: Problem, path: Path) -> Critic:
     with np.load(path, allow_pickle=False) as arrays:
         state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
     *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
-    critic = Critic(problem.turns, layers, bins)
+    critic = Critic(Touch(problem), layers, bins)
     critic.load_state_dict(state)
     return critic
 

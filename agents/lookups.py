@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 
 LEAST: Final = 8  # descents that a search can do with
 FINALISTS: Final = 4  # candidates that are judged again
+RATING: Final = 4.0  # draws that the rating of a critic counts for: without it few draws choose whoever was lucky
 _SEED: Final = 9  # of draws that nobody is judged by
 
 
@@ -62,16 +63,19 @@ class Model:
         """Return the mean rewards of landings of shape (n, m, k), shape (n, m)."""
         return self._earned(landings, self._draws, 0)
 
-    def choose(self, landings: Floats, rewards: Floats) -> NDArray[np.float32]:
-        """Return the launch of the best of landings of shape (n, m, k) that earn ``rewards``, shape (n, k)."""
+    def choose(self, landings: Floats, rewards: Floats, ratings: Floats | None = None) -> NDArray[np.float32]:
+        """Return the launch of the best of landings of shape (n, m, k) that earn ``rewards``, shape (n, k).
+
+        What a critic expects of them, ``ratings`` of the shape of ``rewards``, counts beside what they earn.
+        """
         if self._uncertain:
+            rewards = self._draws * rewards + (0.0 if ratings is None else RATING * ratings)
             ranks = np.argsort(-rewards, axis=1, kind="stable")[:, :FINALISTS]
             landings, rewards = (
                 np.take_along_axis(landings, ranks[..., np.newaxis], 1),
                 np.take_along_axis(rewards, ranks, 1),
             )
-            again = self._earned(landings, self._draws_again, 1)
-            rewards = self._draws * rewards + self._draws_again * again
+            rewards = rewards + self._draws_again * self._earned(landings, self._draws_again, 1)
         return self.launches(best_of(landings, rewards)[:, np.newaxis])[:, 0].astype(np.float32)
 
     def _earned(self, landings: Floats, draws: int, number: int) -> Floats:

@@ -24,6 +24,10 @@ NEAR: Final = 0.03  # standard deviation of the landings tried around the best o
 class Proposer(critic.Agent):
     """A critic that proposes more than one landing."""
 
+    def rate(self, observations: NDArray[np.float32], landings: Floats) -> Floats:
+        """Return what the critic expects of landings of shape (n, m, k), shape (n, m)."""
+        return self._critic.rate(observations, landings.astype(np.float32)).astype(np.float64)
+
     def proposals(self, observations: NDArray[np.float32], count: int, apart: float) -> Floats:
         """Return different landings that the critic rates highly, the one that it would do first.
 
@@ -102,4 +106,4 @@ class Agent:
             around: Floats = self._problem.inside(best_of(landings, rewards)[:, np.newaxis] + NEAR * cloud)
             landings = np.concatenate([landings, around], axis=1)
             rewards = np.concatenate([rewards, model.expect(around)], axis=1)
-        return model.choose(landings, rewards)
+        return model.choose(landings, rewards, self._proposer.rate(observations, landings))

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from sledenv.agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
+from sledenv.agents.touch import Touch
 from sledenv.agents.train import default_settings, run_folder
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
@@ -23,7 +24,7 @@ def settings(problem: Problem) -> dict:
 
 def test_a_target_is_the_reward_that_it_stands_for():
     """Oracle: the least cross-entropy of a critic that may answer anything is its target; its mean is the reward."""
-    critic = Critic((True, False), [8], 41)
+    critic = Critic(Touch(Problem(own_pack("brake_mat"))), [8], 41)
     rewards = torch.linspace(0.0, 1.0, 11)
     logits = torch.zeros(11, 41, requires_grad=True)
     critic.forward = lambda inputs: logits
@@ -34,8 +35,44 @@ def test_a_target_is_the_reward_that_it_stands_for():
     np.testing.assert_allclose(targets @ critic.middles, rewards, atol=2e-4)
 
 
+@pytest.mark.parametrize("scenario", ["sled_snow", "sled_any", "bedrock", "disc"])
+def test_the_first_touch_is_where_the_descent_first_touches(scenario):
+    """Oracle: the simulator, to the end of the flight; some bodies touch in another pose on the way."""
+    problem = Problem(scenario, launch_noise=(0.0, 0.0))
+    task, touch = problem.task, Touch(problem)
+    contexts = problem.contexts("train", 100)
+    landings = np.random.default_rng(0).uniform(-1.0, 1.0, (100, problem.actions))
+    launches = task.launches(contexts, Landing(problem).launches(contexts, landings))
+    first = task.descend_batch(contexts, launches, keep_rebounds=True).rebounds[:, 0]
+    pose, time, arm, lever, approach, slip, spin = touch._touched(task.observe(contexts), landings).T
+    begun = first["t"] - first["duration"]
+    same = np.abs(begun - time) < 2e-3
+    assert same.mean() > 0.8
+    assert np.median(np.abs(spin - launches[:, 5])) < 1e-5
+    turned = (pose - (launches[:, 2] + spin * time) + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.abs(turned).max() < 1e-3
+    # A descent has lost at the touch nothing of the energy that the flight keeps.
+    angle, speed, fall = contexts[:, 0], launches[:, 3], -launches[:, 4]
+    gravity = problem.scenario.slope_section.gravity_m_s2
+    u, v = slip - arm * spin, approach + lever * spin
+    gained = gravity * (np.sin(angle) * time * (speed + 0.5 * gravity * np.sin(angle) * time))
+    gained += gravity * np.cos(angle) * (launches[:, 1] - arm)
+    np.testing.assert_allclose(u**2 + v**2 - speed**2 - fall**2, 2.0 * gained, atol=0.05)
+
+
+def test_numbered_bodies_are_told_apart():
+    """Oracle: the contexts, whose bodies have no order."""
+    problem = Problem("bedrock")
+    contexts = problem.contexts("train", 50)
+    inputs = Touch(problem).inputs(problem.task.observe(contexts), np.zeros((50, 1)))
+    assert np.array_equal(inputs[:, 11:16], np.eye(5)[contexts[:, 10].astype(int)])
+    assert inputs.dtype == np.float32
+
+
 def test_a_full_turn_has_no_seam():
-    critic = Critic((True, False), [8], 11)
+    problem = Problem(own_pack("brake_mat"))
+    assert problem.turns == (True, False)
+    critic = Critic(Touch(problem), [8], 11)
     seen = np.zeros((1, 11), np.float32)
     ends = np.array([[[-1.0, 0.3], [1.0, 0.3], [0.0, 0.3]]], np.float32)
     low, high, other = critic.rate(seen, ends)[0]
@@ -56,11 +93,11 @@ def test_a_full_turn_has_no_seam():
 def test_samples_are_what_the_landings_earn(scenario, noise):
     """Oracle: the simulator, with the contexts and landings that the inputs tell; with noise, rewards scatter."""
     problem = Problem(scenario, launch_noise=noise)
-    critic = Critic(problem.turns, [8], 11)
+    critic = Critic(Touch(problem), [8], 11)
     sampler = Sampler(problem, {"n_contexts": 6, "n_tries": 10}, np.random.default_rng(1))
     for guided in (False, True):
         inputs, rewards = sampler.sample(critic, guided)
-        assert inputs.shape == (60, critic.width)
+        assert inputs.shape == (60, critic.touch.width)
         assert rewards.shape == (60,)
         seen, columns = inputs[:, :11], inputs[:, 11:]
         landings = []
@@ -77,7 +114,7 @@ def test_a_search_finds_what_is_rated_best():
     """Oracle: many uniform landings, rated by the same critic."""
     problem = Problem(own_pack("brake_mat"))
     torch.manual_seed(3)
-    critic = Critic(problem.turns, [64, 64], 41)
+    critic = Critic(Touch(problem), [64, 64], 41)
     seen = problem.task.observe(problem.contexts("test", 5))
     rng = np.random.default_rng(0)
     anywhere = rng.uniform(-1.0, 1.0, (5, ACTING.anywhere, 2))
@@ -115,7 +152,7 @@ def test_it_learns_the_same_from_the_same_seed_and_better_than_random(tmp_path):
 def test_weights_are_plain_numbers(tmp_path):
     """Oracle: NumPy, which refuses to run what a file holds."""
     problem = Problem("sled_tilt")
-    critic = Critic(problem.turns, [16, 16, 16], 21)
+    critic = Critic(Touch(problem), [16, 16, 16], 21)
     keep(critic, tmp_path / "critic.npz")
     with np.load(tmp_path / "critic.npz", allow_pickle=False) as arrays:
         assert {arrays[name].dtype for name in arrays.files} == {np.dtype(np.float16)}
