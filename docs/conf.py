@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import operator
+import os
 import re
+import shutil
+from importlib.metadata import distributions
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -29,17 +33,20 @@ exclude_patterns = [".*", "build", "dist", "jupyter_execute", "out", "runs", "si
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
 
-# The notebooks are run at each build, in an empty folder; an error in a cell, or two minutes, fail it.
-nb_execution_mode = "force"
+# A notebook is run, in an empty folder, where its code, the package or what is installed has changed; else its results
+# are those of the last build. An error in a cell, or two minutes, fail the build.
+RESULTS = ROOT / ".cache" / "notebooks"
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(RESULTS)
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_merge_streams = True
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the notebooks: threads would wait for each other
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_fence_as_directive = ["math"]
@@ -50,7 +57,6 @@ highlight_language = "text"
 autodoc_default_options = {"exclude-members": "model_config"}  # pydantic's
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the types are in the docstrings, with shapes and units
-autosummary_generate = False
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_preprocess_types = True
@@ -79,6 +85,7 @@ PLAY = """\
 
 """
 
+_CONTENTS: dict[tuple[Any, ...], str] = {}
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#:? (.*)$", re.MULTILINE)
 _ESCAPED = str.maketrans({mark: "\\" + mark for mark in "*|`_"})
 _QUOTED = re.compile(r"\$`([^`\n]+)`\$")
@@ -132,16 +139,46 @@ def leave_formulae(app: Any, tree: nodes.document) -> None:
         formula.children = [nodes.Text(rf"\[{formula.astext()}\]")]
 
 
+def forget_notebooks(app: Any) -> None:
+    """Remove the results of the notebooks if they are of another state of the package or of what it is built on."""
+    digest = hashlib.sha256()
+    for path in sorted(path for folder in ("src", "agents", "configs") for path in (ROOT / folder).rglob("*.*")):
+        if path.is_file() and path.suffix not in (".pyc", ".kernel"):
+            digest.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
+    digest.update("\n".join(sorted(f"{one.name} {one.version}" for one in distributions())).encode())
+    stamp = RESULTS / "digest"
+    if not stamp.is_file() or stamp.read_text() != digest.hexdigest():
+        shutil.rmtree(RESULTS, ignore_errors=True)
+        RESULTS.mkdir(parents=True)
+        stamp.write_text(digest.hexdigest())
+
+
 def run_notebooks(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
-    """Read the notebooks, and so run them, at each build: the package may have changed where they have not."""
+    """Read the notebooks at each build: the package may have changed where they have not."""
     return [name for name in env.found_docs if name.startswith("docs/notebooks/")]
+
+
+def share_contents(app: Any, name: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Draw the contents beside the listings of modules once for each folder: they are the same for all of it."""
+    if name.startswith("_modules/"):
+        draw, folder = context["toctree"], PurePosixPath(name).parent
+
+        def drawn(**options: Any) -> str:
+            key = folder, *sorted(options.items())
+            if key not in _CONTENTS:
+                _CONTENTS[key] = draw(**options)
+            return _CONTENTS[key]
+
+        context["toctree"] = drawn
 
 
 def setup(app: Any) -> dict[str, bool]:
     """Add what Sphinx lacks."""
     for change in (describe_field, link_pages):
         app.connect("autodoc-process-docstring", change, priority=900)  # after Napoleon
+    app.connect("builder-inited", forget_notebooks)
     app.connect("env-get-outdated", run_notebooks)
+    app.connect("html-page-context", share_contents, priority=400)  # before the theme asks for it
     app.connect("source-read", read_formulae)
     app.connect("source-read", show_play)
     app.connect("build-finished", write_play)

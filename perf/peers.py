@@ -171,7 +171,6 @@ def tables(result: dict[str, Any]) -> str:
     columns: show.Columns = {
         "µs a hop": lambda row: show.median(row["us_per_hop"]),
         "times Euler": lambda row: show.median(row["times_euler"]),
-
         "velocity error": lambda row: f"{row['error']:.1e}",
     }
     parts = [show.table(rows, {title: lambda row: row["name"], **columns}) for title, rows in _parts(result)]
