@@ -318,7 +318,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             raise ValueError("options['reset_mask'] has no lane to reset: at least one entry must be True")
         return mask
 
-    def _checked_seeds(self, seed: int | Sequence[int | None] | None, lanes: Lanes) -> list[int | None]:
+    def _checked_seeds(self, seed: Any, lanes: Lanes) -> list[int | None]:
         """Return the seed of each of some lanes, or raise TypeError or ValueError."""
         if isinstance(seed, int | np.integer):
             first = checked_seed(seed)
