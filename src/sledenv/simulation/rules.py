@@ -138,7 +138,7 @@ def checked_count(name: str, value: int) -> int:
     return int(value)
 
 
-def checked_seed(value: int, name: str = "seed") -> int:
+def checked_seed(value: int | np.integer[Any], name: str = "seed") -> int:
     """Return a seed, an integer at or above 0, or raise TypeError or ValueError."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} = {value!r}: must be an integer >= 0")
