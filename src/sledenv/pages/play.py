@@ -6,7 +6,7 @@ import base64
 import json
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
@@ -21,7 +21,7 @@ from sledenv.pages.scenes import drawn_body
 from sledenv.pages.words import REBOUND_HEADER, mode_name
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
-from sledenv.scenarios.sections import BOTH
+from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import State
 from sledenv.simulation.settings import BatchSolver, Settings
@@ -29,6 +29,7 @@ from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, within_a_turn
 
+MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0
 # Besides those of the scenario: what each is called, how Python makes it, and what it makes.
 _READY: Final[tuple[tuple[str, str, Callable[[], Body]], ...]] = (
@@ -82,7 +83,7 @@ class Mark(NamedTuple):
     """A launch that maps mark."""
 
     name: str
-    sign: str  # a letter, or a star
+    sign: str  # a letter
     colour: str  # "#rrggbb"
     launch: dict[str, float]  # what is chosen of orientation [rad], spin [rad/s] and speed [m/s]
     expected: float  # reward under the tremble of the hand
@@ -101,6 +102,7 @@ def play_page(
     contexts: Sequence[Played],
     solver: BatchSolver = "compliant",
     axes: tuple[str, str] = BOTH,
+    free: Collection[str] = BOTH,
 ) -> str:
     """Return a page that simulates, which needs no other file and no network: docs/browser.md.
 
@@ -117,6 +119,8 @@ def play_page(
         Chosen at first.
     axes : pair of str
         What the maps are over, in the order x, y: two of those that the scenario has bounds for.
+    free : collection of str
+        Of the axes those over which the page looks for the best launch.
 
     Raises
     ------
@@ -141,6 +145,7 @@ def play_page(
         "solver": solver,
         "own": len(scenario.all_bodies()),
         "axes": axes,
+        "free": [axis for axis in axes if axis in free],
         "bounds": scenario.control_bounds,
         # As text, because numbers of a page are rounded, and these decide bits.
         "exact": json.dumps(exact, separators=(",", ":")),
@@ -155,6 +160,36 @@ def play_page(
         "kernel": base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii"),
     }
     return filled("play.html", data=content)
+
+
+def map_page(scenario: Scenario, seeds: Sequence[int], marks: Mapping[int, Sequence[Mark]]) -> str:
+    """Return the page that simulates contexts of a scenario, whose maps are over what it lets an agent choose.
+
+    That is the first two things, or orientation and spin if it is one alone; the page looks for the best launch over
+    what is chosen.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seeds : sequence of int
+        Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different.
+    marks : mapping of int to sequence of Mark
+        What is marked in the contexts of some of them.
+
+    Raises
+    ------
+    ValueError
+        If the seeds are wrong.
+    """
+    if not 1 <= len(seeds) <= MOST_SEEDS or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds = {list(seeds)}: must be 1 to {MOST_SEEDS} integers, all different")
+    contexts = [
+        Played(f"seed {seed}", scenario.sample(np.random.default_rng(seed)), tuple(marks.get(seed, ())))
+        for seed in seeds
+    ]
+    free = control_words(scenario.control_bounds)[scenario.control.chosen]
+    first, *others = free
+    return play_page(scenario, contexts, axes=(first, others[0]) if others else BOTH, free=free)
 
 
 def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
