@@ -66,6 +66,11 @@ class Browser:
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         _call("POST", f"{self.session}/goog/cdp/execute", command)
 
+    def colours(self, scheme: str) -> None:
+        """Show pages to one who prefers "light" or "dark" ones."""
+        wanted = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        _call("POST", f"{self.session}/goog/cdp/execute", {"cmd": "Emulation.setEmulatedMedia", "params": wanted})
+
     def drag(self, *places: tuple[float, float], kind: str = "mouse") -> None:
         """Press at the first place of the window [px], move over the others, let go; ``kind`` may be "touch"."""
         moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]

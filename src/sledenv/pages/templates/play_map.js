@@ -28,7 +28,7 @@ function axisOf(name) {
 
 /* The map. */
 function refreshMap() {
-  if (problem()) return;
+  if (problem() || !$("maps").open) return;
   const setting = sceneOf();
   const axes = AXES.map(axisOf);
   const launch = launchOf();
@@ -391,6 +391,9 @@ for (const id of ["map", "map-trembling"]) {
   $(id).addEventListener("pointermove", pick);
   $(id).addEventListener("keydown", onArrow);
 }
+$("maps").addEventListener("toggle", () => {
+  if (shown) refreshMap();
+});
 $("marks").addEventListener("click", onMark);
 $("best").addEventListener("click", () => choose(map.best.launch, D.free));
 $("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
