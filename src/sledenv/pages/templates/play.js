@@ -109,7 +109,7 @@ const filmLength = () => shown.film.film[shown.film.film.length - 1];
 
 function outcomeOf({ status, outcome, jam }) {
   const line = outcome.t_line < Infinity;
-  return entries([
+  return [
     ["status", status.replace("_", " ")],
     ["reward", fixed(jam.reward, 3)],
     ["time", fixed(outcome.t, 3, "s")],
@@ -117,13 +117,22 @@ function outcomeOf({ status, outcome, jam }) {
     ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],
     ["energy kept", fixed(100 * jam.retention, 1, "%")],
     ["rebounds", String(outcome.rebounds)],
-  ]);
+  ];
+}
+
+/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
+function fillList(list, pairs) {
+  if (!list.children.length) list.innerHTML = entries(pairs);
+  pairs.forEach(([, text], i) => {
+    const cell = list.children[i].lastElementChild;
+    if (cell.textContent !== text) cell.textContent = text;
+  });
 }
 
 function drawOutcome() {
-  $("outcome").innerHTML = outcomeOf(shown);
+  fillList($("outcome"), outcomeOf(shown));
   $("kept").hidden = !shown.kept;
-  if (shown.kept) $("outcome-kept").innerHTML = outcomeOf(shown.kept);
+  if (shown.kept) fillList($("outcome-kept"), outcomeOf(shown.kept));
   $("keep").textContent = shown.kept ? "Forget the kept launch" : "Keep this launch to compare";
 }
 

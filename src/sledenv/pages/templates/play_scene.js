@@ -153,13 +153,16 @@ function visible({ x, y }) {
   return kept;
 }
 
+/* While something is dragged, the land stays as it is, and there are no poses: they take as long as all the rest. */
 function drawPath() {
   const { rows, rebounds } = shown;
-  scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
-  $("land").innerHTML = scene.ground(...extent(rows.x));
+  if (!grabbed) {
+    scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
+    $("land").innerHTML = scene.ground(...extent(rows.x));
+  }
   $("trace").innerHTML =
     [...rebounds.t].map((end, i) => contactOf(end, rebounds.duration[i])).join("") +
-    strobe(shown).map(poseAt).join("") +
+    (grabbed ? "" : strobe(shown).map(poseAt).join("")) +
     (shown.kept ? scene.path(visible(shown.kept.rows), KEPT) : "") +
     scene.path(visible(rows));
 }
@@ -237,8 +240,7 @@ function drawMoment(t) {
 /* Dragging. */
 let grabbed = null;
 
-function placeOf(event) {
-  const box = $("scene").getBoundingClientRect();
+function placeOf(event, box) {
   const moved = /translate\((\S+) (\S+)\)/.exec($("world").getAttribute("transform") ?? "") ?? [0, 0, 0];
   const scaled = scene.W / box.width;
   return scene.place((event.clientX - box.left) * scaled - moved[1], (event.clientY - box.top) * scaled - moved[2]);
@@ -248,7 +250,7 @@ const rounded = (value, step) => Number((Math.round(value / step) * step).toPrec
 
 function drag(event) {
   if (!grabbed) return;
-  const [x, y] = placeOf(event);
+  const [x, y] = placeOf(event, grabbed.box);
   const { launch, from, drop, what } = grabbed;
   const set = (name, value, step) => {
     const { low, high } = PARAMETERS[name];
@@ -267,7 +269,8 @@ $("scene").addEventListener("pointerdown", (event) => {
   const what = event.target.closest("[data-grab]")?.dataset.grab;
   if (!what || position > 0 || D.recorded) return;
   $("scene").setPointerCapture(event.pointerId);
-  grabbed = { what, from: placeOf(event), drop: valueOf("drop"), launch: shown.launch };
+  const box = $("scene").getBoundingClientRect(); // asked again after each picture, it would be laid out twice
+  grabbed = { what, box, from: placeOf(event, box), drop: valueOf("drop"), launch: shown.launch };
   event.preventDefault();
 });
 $("scene").addEventListener("pointermove", drag);
