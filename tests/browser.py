@@ -115,9 +115,14 @@ def at_speed(page: Browser, factor: float) -> None:
 
 
 def wait_until(page: Browser, condition: str) -> None:
-    page.run(
-        f"return new Promise(done => {{ const look = () => {condition} ? done() : setTimeout(look, 20); look(); }})"
+    """Wait five minutes at most: a busy machine may be slow. A single script may run for half a minute."""
+    look = (
+        "return new Promise(done => { const last = performance.now() + 5000;"
+        f"const look = () => {condition} ? done(true) : performance.now() > last ? done(false) : setTimeout(look, 20);"
+        "look(); })"
     )
+    if not any(page.run(look) for _ in range(60)):
+        raise TimeoutError(condition)
 
 
 def patient(page: str) -> str:

@@ -398,7 +398,7 @@ def test_the_launch_can_be_dragged(page: Browser, what: str, kind: str) -> None:
 def test_only_what_is_looked_at_is_drawn_while_something_is_dragged(page: Browser) -> None:
     """Land, table, plots and ledger stay the very nodes that they were; the path and the outcome follow the hand."""
     kept = "['#land polygon', '#rebounds tr', '#series svg', '#ledger dl', '#outcome dd'].map(one => $$(one))"
-    page.run(f"$$ = (one) => document.querySelector(one); before = {kept}; path = $$('#trace').innerHTML")
+    page.run(f"$$ = (one) => document.querySelector(one); oldNodes = {kept}; oldTrace = $$('#trace').innerHTML")
     reward = page.text("#outcome")
     page.run(
         "const box = $('scene').getBoundingClientRect(); const { x, y } = shown.launch;"
@@ -407,12 +407,12 @@ def test_only_what_is_looked_at_is_drawn_while_something_is_dragged(page: Browse
         "drag({ clientX: box.left + column, clientY: box.top + row })"
     )
     wait_until(page, "!asking && isChanged('orientation')")
-    assert page.run(f"return {kept}.map((one, i) => one === before[i])") == [True] * 5
+    assert page.run(f"return {kept}.map((one, i) => one === oldNodes[i])") == [True] * 5
     assert page.text("#outcome") != reward
-    assert page.run("return $$('#trace').innerHTML !== path")
+    assert page.run("return $$('#trace').innerHTML !== oldTrace")
     assert page.run("return document.querySelectorAll('#trace .pose').length") == 0
     page.run("document.querySelector('#scene').dispatchEvent(new Event('pointerup'))")
-    assert page.run(f"return {kept}.map((one, i) => one === before[i])") == [False] * 4 + [True]
+    assert page.run(f"return {kept}.map((one, i) => one === oldNodes[i])") == [False] * 4 + [True]
     assert page.run("return document.querySelectorAll('#trace .pose').length") > 2
     assert run_lines(page) == told_result(page)
 
