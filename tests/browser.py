@@ -66,6 +66,11 @@ class Browser:
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         _call("POST", f"{self.session}/goog/cdp/execute", command)
 
+    def colours(self, scheme: str) -> None:
+        """Show pages to one who prefers "light" or "dark" ones."""
+        wanted = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        _call("POST", f"{self.session}/goog/cdp/execute", {"cmd": "Emulation.setEmulatedMedia", "params": wanted})
+
     def drag(self, *places: tuple[float, float], kind: str = "mouse") -> None:
         """Press at the first place of the window [px], move over the others, let go; ``kind`` may be "touch"."""
         moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]
@@ -110,9 +115,14 @@ def at_speed(page: Browser, factor: float) -> None:
 
 
 def wait_until(page: Browser, condition: str) -> None:
-    page.run(
-        f"return new Promise(done => {{ const look = () => {condition} ? done() : setTimeout(look, 20); look(); }})"
+    """Wait five minutes at most: a busy machine may be slow. A single script may run for half a minute."""
+    look = (
+        "return new Promise(done => { const last = performance.now() + 5000;"
+        f"const look = () => {condition} ? done(true) : performance.now() > last ? done(false) : setTimeout(look, 20);"
+        "look(); })"
     )
+    if not any(page.run(look) for _ in range(60)):
+        raise TimeoutError(condition)
 
 
 def patient(page: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 from sledenv import ContactLaw, Slope, State, simulate, sled
 from sledenv.pages.words import story
 from sledenv.simulation.outcomes import Descent
-from tests.browser import browser, data_of, needs_chromium
+from tests.browser import browser, data_of, needs_chromium, wait_until
 
 
 def descended(record: str) -> Descent:
@@ -30,12 +30,14 @@ def test_a_descent_shows_its_story_or_with_a_trajectory_its_replay() -> None:
 
 @needs_chromium
 def test_the_frame_of_a_notebook_replays(tmp_path: Path) -> None:
-    """In a page around it the frame has drawn its table, and nothing is refused."""
+    """In a page around it the frame has simulated and drawn its table, and nothing is refused."""
     file = tmp_path / "notebook.html"
     file.write_text(f"<!doctype html><meta charset=utf-8><title>x</title>{descended('trajectory')._repr_html_()}")
     with browser(tmp_path / "profile") as page:
         page.open(file)
-        assert page.run("return document.querySelector('iframe').contentDocument.querySelectorAll('tr').length") > 1
+        inside = "document.querySelector('iframe').contentDocument"
+        wait_until(page, f"{inside}.querySelectorAll('#rebounds tbody tr').length > 1")
+        page.run("return new Promise(done => setTimeout(done, 500))")  # what follows a descent
         assert page.log() == []
 
 

@@ -26,7 +26,7 @@ class Landscape(NamedTuple):
 
     figure: Figure
     words: str
-    marks: dict[str, Any]  # of plain_marks
+    marks: dict[str, Any]  # what it marks, as plain data
 
 
 class Chooser(NamedTuple):
@@ -60,10 +60,10 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     problem = Problem(scenario)
     choosers = load_choosers(problem, runs)
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-    best, results = marked(problem, context, choosers)
+    best, results = best_launches(problem, context).iloc[0], chosen(problem, context, choosers)
     (one,) = jam_map(problem, context)
     figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
-    return Landscape(figure, words(problem, best, results), plain_marks(problem, seed, best, results))
+    return Landscape(figure, _words(problem, best, results), _plain_marks(problem, seed, best, results))
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
@@ -125,55 +125,65 @@ def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:
     return choosers
 
 
-def marked(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> tuple[pd.Series, pd.DataFrame]:
-    """Return what a map of a context, shape (1, 11), marks.
+def chosen(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> pd.DataFrame:
+    """Return what agents choose in a context, shape (1, 11).
 
     Returns
     -------
-    Series
-        The best launch, a row of :func:`sledenv.benchmark.oracle.best_launches`.
     DataFrame
         A row for each agent: ``agent``, ``seed``, ``action_0``, ... and the expected ``reward``.
     """
-    chosen = []
+    found = []
     for name, seed, theirs, agent in choosers:
         batch, actions = theirs.judge(agent, theirs.trials(context, "test"))
-        chosen.append((name, seed, *actions[0].tolist(), float(batch.jam.reward.mean())))
+        found.append((name, seed, *actions[0].tolist(), float(batch.jam.reward.mean())))
     columns = ["agent", "seed", *(f"action_{i}" for i in range(problem.actions)), "reward"]
-    return best_launches(problem, context).iloc[0], pd.DataFrame(chosen, columns=columns)
+    return pd.DataFrame(found, columns=columns)
 
 
-def words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
-    """Return what :func:`marked` has found in words, a line each."""
-
-    def launch(row: pd.Series) -> str:
-        parts = []
-        for i, name in enumerate(problem.task.controlled):
-            control, value = CONTROLS[name], physical(problem, name, row[f"action_{i}"])
-            parts.append(f"{value:{control.printed}} {control.unit}")
-        return " ".join(parts)
-
-    lines = [f"{'best launch':<20} {launch(best)}   reward {best['reward']:.4f}"]
-    lines.append(f"{'best there is':<20} reward {best['low']:.4f} to {best['high']:.4f}")
-    lines += [
-        f"{row['agent'] + ', seed ' + str(row['seed']):<20} {launch(row)}   reward {row['reward']:.4f}, "
-        f"regret {1.0 - row['reward'] / best['reward']:.2%}"
+def agent_words(problem: Problem, results: pd.DataFrame) -> list[str]:
+    """Return what :func:`chosen` has found in words, a line for each agent."""
+    return [
+        f"{row['agent'] + ', seed ' + str(row['seed']):<20} {_launch_words(problem, row)}   reward {row['reward']:.4f}"
         for _, row in results.iterrows()
     ]
-    lines.append(f"{'any launch':<20} mean reward {best['uniform']:.4f}; {best['width']:.2%} within 1 % of the best")
+
+
+def plain_agents(problem: Problem, results: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return what :func:`chosen` has found as plain data, launches in the scenario's units."""
+    rows = [row for _, row in results.iterrows()]
+    return [{"agent": row["agent"], "seed": row["seed"], **_plain_launch(problem, row)} for row in rows]
+
+
+def _words(problem: Problem, best: pd.Series, results: pd.DataFrame) -> str:
+    """Return the best launch, what agents choose and what any launch earns in words, a line each."""
+    regrets = [1.0 - reward / best["reward"] for reward in results["reward"]]
+    lines = [
+        f"{'best launch':<20} {_launch_words(problem, best)}   reward {best['reward']:.4f}",
+        f"{'best there is':<20} reward {best['low']:.4f} to {best['high']:.4f}",
+        *(f"{line}, regret {lost:.2%}" for line, lost in zip(agent_words(problem, results), regrets, strict=True)),
+        f"{'any launch':<20} mean reward {best['uniform']:.4f}; {best['width']:.2%} within 1 % of the best",
+    ]
     return "\n".join(lines)
 
 
-def plain_marks(problem: Problem, seed: int, best: pd.Series, results: pd.DataFrame) -> dict[str, Any]:
-    """Return what :func:`marked` has found in the context of a seed as plain data, launches in the scenario's units."""
+def _launch_words(problem: Problem, row: pd.Series) -> str:
+    parts = []
+    for i, name in enumerate(problem.task.controlled):
+        control, value = CONTROLS[name], physical(problem, name, row[f"action_{i}"])
+        parts.append(f"{value:{control.printed}} {control.unit}")
+    return " ".join(parts)
 
-    def launch(row: pd.Series) -> dict[str, Any]:
-        names = enumerate(problem.task.controlled)
-        values = {
-            f"{name} [{CONTROLS[name].unit}]": float(physical(problem, name, row[f"action_{i}"])) for i, name in names
-        }
-        return {"launch": values, "reward": row["reward"]}
 
-    agents = [{"agent": row["agent"], "seed": row["seed"], **launch(row)} for _, row in results.iterrows()]
+def _plain_launch(problem: Problem, row: pd.Series) -> dict[str, Any]:
+    names = enumerate(problem.task.controlled)
+    values = {
+        f"{name} [{CONTROLS[name].unit}]": float(physical(problem, name, row[f"action_{i}"])) for i, name in names
+    }
+    return {"launch": values, "reward": row["reward"]}
+
+
+def _plain_marks(problem: Problem, seed: int, best: pd.Series, results: pd.DataFrame) -> dict[str, Any]:
+    """Return what is marked in the context of a seed as plain data."""
     around = {name: best[name] for name in ("low", "high", "uniform", "width")}
-    return {"seed": seed, "best": launch(best), "agents": agents, **around}
+    return {"seed": seed, "best": _plain_launch(problem, best), "agents": plain_agents(problem, results), **around}

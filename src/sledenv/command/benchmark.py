@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -17,7 +17,7 @@ def draw_map(
     /,
     *,
     seed: Seed = 0,
-    runs: Annotated[tuple[Path, ...] | None, Parameter(name="--run", metavar="RUN")] = None,
+    runs: Annotated[tuple[Path, ...], Parameter(name="--run", metavar="RUN")] = (),
     out: File | None = None,
     html: File | None = None,
     seeds: Seeds | None = None,
@@ -26,14 +26,14 @@ def draw_map(
     """Draw the jam map of a context, the reward of every launch, or make it a page that simulates them.
 
     Draws the reward of all launches of one context, with the best one and what trained agents choose; or writes the
-    page of play, for any browser, offline, in which these are marked.
+    page of play, for any browser, offline, which finds the best one itself and marks what the agents choose.
 
     Parameters
     ----------
     seed
         Which context of the scenario is drawn.
     runs
-        Folder of a trained agent, or the name of one that ships; may be repeated (default of a page: the shipped one).
+        Folder of a trained agent, or the name of one that ships; may be repeated.
     out
         Picture (default: map.png, unless --html is given).
     html
@@ -41,28 +41,40 @@ def draw_map(
     seeds
         Contexts to choose from in it (default: that of --seed).
     """
-    from sledenv.benchmark.landscape import landscape
-    from sledenv.benchmark.map_page import map_page
     from sledenv.machine.files import replacing
+    from sledenv.pages.play import map_page
+    from sledenv.scenarios.scenario import load_scenario
 
     if seeds and html is None:
         raise ValueError(f"--seeds = {list(seeds)}: only a page has several contexts, see --html")
     picture = out or (None if html else Path("map.png"))
+    words: list[str] = []
+    contexts: dict[int, dict[str, Any]] = {}
     with ExitStack() as places:
         page = html and taken(places, "--html", replacing(html, ".html", ".htm"))
         drawing = picture and taken(places, "--out", replacing(picture, ".png"))
-        if drawing:
-            with working("map"):
-                drawn = landscape(scenario, seed, runs or ())
-                drawn.figure.savefig(drawing, dpi=DPI, format="png")
-            words, contexts = drawn.words, [drawn.marks]
         if page:
-            made = map_page(scenario, seeds or (seed,), runs)
-            page.write_text(made.html, encoding="utf-8")
-            words, contexts = made.words, made.marks
+            loaded, drawn = load_scenario(scenario), seeds or (seed,)
+            found = {}
+            if runs:
+                from sledenv.benchmark.choices import choices
+
+                with working("map"):
+                    found = choices(loaded, drawn, runs)
+            page.write_text(map_page(loaded, drawn, {k: one.marks for k, one in found.items()}), encoding="utf-8")
+            words += [f"context of seed {k}\n{one.words}\n" for k, one in found.items()]
+            contexts = {k: {"seed": k, "agents": found[k].plain if runs else []} for k in drawn}
+        if drawing:
+            from sledenv.benchmark.landscape import landscape
+
+            with working("map"):
+                one = landscape(scenario, seed, runs)
+                one.figure.savefig(drawing, dpi=DPI, format="png")
+            words.append(one.words)
+            contexts[seed] = one.marks
     written = [file for file in (picture, html) if file]
-    data = {"scenario": scenario, "contexts": contexts, "written": written}
-    tell("\n".join([words, *(f"map: wrote {file}" for file in written)]), data, json)
+    data = {"scenario": scenario, "contexts": list(contexts.values()), "written": written}
+    tell("\n".join([*words, *(f"map: wrote {file}" for file in written)]), data, json)
 
 
 def benchmark(

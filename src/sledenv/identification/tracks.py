@@ -333,8 +333,7 @@ class TrackFit:
         """Return a recording for :func:`sledenv.pages.replay.replay_page` of its :meth:`descent`."""
         i = self._number(name)
         one = self.recordings[i]
-        rows = self.residuals[self.residuals[RECORDING] == one.name]
-        return Ghost(one.times - one.times[0], one.poses, rows[list(POSE)].to_numpy(), self.frames[i])
+        return Ghost(one.times - one.times[0], one.poses, self.frames[i])
 
     @cached_property
     def residuals(self) -> pd.DataFrame:

@@ -17,7 +17,7 @@ def filled(template: str, **content: Any) -> str:
     Parameters
     ----------
     template : str
-        Name of a file of ``templates/`` that extends ``page.html``, or ``player.html`` if a script draws it.
+        Name of a file of ``templates/`` that extends ``page.html``.
     **content
         What the template names. A script finds ``data`` as ``D``: numbers, strings and arrays, in dicts, lists and
         tuples; numbers that are not finite become null.

@@ -63,7 +63,7 @@ def layout() -> dict[str, Any]:
         "entries": {name: list(map(_kind, LIBRARY.entries[name].kinds)) for name in _ENTRIES},
         "arc": list(GIVEN),
         "status": list(map(str, STATUS_OF_CODE)),
-        "limits": _json(DEFAULT.limits._asdict()),
+        "limits": jsonable(DEFAULT.limits._asdict()),
     }
 
 
@@ -80,13 +80,13 @@ def _kind(kind: Any) -> Any:
     return {"table": kind.dimensions} if isinstance(kind, Table) else kind.__name__
 
 
-def _json(value: Any) -> Any:
-    """Return what JSON can hold: infinities become strings, of which JavaScript makes numbers."""
+def jsonable(value: Any) -> Any:
+    """Return what JSON can hold: what is no finite number becomes a string, of which JavaScript makes a number."""
     match value:
         case dict():
-            return {key: _json(entry) for key, entry in value.items()}
+            return {key: jsonable(entry) for key, entry in value.items()}
         case list() | tuple():
-            return [_json(entry) for entry in value]
+            return [jsonable(entry) for entry in value]
         case float() if not math.isfinite(value):
             return str(value).replace("inf", "Infinity").replace("nan", "NaN")
         case _:
@@ -125,7 +125,7 @@ def descent_input(
         "limits": limits_of(body, settings)._asdict(),
         "solver": settings.solver,
     }
-    plain: dict[str, Any] = _json(given)
+    plain: dict[str, Any] = jsonable(given)
     return plain
 
 

@@ -6,29 +6,30 @@ import base64
 import json
 import math
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.records import CONTACT_LOSSES, Mode
+from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES, Mode
 from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
-from sledenv.pages.kernel import KERNEL, descent_input
+from sledenv.pages.kernel import KERNEL, descent_input, jsonable
 from sledenv.pages.scenes import drawn_body
 from sledenv.pages.words import REBOUND_HEADER, mode_name
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
-from sledenv.scenarios.sections import BOTH
+from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
-from sledenv.simulation.scene import State
+from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import BatchSolver, Settings
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, within_a_turn
 
+MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0
 # Besides those of the scenario: what each is called, how Python makes it, and what it makes.
 _READY: Final[tuple[tuple[str, str, Callable[[], Body]], ...]] = (
@@ -78,11 +79,19 @@ _PARAMETERS: Final = (
 )
 
 
+class NamedBody(NamedTuple):
+    """A body that can be chosen."""
+
+    name: str
+    python: str  # what makes it
+    body: Body
+
+
 class Mark(NamedTuple):
     """A launch that maps mark."""
 
     name: str
-    sign: str  # a letter, or a star
+    sign: str  # a letter
     colour: str  # "#rrggbb"
     launch: dict[str, float]  # what is chosen of orientation [rad], spin [rad/s] and speed [m/s]
     expected: float  # reward under the tremble of the hand
@@ -101,6 +110,7 @@ def play_page(
     contexts: Sequence[Played],
     solver: BatchSolver = "compliant",
     axes: tuple[str, str] = BOTH,
+    free: Collection[str] = BOTH,
 ) -> str:
     """Return a page that simulates, which needs no other file and no network: docs/browser.md.
 
@@ -117,6 +127,8 @@ def play_page(
         Chosen at first.
     axes : pair of str
         What the maps are over, in the order x, y: two of those that the scenario has bounds for.
+    free : collection of str
+        Of the axes those over which the page looks for the best launch.
 
     Raises
     ------
@@ -125,28 +137,55 @@ def play_page(
     """
     if not contexts:
         raise ValueError("contexts is empty: must hold at least one context")
-    first = contexts[0].context
-    ready = [*_own_bodies(scenario), *((name, python, make()) for name, python, make in _READY)]
-    bodies = [_body(scenario, first, *one) for one in ready]
     told = [_context(scenario, one) for one in contexts]
-    exact = {
-        "contexts": told,
-        "bodies": bodies,
-        "parameters": [one._asdict() for one in _widened([one["values"] for one in told], bodies)],
-    }
-    content = {
-        "title": scenario.title,
-        "id": scenario.id,
-        "question": scenario.question,
-        "solver": solver,
-        "own": len(scenario.all_bodies()),
-        "axes": axes,
-        "bounds": scenario.control_bounds,
-        # As text, because numbers of a page are rounded, and these decide bits.
-        "exact": json.dumps(exact, separators=(",", ":")),
-        "drawn": [drawn_body(body) for _, _, body in ready],
+    first = contexts[0].context
+    own = _own_bodies(scenario)
+    given = scenario.law(first), scenario.slope(first), scenario.settings(solver)
+    return simulating_page(
+        page_content(told, own, *given),
+        title=scenario.title,
+        id=scenario.id,
+        question=scenario.question,
+        own=len(own),
+        axes=axes,
+        free=[axis for axis in axes if axis in free],
+        bounds=scenario.control_bounds,
+    )
+
+
+def simulating_page(content: dict[str, Any], **named: Any) -> str:
+    """Return the page of some content: that of :func:`page_content`, and what else the template names."""
+    plain = {"ghost": None, "recorded": None, "notes": [], "maps": True}
+    return filled("play.html", data=content | plain | named)
+
+
+def page_content(
+    contexts: list[dict[str, Any]], own: list[NamedBody], law: AnyLaw, slope: Slope, settings: Settings
+) -> dict[str, Any]:
+    """Return what a page that simulates holds.
+
+    Parameters
+    ----------
+    contexts : list of dict
+        Of :func:`told_setting`.
+    own : list of NamedBody
+        The first bodies to choose.
+    law, slope
+        Of the first context.
+    settings : Settings
+        With another solver than "euler".
+    """
+    ready = [*own, *(NamedBody(name, python, make()) for name, python, make in _READY)]
+    bodies = [_body(law, slope, settings, one) for one in ready]
+    parameters = [one._asdict() for one in _widened([one["values"] for one in contexts], bodies)]
+    exact = {"contexts": contexts, "bodies": bodies, "parameters": parameters}
+    return {
+        "solver": settings.solver,
+        "exact": exact_text(exact),
+        "drawn": [drawn_body(one.body) for one in ready],
         "modes": {str(mode.value): mode_name(mode) for mode in Mode},
         "losses": CONTACT_LOSSES,
+        "flight_losses": FLIGHT_LOSSES,
         "header": REBOUND_HEADER,
         "columns": REBOUND_COLUMNS,
         "hold": HOLD,
@@ -154,43 +193,131 @@ def play_page(
         "most_zones": MOST_ZONES,
         "kernel": base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii"),
     }
-    return filled("play.html", data=content)
 
 
-def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
-    """What the page must know of a context, all digits of its numbers."""
-    name, context, marks = played
+def exact_text(content: dict[str, Any]) -> str:
+    """Return JSON as text: numbers of a page are rounded, but these decide bits."""
+    return json.dumps(jsonable(content), separators=(",", ":"))
+
+
+def told_setting(
+    name: str, body: int, values: dict[str, float], law: AnyLaw, slope: Slope, launch: State, marks: Sequence[Mark] = ()
+) -> dict[str, Any]:
+    """Return what the page must know of what it can be set to, all digits of its numbers.
+
+    ``values`` is what the sliders show. As long as none of them is moved, law, slope and launch are these.
+    """
     return {
         "name": name,
-        "body": int(context.shape),
-        "values": _values(scenario, context),
-        "slope": _given(scenario, context, scenario.body(context), scenario.settings())["slope"],
+        "body": body,
+        "values": values,
+        "law": law._asdict(),
+        "slope": slope._asdict() | {"zones": [zone._asdict() for zone in slope.zones]},
+        "launch": launch._asdict(),
         "marks": [mark._asdict() for mark in marks],
     }
 
 
-def _own_bodies(scenario: Scenario) -> list[tuple[str, str, Body]]:
-    """Bodies of a scenario: what each is called, and how Python makes it."""
+def map_page(scenario: Scenario, seeds: Sequence[int], marks: Mapping[int, Sequence[Mark]]) -> str:
+    """Return the page that simulates contexts of a scenario, whose maps are over what it lets an agent choose.
+
+    That is the first two things, or orientation and spin if it is one alone; the page looks for the best launch over
+    what is chosen.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seeds : sequence of int
+        Which contexts are drawn, as in ``sledenv simulate``: from 1 to ``MOST_SEEDS``, all different.
+    marks : mapping of int to sequence of Mark
+        What is marked in the contexts of some of them.
+
+    Raises
+    ------
+    ValueError
+        If the seeds are wrong.
+    """
+    if not 1 <= len(seeds) <= MOST_SEEDS or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds = {list(seeds)}: must be 1 to {MOST_SEEDS} integers, all different")
+    contexts = [
+        Played(f"seed {seed}", scenario.sample(np.random.default_rng(seed)), tuple(marks.get(seed, ())))
+        for seed in seeds
+    ]
+    free = control_words(scenario.control_bounds)[scenario.control.chosen]
+    first, *others = free
+    return play_page(scenario, contexts, axes=(first, others[0]) if others else BOTH, free=free)
+
+
+def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
+    name, context, marks = played
+    law, slope = scenario.law(context), scenario.slope(context)
+    launch = State(*scenario.launch(context))._replace(phi=float(within_a_turn(np.array(context.orientation))))
+    control = scenario.control
+    values = {
+        "orientation": launch.phi,
+        "spin": context.spin,
+        "speed": context.speed,
+        "fall": context.fall,
+        "drop": context.drop,
+        **_ground_values(law, slope),
+        "error_orientation": math.radians(control.noise_orientation_deg),
+        "error_spin": control.noise_spin_rad_s,
+    }
+    return told_setting(name, int(context.shape), values, law, slope, launch, marks)
+
+
+def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, float]:
+    """Return what the sliders show of a descent, in SI units."""
+    return {
+        "orientation": launch.phi,
+        "spin": launch.omega,
+        "speed": launch.u,
+        "fall": 0.0 - launch.v,
+        "drop": launch.y - support_height(body, launch.phi),
+        **_ground_values(law, slope),
+        "error_orientation": 0.0,
+        "error_spin": 0.0,
+    }
+
+
+def _ground_values(law: AnyLaw, slope: Slope) -> dict[str, float]:
+    """Return what the sliders show but for launch and body, in SI units."""
+    return {
+        "angle": slope.angle,
+        "length": slope.length,
+        "friction": law.friction,
+        "restitution": law.restitution,
+        "stiffness": law.stiffness,
+        "rolling_arm": law.rolling_arm,
+        "corner_rolling_arm": law.corner_rolling_arm,
+    }
+
+
+def _own_bodies(scenario: Scenario) -> list[NamedBody]:
     bodies = scenario.all_bodies()
     shipped = scenario.id in scenario_names() and load_scenario(scenario.id) == scenario
     found = []
     for k, body in enumerate(bodies):
         name = f"body {k + 1} of {scenario.id}" if len(bodies) > 1 else f"body of {scenario.id}"
         python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else repr(body)
-        found.append((name, python, body))
+        found.append(NamedBody(name, python, body))
     return found
 
 
-def _body(scenario: Scenario, context: Context, name: str, python: str, body: Body) -> dict[str, Any]:
+def _body(law: AnyLaw, slope: Slope, settings: Settings, named: NamedBody) -> dict[str, Any]:
     """What the page must know of a body, all digits of its numbers, and how its descents end."""
-    settings = scenario.settings()
+    name, python, body = named
     if settings.end_touching not in body.parts:
         settings = replace(settings, end_touching=None)
-    given = _given(scenario, context, body, settings)
-    rigid = _given(scenario, context, body, replace(settings, solver="rigid"))
+    anyhow = State(0.0, support_height(body, 0.0), 0.0)
+    given = descent_input(body, law, slope, anyhow, settings)
+    rigid = descent_input(body, law, slope, anyhow, replace(settings, solver="rigid"))
     told = {key: getattr(settings, key) for key in ("max_time", "max_rebounds", "run_out")}
-    told |= {"end_on_chord": True} if settings.end_on_chord else {}
-    told |= {"end_touching": settings.end_touching} if settings.end_touching else {}
+    told |= {
+        one.name: getattr(settings, one.name)
+        for one in fields(settings)
+        if one.name != "solver" and one.name not in told and getattr(settings, one.name) != one.default
+    }
     return {
         "name": name,
         "python": python,
@@ -204,39 +331,12 @@ def _body(scenario: Scenario, context: Context, name: str, python: str, body: Bo
     }
 
 
-def _given(scenario: Scenario, context: Context, body: Body, settings: Settings) -> dict[str, Any]:
-    """What the kernel takes for a body of any kind that is let go on the slope of a context."""
-    launch = State(0.0, support_height(body, 0.0), 0.0)
-    return descent_input(body, scenario.law(context), scenario.slope(context), launch, settings)
-
-
-def _values(scenario: Scenario, context: Context) -> dict[str, float]:
-    """What the sliders begin with, in SI units; mass and gyration are those of each body."""
-    law, control = scenario.law(context), scenario.control
-    return {
-        "orientation": float(within_a_turn(np.array(context.orientation))),
-        "spin": context.spin,
-        "speed": context.speed,
-        "fall": context.fall,
-        "drop": context.drop,
-        "angle": context.angle,
-        "length": scenario.slope_section.length_m,
-        "friction": context.friction,
-        "restitution": context.restitution,
-        "stiffness": law.stiffness,
-        "rolling_arm": law.rolling_arm,
-        "corner_rolling_arm": law.corner_rolling_arm,
-        "error_orientation": math.radians(control.noise_orientation_deg),
-        "error_spin": control.noise_spin_rad_s,
-    }
-
-
 def _widened(contexts: list[dict[str, float]], bodies: list[dict[str, Any]]) -> list[_Parameter]:
     """Return the parameters with ranges that hold what the page begins with."""
     held = {name: [values[name] for values in contexts] for name in contexts[0]}
     held |= {"mass": [one["given"]["mass"] for one in bodies], "gyration": [one["gyration"] for one in bodies]}
     found = []
     for one in _PARAMETERS:
-        shown = [value / one.factor for value in held[one.name]]
-        found.append(one._replace(low=min(one.low, *shown), high=max(one.high, *shown)))
+        shown = [value / one.factor for value in held[one.name] if math.isfinite(value)]
+        found.append(one._replace(low=min([one.low, *shown]), high=max([one.high, *shown])))
     return found

@@ -1,41 +1,31 @@
-"""A descent as one HTML page to scrub through, offline: strobe picture, time series, rebound table."""
+"""A descent as one HTML page: the page that simulates, opened at this descent, with a recorded motion beside it."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from sledenv.kernel.records import FLIGHT_LOSSES
 from sledenv.machine.files import replacing
-from sledenv.pages.html import filled
-from sledenv.pages.scenes import drawn_body, drawn_slope
-from sledenv.pages.words import (
-    REBOUND_HEADER,
-    metric_name,
-    mode_name,
-    motion_words,
-    part_name,
-    rebound_cells,
-    setting,
-)
-from sledenv.plot import energy_layers
-from sledenv.plot.grounds import frictions
-from sledenv.plot.riders import strobe_poses
-from sledenv.plot.shapes import (
-    contact_arms,
-    contact_spans,
-    drawable_rows,
-    pace,
-    push_at,
-    reach,
-)
-from sledenv.simulation.jam import SHOWN
+from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
+from sledenv.pages.words import setting
+from sledenv.plot.shapes import contact_arms, drawable_rows
+from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import State
+from sledenv.simulation.settings import DEFAULT
 
-_POSES = 12
-_COLUMNS = ("t", *State._fields, "normal", "tangential", "feature", "slip", "spin")
+_COLUMNS: Final = ("t", *State._fields, "normal", "tangential", "rolling", "feature", "slip", "spin", *FLIGHT_LOSSES)
+_AS_RECORDED = (
+    "The numbers of this descent are those that Python has found. It was followed by Euler's method, or trimmed on its "
+    "way, which this page does not repeat: nothing can be changed here."
+)
+_GHOST = (
+    "Recorded: dashed outline, at its last frame; dots, its mass centre in each; green, as far as the simulated motion "
+    "was fitted to it; grey, beyond."
+)
 
 
 class Ghost(NamedTuple):
@@ -46,12 +36,14 @@ class Ghost(NamedTuple):
 
     times: np.ndarray  # [s], shape (n,), increasing
     poses: np.ndarray  # x, y [m], phi [rad], shape (n, 3)
-    residuals: np.ndarray  # recorded less simulated pose, [m] and [rad], shape (n, 3)
     used: int  # of the first frames, which the simulated descent was fitted to
 
 
 def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str:
     """Return the page of a descent, which needs no other file and no network.
+
+    It simulates: the kernel in it finds the very numbers of the descent, and others when something is changed. A
+    descent that the page cannot repeat, by Euler's method or trimmed on its way, is written into it instead.
 
     Parameters
     ----------
@@ -67,8 +59,29 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     ValueError
         If the descent has no trajectory.
     """
-    content = _content(descent, title) | {"ghost": None if ghost is None else ghost._asdict()}
-    return filled("replay.html", data=content)
+    drawable_rows(descent)  # or an error
+    given = descent.body, descent.law, descent.slope, descent.launch
+    settings = descent.settings
+    if settings is None or settings.solver == "euler":
+        recorded, settings = _recorded(descent), DEFAULT
+    else:
+        recorded = None
+    context = told_setting("as given", 0, given_values(*given), *given[1:])
+    body = NamedBody("body as given", repr(descent.body), descent.body)
+    return simulating_page(
+        page_content([context], [body], descent.law, descent.slope, settings) | ({"kernel": ""} if recorded else {}),
+        title=title,
+        id="descent",
+        question=setting(*given),
+        own=0,
+        axes=BOTH,
+        free=BOTH,
+        bounds={},
+        maps=False,
+        ghost=None if ghost is None else ghost._asdict(),
+        recorded=recorded,
+        notes=([_AS_RECORDED] if recorded else []) + ([_GHOST] if ghost else []),
+    )
 
 
 def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> None:
@@ -92,60 +105,20 @@ def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> 
         scratch.write_text(replay_page(descent, title), encoding="utf-8")
 
 
-def _content(descent: Descent, title: str) -> dict[str, Any]:
-    """What the script of the page draws."""
-    body, rows, jam = descent.body, drawable_rows(descent), descent.jam
-    film = pace(descent)
-    columns = {name: rows[name] for name in _COLUMNS}
-    columns["place"] = rows["x"] - contact_arms(body, rows["phi"], rows["feature"])[:, 0]
-    columns["friction"] = frictions(descent.law, descent.slope, columns["place"])
-    interval = float(rows["t"][-1]) / _POSES
-    poses = strobe_poses(body, rows, interval if interval > 0.0 else 1.0)
-    return {
-        "title": title,
-        "setting": setting(body, descent.law, descent.slope, descent.launch),
+def _recorded(descent: Descent) -> str:
+    """What the worker of the page finds of other descents, as JSON."""
+    rows = drawable_rows(descent)
+    arms = contact_arms(descent.body, rows["phi"], rows["feature"])
+    found: dict[str, Any] = {
         "status": str(descent.status),
-        "outcome": [
-            ("status", str(descent.status)),
-            ("time", f"{descent.time:.3f} s"),
-            ("position", f"{descent.state.x:z.2f} m"),
-            *((metric_name(name), f"{float(getattr(jam, name)):.3f}") for name in SHOWN),
-            ("jam index", f"{float(jam.jam_index):.3f}"),
-        ],
-        "body": drawn_body(body),
-        "size": max(reach(body), 1e-6),  # a point mass has none
-        "slope": drawn_slope(descent.slope, descent.law.friction),
-        "parts": body.parts,
-        "motions": [motion_words(slip, spin) for slip in (0, 1) for spin in (0, 1)],
-        "rows": columns,
-        "energy": energy_layers(descent, rows),
-        "film": {"film": film[:, 0], "time": film[:, 1]},
-        "strobe": poses[:, :3],
-        "contacts": _contacts(descent, film),
-        "table": {"columns": REBOUND_HEADER, "rows": rebound_cells(descent)},
+        "outcome": {name: descent.outcome[name].item() for name in descent.outcome.dtype.names or ()},
+        "jam": {name: float(value) for name, value in descent.jam._asdict().items()},
+        "launch": descent.launch._asdict(),
+        "rebounds": {name: descent.rebounds[name].tolist() for name in descent.rebounds.dtype.names or ()},
+        "rows": {
+            **{name: rows[name].tolist() for name in _COLUMNS},
+            "places": (rows["x"] - arms[:, 0]).tolist(),
+            "heights": arms[:, 1].tolist(),
+        },
     }
-
-
-def _contacts(descent: Descent, film: np.ndarray) -> list[dict[str, Any]]:
-    contacts = []
-    spans = contact_spans(descent)
-    for i, row in enumerate(descent.rebounds):
-        begin, end = film[2 * i + 1 : 2 * i + 3, 1].tolist()
-        push = push_at(descent, end)
-        place = spans[i, 0] if push is None else push.place
-        contacts.append(
-            {
-                "begin": begin,
-                "end": end if row["duration"] > 0.0 else begin,
-                "from": spans[i, 0],
-                "to": spans[i, 1],
-                "place": place,
-                "friction": frictions(descent.law, descent.slope, place),
-                "tangential": row["tangential_impulse"],
-                "normal": row["normal_impulse"],
-                "largest": 0.0 if push is None else push.largest,
-                "feature": part_name(descent.body, row["feature"]),
-                "mode": mode_name(row["mode"]),
-            }
-        )
-    return contacts
+    return exact_text(found)

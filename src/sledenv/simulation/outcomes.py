@@ -15,6 +15,7 @@ from sledenv.kernel.records import OUTCOME, STATUS_OF_CODE, Energy, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.settings import Settings
 
 Record = Literal["rebounds", "trajectory"]
 RECORDS: Final = get_args(Record)
@@ -47,6 +48,8 @@ class Descent:
         The ledger.
     body, law, slope, launch
         What was simulated.
+    settings : Settings or None
+        How; None of a ride that had a rotor or has not ended, which :func:`sledenv.simulate` does not repeat.
     """
 
     body: Body
@@ -60,6 +63,7 @@ class Descent:
     trajectory: np.ndarray = field(repr=False)
     energy: Energy
     outcome: np.void = field(repr=False)
+    settings: Settings | None = field(repr=False)
 
     @property
     def on_chord(self) -> tuple[float, float] | None:
@@ -144,6 +148,7 @@ def descent_of(
     outcome: np.void,
     rebounds: np.ndarray,
     trajectory: np.ndarray,
+    settings: Settings | None,
 ) -> Descent:
     """Descent out of what the kernel has written; shares no log with it."""
     values: Any = outcome.item()  # one by one fields take far longer to read
@@ -159,6 +164,7 @@ def descent_of(
         trajectory=trajectory[: values[_SAMPLES]],
         energy=Energy._make(_ENERGY(values)),
         outcome=outcome,
+        settings=settings,
     )
 
 

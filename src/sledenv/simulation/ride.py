@@ -149,7 +149,9 @@ class Ride:
                 here[name] = outcome[name]
             trajectory = np.append(trajectory, here)
             outcome["samples"] += 1
-        return descent_of(self.body, self.law, self.slope, self.launch, outcome, self._rebounds, trajectory.copy())
+        repeatable = self.rotor_inertia is None and self.status != Status.RUNNING
+        given, settings = (self.body, self.law, self.slope, self.launch), self.settings if repeatable else None
+        return descent_of(*given, outcome, self._rebounds, trajectory.copy(), settings)
 
     def copy(self) -> Self:
         """Return an independent ride that stands where this one stands."""

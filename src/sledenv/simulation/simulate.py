@@ -120,7 +120,7 @@ def simulate(
     if record == "trajectory" and outcome["samples"] > len(trajectory):
         trajectory = new_trajectory(int(outcome["samples"]), settings.sample_interval)
         outcome = run()
-    return descent_of(body, law, slope, launch, outcome, rebounds, trajectory)
+    return descent_of(body, law, slope, launch, outcome, rebounds, trajectory, settings)
 
 
 def put_at_launch(flights: np.ndarray, launches: np.ndarray | State) -> None:

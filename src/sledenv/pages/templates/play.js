@@ -39,7 +39,9 @@ async function simulate() {
     const input = structuredClone(chosen);
     try {
       const launches = [launchOf(), ...(input.kept ? [input.kept] : [])];
-      const asked = launches.map((launch) => live.ask({ task: "descend", scene: sceneOf(), launch }));
+      const asked = launches.map((launch, i) =>
+        live.ask({ task: "descend", scene: sceneOf(), launch, state: i > 0 ? null : givenLaunch() }),
+      );
       const [found, kept] = await Promise.all(asked);
       accept({ ...found, input, kept: kept ? { ...kept, rows: drawable(kept) } : null });
       tell(said.length ? `Left out of what the address asks for: ${said.join("; ")}.` : "");
@@ -52,7 +54,7 @@ async function simulate() {
 }
 
 function accept(found) {
-  const rows = drawable(found);
+  const rows = found.rows ?? drawable(found);
   const film = filmOf(found, rows.t[rows.t.length - 1]);
   const first = shown === null;
   const other = !first && (shown.input.body !== found.input.body || !grabbed);
@@ -79,7 +81,8 @@ function settled() {
   clearTimeout(pending);
   pending = setTimeout(() => {
     if (problem()) return;
-    history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
+    if (location.protocol !== "about:") // a frame of a notebook has no address
+      history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
     refreshCloud();
     refreshMap();
   }, 250);
@@ -95,6 +98,7 @@ function draw() {
     drawCloud();
     requestDraw();
     drawLedger();
+    drawSeries();
     $("python").textContent = pythonOf(shown);
   }
   $("slider").max = Math.ceil(filmLength() * FPS);
@@ -105,7 +109,7 @@ const filmLength = () => shown.film.film[shown.film.film.length - 1];
 
 function outcomeOf({ status, outcome, jam }) {
   const line = outcome.t_line < Infinity;
-  return entries([
+  return [
     ["status", status.replace("_", " ")],
     ["reward", fixed(jam.reward, 3)],
     ["time", fixed(outcome.t, 3, "s")],
@@ -113,13 +117,22 @@ function outcomeOf({ status, outcome, jam }) {
     ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],
     ["energy kept", fixed(100 * jam.retention, 1, "%")],
     ["rebounds", String(outcome.rebounds)],
-  ]);
+  ];
+}
+
+/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
+function fillList(list, pairs) {
+  if (!list.children.length) list.innerHTML = entries(pairs);
+  pairs.forEach(([, text], i) => {
+    const cell = list.children[i].lastElementChild;
+    if (cell.textContent !== text) cell.textContent = text;
+  });
 }
 
 function drawOutcome() {
-  $("outcome").innerHTML = outcomeOf(shown);
+  fillList($("outcome"), outcomeOf(shown));
   $("kept").hidden = !shown.kept;
-  if (shown.kept) $("outcome-kept").innerHTML = outcomeOf(shown.kept);
+  if (shown.kept) fillList($("outcome-kept"), outcomeOf(shown.kept));
   $("keep").textContent = shown.kept ? "Forget the kept launch" : "Keep this launch to compare";
 }
 
@@ -189,7 +202,10 @@ function drawCloseup(i) {
   const { rebounds: R, scene: given } = shown;
   $("cone-title").textContent = R.t.length ? `Rebound ${i + 1} in its friction cone` : "";
   $("closeup").innerHTML = "";
-  if (!R.t.length) return;
+  if (!R.t.length) {
+    drawForces(i);
+    return;
+  }
   const [normal, tangential] = [R.normal_impulse[i], R.tangential_impulse[i]];
   const most = frictionAt(R.x_contact[i], given) * normal;
   const wide = 1.15 * Math.max(most, Math.abs(tangential)) || 1;
@@ -213,6 +229,7 @@ function drawCloseup(i) {
       ...D.losses.map((name) => [`lost by ${name}`, fixed(R[`loss_${name}`][i], 2, "J")]),
     ]) +
     "</dl>";
+  drawForces(i);
 }
 
 /* The film. */
@@ -226,15 +243,36 @@ function show(where, fromSlider) {
   if (begun >= 0) selected = begun;
   if (grabbed) return;
   drawCloseup(selected);
+  tellNow(t);
   for (const row of $("rebounds").tBodies[0].rows)
     row.classList.toggle("current", Number(row.dataset.rebound) === selected);
 }
 
+const momentOf = (i) => 0.55 * shown.film.film[2 * i + 1] + 0.45 * shown.film.film[2 * i + 2];
+
 function showRebound(i) {
   pause();
   selected = i;
-  const [begin, end] = shown.film.film.slice(2 * i + 1, 2 * i + 3);
-  show(begin + 0.45 * (end - begin));
+  show(momentOf(i));
+}
+
+function goTo(t) {
+  pause();
+  show(between(shown.film.time, shown.film.film, t));
+}
+
+/* The next contact or the one before; beyond them the end or the launch. */
+function jump(direction) {
+  const moments = [...shown.rebounds.t.keys()].map(momentOf);
+  const found =
+    direction > 0
+      ? moments.findIndex((where) => where > position + 1e-6)
+      : moments.findLastIndex((where) => where < position - 1e-6);
+  if (found >= 0) showRebound(found);
+  else {
+    pause();
+    show(direction > 0 ? filmLength() : 0);
+  }
 }
 
 function pause() {
@@ -277,10 +315,17 @@ $("rebounds").addEventListener("keydown", (event) => {
   showRebound(Number(row.dataset.rebound));
 });
 document.addEventListener("keydown", (event) => {
-  if (event.key !== " " || event.target.closest("input, select, button, summary")) return;
-  toggle();
+  if (!shown || event.target.closest("input, select, button, summary, svg")) return;
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (event.key === " ") toggle();
+  else if (step) {
+    pause();
+    show(position + step / FPS);
+  } else return;
   event.preventDefault();
 });
+$("previous").addEventListener("click", () => jump(-1));
+$("next").addEventListener("click", () => jump(1));
 $("csv").addEventListener("click", () => {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([csvOf(shown)], { type: "text/csv" }));
@@ -301,7 +346,9 @@ window.addEventListener("resize", () => {
   fit();
   draw();
 });
-window.addEventListener("hashchange", openAddress);
+window.addEventListener("hashchange", () => {
+  if (!D.recorded) openAddress();
+});
 
 function openAddress() {
   const wrong = readAddress(location.hash.slice(1));
@@ -312,6 +359,13 @@ function openAddress() {
 async function openPage() {
   document.title = $("title").textContent = D.title;
   $("question").textContent = D.question;
+  $("notes").innerHTML = D.notes.map((text) => `<p class="hint">${escaped(text)}</p>`).join("");
+  if (D.recorded) {
+    document.querySelector("main").classList.add("recorded");
+    accept({ ...parsed(D.recorded), scene: sceneOf(), input: structuredClone(chosen), kept: null });
+    tell("");
+    return;
+  }
   if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
     giveUp("This browser has no WebAssembly or cannot unpack it, so it cannot simulate. Any of the last years can.");
     return;
@@ -323,14 +377,10 @@ async function openPage() {
     giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
     return;
   }
-  try {
-    live = new Pool(1, $("worker").textContent, bytes);
-    crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
-  } catch (error) {
-    giveUp(`This browser lets no worker run in a page of its own, so it cannot simulate: ${error.message}.`);
-    return;
-  }
+  live = new Pool(1, $("worker").textContent, bytes);
+  crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
   buildPanel();
+  $("maps").open = D.maps;
   openAddress();
 }
 

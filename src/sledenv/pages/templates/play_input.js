@@ -1,12 +1,11 @@
 "use strict";
 /* What is simulated: parameters in their ranges, the address that holds them, the lines of Python that say the same. */
 const D = JSON.parse($("data").textContent);
-const E = JSON.parse(D.exact); // numbers with all digits
+const SPECIAL = new Map(Object.entries({ Infinity, "-Infinity": -Infinity, NaN }));
+const parsed = (text) => JSON.parse(text, (_, value) => SPECIAL.get(value) ?? value);
+const E = parsed(D.exact); // numbers with all digits
 const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one]));
 const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
-const BEGUN = E.contexts.map(({ slope }) =>
-  slope.zones.map((zone) => Object.fromEntries(ZONE.map((name) => [name, Number(zone[name])]))),
-);
 
 /* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones that
    are null. A launch that is kept, to compare others with it, is in SI units. */
@@ -21,7 +20,7 @@ const start = (context) => ({
 let chosen = start(0);
 
 const here = () => E.contexts[chosen.context];
-const zonesOf = () => chosen.zones ?? BEGUN[chosen.context];
+const zonesOf = () => chosen.zones ?? here().slope.zones;
 const bodyOf = () => E.bodies[chosen.body];
 
 /* In SI units, as the page began. */
@@ -79,7 +78,9 @@ function sceneOf() {
   const turned = isChanged("mass") || isChanged("gyration");
   const inertia = turned ? mass * valueOf("gyration") * valueOf("gyration") : given.inertia;
   const squared = valueOf("restitution") * valueOf("restitution");
-  const asymmetry = Math.min((1 - squared) / (1 + squared), 1 - 2 ** -53);
+  const asymmetry = isChanged("restitution")
+    ? Math.min((1 - squared) / (1 + squared), 1 - 2 ** -53)
+    : here().law.asymmetry;
   const law = { stiffness: valueOf("stiffness"), asymmetry };
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
   const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity: here().slope.gravity, zones: zonesOf() };
@@ -87,11 +88,14 @@ function sceneOf() {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
   }
-  return { body: { ...given, mass, inertia }, law, slope, limits, solver: chosen.solver };
+  return { body: { ...given, mass, inertia }, law, slope, limits, solver: chosen.solver, x: here().launch.x };
 }
 
 const LAUNCH = ["orientation", "spin", "speed", "fall", "drop"];
 const launchOf = () => Object.fromEntries(LAUNCH.map((name) => [name, valueOf(name)]));
+
+/* The launch as the page began, to the last bit; null if it has been changed. */
+const givenLaunch = () => (LAUNCH.some(isChanged) || chosen.body !== here().body ? null : here().launch);
 
 /* The address. */
 const zoneText = (zone) => ZONE.map((name) => (zone[name] === Infinity ? "" : zone[name])).join(",");
@@ -182,8 +186,9 @@ function pythonOf({ scene, launch, input }) {
   const replaced = same ? "" : `.replace(${spelled({ mass: body.mass, inertia: body.inertia })})`;
   const zones = slope.zones.map((zone) => `    sledenv.Zone(${spelled(zone)}),\n`).join("");
   const { angle, length, gravity } = slope;
+  const endless = length === Infinity || slope.zones.some(({ end }) => end === Infinity);
   return [
-    ...(zones.includes("math.") ? ["import math"] : []),
+    ...(endless ? ["import math"] : []),
     "import sledenv",
     ...(python.startsWith("sledenv.") ? [] : ["from sledenv import Arc, Body, Segment"]),
     "",

@@ -4,6 +4,8 @@ const CELLS = 50; // along each axis
 const COARSE = 5; // cells of which one is computed first, along each axis
 const CHUNK = 40; // launches that a worker is asked for at once
 const DRAWS = 64; // of a trembling hand
+const STARTS = 6; // cells from which the best launch is refined
+const HALVINGS = 3;
 const AXES = D.axes;
 const TREMBLE = ["orientation", "spin"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
@@ -26,7 +28,7 @@ function axisOf(name) {
 
 /* The map. */
 function refreshMap() {
-  if (problem()) return;
+  if (problem() || !$("maps").open) return;
   const setting = sceneOf();
   const axes = AXES.map(axisOf);
   const launch = launchOf();
@@ -34,7 +36,7 @@ function refreshMap() {
   const key = JSON.stringify([setting, others, axes]);
   if (map?.key !== key) {
     const rewards = new Float64Array(CELLS * CELLS).fill(NaN);
-    map = { key, scene: setting, launch, axes, rewards, given: new Set(), expected: null, best: -1 };
+    map = { key, scene: setting, launch, axes, rewards, given: new Set(), expected: null, best: null, sought: {} };
   }
   crew.forget("rewards");
   const missing = [...map.rewards.keys()].filter((k) => Number.isNaN(map.rewards[k]) && !map.given.has(k));
@@ -67,9 +69,9 @@ function finishMap(one) {
   const missing = one.rewards.reduce((count, value) => count + Number.isNaN(value), 0);
   one.count = one.rewards.length - missing;
   one.complete = missing === one.given.size;
-  if (one.complete && !one.expected) {
-    one.expected = smoothed(one);
-    one.best = bestOf(one);
+  if (one.complete) {
+    one.expected ??= smoothed(one);
+    seekBest(one);
   }
   requestDraw();
 }
@@ -119,14 +121,82 @@ function normalShare(z) {
 }
 
 const within = ({ low, high, step }, value) => value >= low - 1e-9 * step && value <= high + 1e-9 * step;
-const valuesOf = (one, k) => [one.axes[0].values[Math.floor(k / CELLS)], one.axes[1].values[k % CELLS]];
+const placesOf = (k) => [Math.floor(k / CELLS), k % CELLS];
+const valuesOf = (one, k) => placesOf(k).map((place, i) => one.axes[i].values[place]);
+const stepOf = (name) => (name === "orientation" ? 0.01 : 0.001); // in which a launch is chosen on a map
+const trembles = () => TREMBLE.some((name) => errorOf(name) > 0);
 
-function bestOf(one) {
-  let best = -1;
-  one.expected.forEach((value, k) => {
-    if (valuesOf(one, k).every((place, i) => within(one.axes[i], place)) && !(value <= one.expected[best])) best = k;
+/* The best launch of a map, in the unit that a reader sees: of its highest cells that are no neighbours the best, and then
+   thrice the best of some launches around it, half as far each time. All are tried with the same draws of the tremble.
+   What an agent does not choose stays as it is set. */
+async function seekBest(one) {
+  const held = AXES.map((name) => (D.free.includes(name) ? null : shownOf(name)));
+  const key = String(held);
+  if (one.best?.key === key && one.best.refined) return;
+  const own = (one.sought = {}); // what was sought before is given up
+  let tried = startsOf(one, held);
+  let best = { key, launch: tried[0], refined: false };
+  one.best = best;
+  for (let level = 0; level <= HALVINGS; level++) {
+    const rewards = await Promise.all(tried.map((launch) => meanReward(one, launch)));
+    if (one !== map || one.sought !== own) return;
+    rewards.forEach((reward, i) => {
+      if (!(reward <= best.reward)) best = { key, launch: tried[i], reward, refined: false };
+    });
+    one.best = best;
+    tried = around(one, best.launch, held, 0.5 ** (level + 1));
+  }
+  best.refined = true;
+  requestDraw();
+}
+
+function startsOf(one, held) {
+  const row = (i) => Math.round((held[i] - one.axes[i].values[0]) / one.axes[i].step);
+  const fits = (place, i) =>
+    held[i] === null ? within(one.axes[i], one.axes[i].values[place]) : place === clamp(row(i), 0, CELLS - 1);
+  const found = [];
+  for (const k of [...one.expected.keys()].sort((a, b) => one.expected[b] - one.expected[a])) {
+    const near = (other) => placesOf(other).every((place, i) => Math.abs(place - placesOf(k)[i]) <= 1);
+    if (placesOf(k).every(fits) && !found.some(near)) found.push(k);
+    if (found.length === STARTS) break;
+  }
+  return found.map((k) => inside(one, valuesOf(one, k), held));
+}
+
+function around(one, launch, held, share) {
+  const [across, up] = held.map((value) => (value === null ? [-share, 0, share] : [0]));
+  const shifts = across.flatMap((x) => up.map((y) => [x, y])).filter((shift) => shift.some((part) => part !== 0));
+  return shifts.map((shift) =>
+    inside(
+      one,
+      launch.map((value, i) => value + shift[i] * one.axes[i].step),
+      held,
+    ),
+  );
+}
+
+/* Within the bounds, in steps in which one can be chosen. */
+function inside({ axes }, launch, held) {
+  return launch.map((value, i) => {
+    if (held[i] !== null) return held[i];
+    const { name, low, high, turns } = axes[i];
+    const turned = turns ? value - (high - low) * Math.floor((value - low) / (high - low)) : value;
+    return clamp(rounded(turned, stepOf(name)), low, high);
   });
-  return best;
+}
+
+/* Of a launch with its tremble; nothing is earned where it takes too long. */
+async function meanReward(one, values) {
+  const launch = { ...one.launch };
+  AXES.forEach((name, i) => {
+    launch[name] = D.free.includes(name) ? values[i] * PARAMETERS[name].factor : valueOf(name);
+  });
+  try {
+    const rewards = await crew.ask({ task: "rewards", scene: one.scene, launches: tremblingOf(launch) }, 5);
+    return rewards.reduce((sum, reward) => sum + reward, 0) / rewards.length;
+  } catch {
+    return 0;
+  }
 }
 
 /* Pictures of the maps. */
@@ -206,8 +276,7 @@ function drawChart(svg, values) {
     `<text x="${left + w / 2}" y="${height - 5}" text-anchor="middle" fill="var(--ink)">${axisWords(x)}</text>`,
     `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
   );
-  const marks = marksShown();
-  if (map.best >= 0) parts.push(star(...valuesOf(map, map.best), chart, marks.length ? "#8fa1b3" : "#fff"));
+  if (map.best) parts.push(star(...map.best.launch, chart));
   const mark = (launch, stroke, name) => {
     const [a, b] = AXES.map((axis) => launch[axis] / PARAMETERS[axis].factor);
     const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
@@ -215,14 +284,12 @@ function drawChart(svg, values) {
       ? `<circle class="${name}" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${stroke}" stroke-width="2.5"/>`
       : "";
   };
-  for (const one of [...marks].reverse()) {
+  for (const one of marksShown()) {
     const [a, b] = AXES.map((name) => placeOfMark(one, name));
-    if (one.sign === "★") parts.push(star(a, b, chart, one.colour));
-    else
-      parts.push(
-        `<circle class="agent" cx="${far(column(a))}" cy="${far(row(b))}" r="8" fill="${one.colour}" stroke="#fff" stroke-width="1.5"/>` +
-          `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
-      );
+    parts.push(
+      `<circle class="agent" cx="${far(column(a))}" cy="${far(row(b))}" r="8" fill="${one.colour}" stroke="#fff" stroke-width="1.5"/>` +
+        `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
+    );
   }
   if (chosen.kept) parts.push(mark(chosen.kept, KEPT, "kept"));
   parts.push(mark(launchOf(), HAND, "cursor"));
@@ -230,11 +297,11 @@ function drawChart(svg, values) {
   svg.innerHTML = parts.join("");
 }
 
-function star(a, b, { column, row }, fill) {
+function star(a, b, { column, row }) {
   const corners = Array.from({ length: 10 }, (_, k) => [k % 2 ? 4.2 : 10, Math.PI * (k / 5 - 0.5)])
     .map(([size, turn]) => `${far(column(a) + size * Math.cos(turn))},${far(row(b) + size * Math.sin(turn))}`)
     .join(" ");
-  return `<polygon class="best" points="${corners}" fill="${fill}" stroke="#2d343c" stroke-width="1.2"/>`;
+  return `<polygon class="best" points="${corners}" fill="#fff" stroke="#2d343c" stroke-width="1.2"/>`;
 }
 
 const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
@@ -264,28 +331,28 @@ function drawMarks() {
 function drawMaps() {
   if (!map) return;
   drawMarks();
-  const trembles = TREMBLE.some((name) => errorOf(name) > 0);
-  $("trembling").hidden = !trembles;
+  $("trembling").hidden = !trembles();
   drawChart($("map"), map.rewards);
-  if (trembles) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
-  $("best").disabled = map.best < 0;
-  if (map.best < 0) {
-    $("map-words").textContent = `${map.count} of ${CELLS * CELLS} launches simulated`;
-    return;
-  }
-  const best = valuesOf(map, map.best);
-  const launch = AXES.map((name, i) => `${name} ${fixed(best[i], 2, PARAMETERS[name].unit)}`).join(", ");
+  if (trembles()) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
+  $("best").disabled = !map.best?.refined;
+  $("map-words").textContent = mapWords();
+}
+
+function mapWords() {
+  if (!map.best) return `${map.count} of ${CELLS * CELLS} launches simulated`;
+  if (!map.best.refined) return "Best of this map, white star: being refined";
+  const { launch, reward } = map.best;
+  const words = AXES.map((name, i) => `${name} ${fixed(launch[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
-  $("map-words").textContent =
-    `Best of the map, ${marksShown().length ? "grey" : "white"} star: ${launch}, ` +
-    `${trembles ? "expected " : ""}reward ${fixed(map.expected[map.best], 3)}${given}.`;
+  const how = trembles() ? `mean reward ${fixed(reward, 3)} of ${DRAWS} trembling launches` : `reward ${fixed(reward, 3)}`;
+  return `Best of this map, white star: ${words}, ${how}${given}.`;
 }
 
 /* A launch chosen on a map. */
-function choose(...values) {
+function choose(values, names = AXES) {
   AXES.forEach((name, i) => {
     const { low, high } = PARAMETERS[name];
-    chosen.changed[name] = clamp(rounded(values[i], name === "orientation" ? 0.01 : 0.001), low, high);
+    if (names.includes(name)) chosen.changed[name] = clamp(rounded(values[i], stepOf(name)), low, high);
   });
   changed();
 }
@@ -306,7 +373,7 @@ function pick(event) {
   const across = clamp(((event.clientX - box.left) * scaled - left) / w, 0, 1);
   const up = 1 - clamp(((event.clientY - box.top) * scaled - top) / h, 0, 1);
   const [x, y] = map.axes;
-  choose(x.low + across * (x.high - x.low), y.low + up * (y.high - y.low));
+  choose([x.low + across * (x.high - x.low), y.low + up * (y.high - y.low)]);
 }
 
 function onArrow(event) {
@@ -315,7 +382,7 @@ function onArrow(event) {
   if (!move || !map) return;
   const [x, y] = map.axes;
   const places = [x, y].map((axis, i) => clamp(shownOf(axis.name) + move[i] * axis.step, axis.low, axis.high));
-  choose(...places);
+  choose(places);
   event.preventDefault();
 }
 
@@ -324,8 +391,11 @@ for (const id of ["map", "map-trembling"]) {
   $(id).addEventListener("pointermove", pick);
   $(id).addEventListener("keydown", onArrow);
 }
+$("maps").addEventListener("toggle", () => {
+  if (shown) refreshMap();
+});
 $("marks").addEventListener("click", onMark);
-$("best").addEventListener("click", () => choose(...valuesOf(map, map.best)));
+$("best").addEventListener("click", () => choose(map.best.launch, D.free));
 $("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
 
 /* The descents of a trembling hand: the same draws each time. */
@@ -336,19 +406,24 @@ const NORMAL = Array.from({ length: DRAWS }, (_, k) => {
   return [size * Math.cos(2 * Math.PI * b), size * Math.sin(2 * Math.PI * b)];
 });
 
-async function refreshCloud() {
-  crew.forget("paths");
-  cloud = null;
-  drawCloud();
-  if (problem() || TREMBLE.every((name) => !(errorOf(name) > 0))) return;
-  const own = {};
-  cloud = own;
-  const launch = launchOf();
-  const launches = NORMAL.map(([one, other]) => ({
+/* A launch with each of these errors; itself, if the hand does not tremble. */
+function tremblingOf(launch) {
+  if (!trembles()) return [launch];
+  return NORMAL.map(([one, other]) => ({
     ...launch,
     orientation: launch.orientation + one * valueOf("error_orientation"),
     spin: launch.spin + other * valueOf("error_spin"),
   }));
+}
+
+async function refreshCloud() {
+  crew.forget("paths");
+  cloud = null;
+  drawCloud();
+  if (problem() || !trembles()) return;
+  const own = {};
+  cloud = own;
+  const launches = tremblingOf(launchOf());
   const setting = sceneOf();
   try {
     const parts = Array.from({ length: 8 }, (_, i) => launches.filter((_launch, k) => k % 8 === i));

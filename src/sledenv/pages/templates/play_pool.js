@@ -14,7 +14,7 @@ class Pool {
     this.bytes = bytes;
     this.waiting = []; // tasks
     this.idle = []; // workers
-    for (let i = 0; i < count; i++) this.#hire();
+    this.left = count; // that can still be hired, when there is work
   }
 
   /* A promise of what a task of play_worker.js returns; it fails if that takes too long. */
@@ -33,7 +33,13 @@ class Pool {
   }
 
   #hire() {
-    const hand = { worker: new Worker(this.address), task: null, timer: 0 };
+    const hand = { worker: null, task: null, timer: 0 };
+    try {
+      hand.worker = new Worker(this.address);
+    } catch (error) {
+      giveUp(`This browser lets no worker run in a page of its own, so it cannot simulate: ${error.message}.`);
+      return;
+    }
     hand.worker.addEventListener("message", ({ data }) => {
       const { resolve, reject } = hand.task;
       clearTimeout(hand.timer);
@@ -49,6 +55,10 @@ class Pool {
 
   #next() {
     while (this.idle.length && this.waiting.length) this.#give(this.idle.pop(), this.waiting.shift());
+    if (this.waiting.length && this.left > 0) {
+      this.left -= 1;
+      this.#hire();
+    }
   }
 
   #give(hand, task) {

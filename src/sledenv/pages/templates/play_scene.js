@@ -26,20 +26,22 @@ function frictionAt(place, { law, slope }) {
 }
 
 /* Rows to draw: an impact without duration has the state before it and the state after. */
-function drawable({ trajectory, rebounds, places }) {
-  const rows = { places: [] };
-  const names = ["t", "x", "y", "phi", "u", "v", "omega", "normal", "tangential", "feature"];
-  for (const name of names) rows[name] = [];
+function drawable({ trajectory, rebounds, places, heights }) {
+  const names = ["t", "x", "y", "phi", "u", "v", "omega", "normal", "tangential", "rolling", "feature", "slip", "spin"];
+  names.push(...D.flight_losses);
+  const rows = Object.fromEntries([...names, "places", "heights"].map((name) => [name, []]));
   for (let i = 0, k = 0; i < trajectory.t.length; i++) {
     while (k < rebounds.t.length && (rebounds.duration[k] > 0 || rebounds.t[k] < trajectory.t[i])) k++;
     if (k < rebounds.t.length && rebounds.t[k] === trajectory.t[i]) {
       for (const name of names) rows[name].push(rebounds[`${name}_before`]?.[k] ?? trajectory[name][i]);
       rows.normal[rows.normal.length - 1] = rows.tangential[rows.tangential.length - 1] = 0;
       rows.places.push(places[i]);
+      rows.heights.push(heights[i]);
       k++;
     }
     for (const name of names) rows[name].push(trajectory[name][i]);
     rows.places.push(places[i]);
+    rows.heights.push(heights[i]);
   }
   return rows;
 }
@@ -73,7 +75,8 @@ function pushAt(t) {
   const { rebounds, rows, scene: given } = shown;
   const i = rebounds.t.findIndex((end, k) => t >= end - rebounds.duration[k] && t <= end);
   if (i < 0) return null;
-  const part = E.bodies[shown.input.body].parts[rebounds.feature[i] - 1];
+  const partOf = (code) => E.bodies[shown.input.body].parts[code - 1];
+  const part = partOf(rebounds.feature[i]);
   if (rebounds.duration[i] === 0) {
     const [tangential, normal, place] = [
       rebounds.tangential_impulse[i],
@@ -83,10 +86,12 @@ function pushAt(t) {
     return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest: normal };
   }
   const [place, normal, tangential] = ["places", "normal", "tangential"].map((name) => between(rows.t, rows[name], t));
+  const row = before(rows.t, t);
   let largest = 0;
   const begin = before(rows.t, rebounds.t[i] - rebounds.duration[i]);
   for (let k = begin; k < rows.t.length && rows.t[k] <= rebounds.t[i]; k++) largest = Math.max(largest, rows.normal[k]);
-  return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest };
+  const touching = rows.feature[row] ? partOf(rows.feature[row]) : part;
+  return { i, row, part: touching, place, friction: frictionAt(place, given), tangential, normal, largest };
 }
 
 /* Some points of a path, enough to say where it goes: a function takes no more arguments than some ten thousand. */
@@ -101,9 +106,10 @@ const extent = (values) => values.reduce(([low, high], one) => [Math.min(low, on
 function fit() {
   const { rows, scene: given, input } = shown;
   const { size } = E.bodies[input.body];
-  const slope = { ...given.slope, zones: bandsOf(given.slope.zones, given.law.friction) };
+  const length = given.slope.length < Infinity ? given.slope.length : null;
+  const slope = { ...given.slope, length, zones: bandsOf(given.slope.zones, given.law.friction) };
   const width = clamp($("controls").clientWidth, 260, 1160);
-  const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : [])];
+  const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : []), ...ghostPoints()];
   const room = [0.5 * size, rows.y[0] + 1.2 * size];
   scene = new Scene(
     { slope, body: D.drawn[input.body], size },
@@ -113,7 +119,7 @@ function fit() {
   );
   $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
   $("scene").innerHTML =
-    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g><g id="live"></g></g>` +
+    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g>${ghostPath()}<g id="live"></g></g>` +
     `<defs>${scene.sled(0, 0, 0, 'id="pose"')}</defs>`;
 }
 
@@ -147,15 +153,46 @@ function visible({ x, y }) {
   return kept;
 }
 
+/* While something is dragged, the land stays as it is, and there are no poses: they take as long as all the rest. */
 function drawPath() {
   const { rows, rebounds } = shown;
-  scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
-  $("land").innerHTML = scene.ground(...extent(rows.x));
+  if (!grabbed) {
+    scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
+    $("land").innerHTML = scene.ground(...extent(rows.x));
+  }
   $("trace").innerHTML =
-    [...rebounds.x_contact].map((place) => scene.contact(place, place)).join("") +
-    strobe(shown).map(poseAt).join("") +
+    [...rebounds.t].map((end, i) => contactOf(end, rebounds.duration[i])).join("") +
+    (grabbed ? "" : strobe(shown).map(poseAt).join("")) +
     (shown.kept ? scene.path(visible(shown.kept.rows), KEPT) : "") +
     scene.path(visible(rows));
+}
+
+function contactOf(end, duration) {
+  const { rows } = shown;
+  return scene.contact(...[end - duration, end].map((t) => between(rows.t, rows.places, t)));
+}
+
+/* A recorded motion: the outline of its last frame, and where its mass centre was in each. */
+const recordedColour = (i) => (i < D.ghost.used ? "var(--green)" : "var(--line)");
+const ghostPoints = () => (D.ghost ? D.ghost.poses.slice(0, D.ghost.used).map(([x, y]) => [x, y]) : []);
+
+function ghostPath() {
+  const dots = (D.ghost?.poses ?? []).map(([x, y], i) => {
+    const [column, row] = scene.pixel(x, y);
+    return `<circle cx="${far(column)}" cy="${far(row)}" r="1.5" fill="${recordedColour(i)}"/>`;
+  });
+  return `<g id="dots">${dots.join("")}</g>`;
+}
+
+function ghostAt(t) {
+  if (!D.ghost) return "";
+  const i = before(D.ghost.times, t + 1e-9);
+  const [x, y, phi] = D.ghost.poses[i];
+  const parts = [scene.body.outline, scene.body.heavy].map((part) => scene.outline(part, x, y, phi));
+  return (
+    `<g id="ghost" fill="none" stroke="${recordedColour(i)}" stroke-width="1.8" stroke-dasharray="5 3">` +
+    `${parts.map((points) => `<polygon points="${points}"/>`).join("")}</g>`
+  );
 }
 
 const ring = () => Math.max(0.9 * scene.size, 40 / scene.scale); // [m] from the mass centre
@@ -195,15 +232,15 @@ function drawMoment(t) {
   const push = pushAt(t);
   const { cone, force } = push ? scene.push(push) : { cone: "", force: "" };
   const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.part);
-  $("live").innerHTML = cone + keptAt(t) + sled + force + (t > 0 ? "" : handles(state));
+  const grips = t > 0 || D.recorded ? "" : handles(state);
+  $("live").innerHTML = cone + keptAt(t) + sled + ghostAt(t) + force + grips;
   $("world").setAttribute("transform", scene.shift(state.x, state.y));
 }
 
 /* Dragging. */
 let grabbed = null;
 
-function placeOf(event) {
-  const box = $("scene").getBoundingClientRect();
+function placeOf(event, box) {
   const moved = /translate\((\S+) (\S+)\)/.exec($("world").getAttribute("transform") ?? "") ?? [0, 0, 0];
   const scaled = scene.W / box.width;
   return scene.place((event.clientX - box.left) * scaled - moved[1], (event.clientY - box.top) * scaled - moved[2]);
@@ -213,7 +250,7 @@ const rounded = (value, step) => Number((Math.round(value / step) * step).toPrec
 
 function drag(event) {
   if (!grabbed) return;
-  const [x, y] = placeOf(event);
+  const [x, y] = placeOf(event, grabbed.box);
   const { launch, from, drop, what } = grabbed;
   const set = (name, value, step) => {
     const { low, high } = PARAMETERS[name];
@@ -230,9 +267,10 @@ function drag(event) {
 
 $("scene").addEventListener("pointerdown", (event) => {
   const what = event.target.closest("[data-grab]")?.dataset.grab;
-  if (!what || position > 0) return;
+  if (!what || position > 0 || D.recorded) return;
   $("scene").setPointerCapture(event.pointerId);
-  grabbed = { what, from: placeOf(event), drop: valueOf("drop"), launch: shown.launch };
+  const box = $("scene").getBoundingClientRect(); // asked again after each picture, it would be laid out twice
+  grabbed = { what, box, from: placeOf(event, box), drop: valueOf("drop"), launch: shown.launch };
   event.preventDefault();
 });
 $("scene").addEventListener("pointermove", drag);

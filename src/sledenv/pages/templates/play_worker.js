@@ -1,6 +1,6 @@
 "use strict";
 /* A worker of the page that simulates, with a kernel of its own. A scene is what Kernel.descend takes but for the launch,
-   which is { orientation, spin, speed, fall, drop } here, in SI units. */
+   which is { orientation, spin, speed, fall, drop } here, in SI units, from a place x of the slope. */
 let kernel = null;
 const CRASHED = ["tumbled", "buried", "non_finite"];
 const TURN = 2 * Math.PI;
@@ -16,7 +16,7 @@ function states(scene, launches) {
   const angles = launches.map(({ orientation }) => withinTurn(orientation));
   const { b } = kernel.arms(scene.body, angles);
   return launches.map(({ drop, speed, fall, spin }, i) => ({
-    x: 0,
+    x: scene.x,
     y: drop + b[i],
     phi: angles[i],
     u: speed,
@@ -56,13 +56,14 @@ const TASKS = {
     kernel = await Kernel.load(bytes);
   },
 
-  /* One descent with its trajectory, and the place [m] of the point that is lowest in each row. */
-  descend({ scene, launch }) {
-    const [state] = states(scene, [launch]);
+  /* One descent with its trajectory; of the point that is lowest in each row its place [m], and how far below the mass
+     centre it is [m]. With a state given, that is the launch. */
+  descend({ scene, launch, state: given }) {
+    const state = given ?? states(scene, [launch])[0];
     const found = descend(scene, state);
     const { x, phi } = found.trajectory;
-    const { a } = kernel.arms(scene.body, phi);
-    return { ...found, scene, places: x.map((one, i) => one - a[i]) };
+    const { a, b } = kernel.arms(scene.body, phi);
+    return { ...found, scene, places: x.map((one, i) => one - a[i]), heights: b };
   },
 
   rewards({ scene, launches }) {

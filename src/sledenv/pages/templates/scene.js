@@ -4,7 +4,7 @@ const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /* Numbers and words. */
 const fixed = (value, digits, unit) =>
-  value === null
+  value === null || Number.isNaN(value)
     ? "–"
     : (Math.abs(value) < 1e5
         ? (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits)

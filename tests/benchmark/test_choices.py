@@ -1,0 +1,199 @@
+"""What agents choose, as marks of the page with maps of contexts, and that a browser shows the marked launches."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv.benchmark import choices as module
+from sledenv.benchmark import oracle
+from sledenv.benchmark.choices import Choices, choices
+from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import train
+from sledenv.command.cli import main
+from sledenv.pages.play import MOST_SEEDS, map_page
+from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
+from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
+from tests.packs import own_pack
+
+PACK, SEEDS = "sled_patch", (3, 4)
+SHIPPED = Path("sled_patch-launch-orientation+speed-critic-s0")
+DEGREE = math.pi / 180.0
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[int, Choices]:
+    return choices(load_scenario(PACK), SEEDS, [SHIPPED])
+
+
+@pytest.fixture(scope="module")
+def page(made: dict[int, Choices]) -> str:
+    return map_page(load_scenario(PACK), SEEDS, {seed: one.marks for seed, one in made.items()})
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -> None:
+    """Oracle: the marked launches earn their rewards in the mean over the draws that judge launches."""
+    problem, data = Problem(PACK), data_of(page)
+    low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
+    contexts = json.loads(data["exact"])["contexts"]
+    assert [context["name"] for context in contexts] == [f"seed {seed}" for seed in SEEDS]
+    assert data["axes"] == data["free"] == ["orientation", "speed"] == list(problem.task.controlled)
+    for seed, context in zip(SEEDS, contexts, strict=True):
+        (mark,) = context["marks"]
+        assert mark["name"] == "critic"
+        given = np.array([problem.scenario.sample(np.random.default_rng(seed))])
+        values = np.array([mark["launch"]["orientation"] / DEGREE, mark["launch"]["speed"]])
+        action = 2.0 * (values - low) / (high - low) - 1.0
+        reward = problem.expect(problem.trials(given, "test"), action[np.newaxis, np.newaxis])[0, 0]
+        assert mark["expected"] == pytest.approx(reward, abs=1e-6)
+        assert f"reward {mark['expected']:.4f}" in made[seed].words
+        assert made[seed].plain[0]["reward"] == mark["expected"]
+
+
+def test_one_control_has_a_map_over_orientation_and_spin() -> None:
+    data = data_of(map_page(load_scenario("sled_snow"), [2], {}))
+    assert data["axes"] == ["orientation", "spin"]
+    assert data["free"] == ["orientation"]
+
+
+def test_contexts_of_several_bodies_have_theirs() -> None:
+    """Oracle: the contexts."""
+    scenario = load_scenario("sled_any")
+    shapes = [int(scenario.sample(np.random.default_rng(seed)).shape) for seed in range(3)]
+    contexts = json.loads(data_of(map_page(scenario, range(3), {}))["exact"])["contexts"]
+    assert [context["body"] for context in contexts] == shapes
+    assert len(set(shapes)) > 1
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the descent of the marked launch in Python, without errors."""
+    problem, file = Problem(PACK), tmp_path / "map.html"
+    file.write_text(patient(page), encoding="utf-8")
+    chromium.log()
+    chromium.open(file, "context=seed+4")
+    wait_until(chromium, "map?.best?.refined && !asking && !drawing")
+    context = problem.scenario.sample(np.random.default_rng(SEEDS[1]))
+    marks = chromium.run("return here().marks")
+    assert chromium.run("return document.querySelectorAll('#map .best').length") == 1
+    assert chromium.run("return document.querySelectorAll('#map .agent').length") == 1
+    for i, mark in enumerate(marks):
+        chromium.click(f"[data-mark='{i}']")
+        wait_until(chromium, f"!asking && Math.abs(launchOf().speed - {mark['launch']['speed']!r}) < 1e-9")
+        state = problem.scenario.launch(context, mark["launch"]["orientation"], speed=mark["launch"]["speed"])
+        descent = problem.task.descend(np.array([context]), state, "trajectory")
+        status, reward = chromium.run("return [shown.status, shown.jam.reward]")
+        assert status == str(descent.status)
+        assert reward == pytest.approx(float(descent.jam.reward), abs=1e-6)
+    assert chromium.log() == []
+
+
+@needs_chromium
+@pytest.mark.jit_only
+@pytest.mark.parametrize(("name", "seed"), [(PACK, 3), ("sled_snow", 3), ("bedrock", 3)])
+def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Browser, tmp_path: Path) -> None:
+    """Oracle: the search of the benchmark, whose interval the expected reward of the best launch lies in."""
+    problem, file = Problem(name), tmp_path / "map.html"
+    given = np.array([problem.scenario.sample(np.random.default_rng(seed))])
+    with pytest.MonkeyPatch.context() as patch:  # hardly less thorough, much less patient
+        for setting, value in {"CELLS": 3000, "STARTS": 12, "JUDGED": (4, 64)}.items():
+            patch.setattr(oracle, setting, value)
+        best = oracle.best_launches(problem, given).iloc[0]
+    file.write_text(patient(map_page(problem.scenario, [seed], {})), encoding="utf-8")
+    chromium.open(file)
+    wait_until(chromium, "map?.best?.refined && !asking && !drawing")
+    found = dict(chromium.run("return AXES.map((name, i) => [name, map.best.launch[i]])"))
+    values = np.array([found[name] for name in problem.task.controlled])
+    low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
+    action = 2.0 * (values - low) / (high - low) - 1.0
+    earned = problem.expect(problem.trials(given, "test"), action[np.newaxis, np.newaxis])[0, 0]
+    assert earned >= best["low"] - 0.005
+    assert chromium.run("return map.best.reward") == pytest.approx(
+        earned, abs=0.01
+    )  # the best of many by 64 draws is so by luck in part
+    if name == "sled_snow":  # whose agent does not choose the spin
+        assert found["spin"] == pytest.approx(given[0, Context._fields.index("spin")], rel=1e-5)
+    told = chromium.text("#map-words")
+    assert told.startswith("Best of this map, white star: orientation")
+    assert "of 64 trembling launches" in told
+    chromium.click("#best")
+    wait_until(chromium, "!asking && isChanged('orientation')")
+    assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
+    wait_until(chromium, "cloud?.paths")
+    mean = chromium.run("return cloud.paths.reduce((sum, { reward }) => sum + reward, 0) / cloud.paths.length")
+    assert mean == pytest.approx(chromium.run("return map.best.reward"), abs=1e-12)
+
+
+@pytest.mark.parametrize("seeds", [[], [1, 1], list(range(MOST_SEEDS + 1))])
+def test_wrong_seeds_are_named(seeds: list[int]) -> None:
+    with pytest.raises(ValueError, match=r"seeds = .*must be 1 to"):
+        map_page(load_scenario(PACK), seeds, {})
+
+
+def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "chosen", None)
+    scenario = load_scenario(PACK)
+    with pytest.raises(FileNotFoundError, match="no finished run"):
+        choices(scenario, [0], [tmp_path])
+    other = train("sledenv.agents.zero", Problem("talus"), {}, 0, tmp_path / "other")
+    with pytest.raises(ScenarioError, match="another scenario"):
+        choices(scenario, [0], [other])
+    trims = train("sledenv.agents.zero", Problem(PACK, "descent"), {}, 0, tmp_path / "trims")
+    with pytest.raises(ScenarioError, match="trims every hop"):
+        choices(scenario, [0], [trims])
+
+
+def test_the_command_writes_a_page_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It searches nothing then."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(oracle, "best_launches", None)
+    assert main(["map", "sled_tilt", "--html", "page.html", "--seeds", "3", "1"]) == 0
+    assert capsys.readouterr().out == "map: wrote page.html\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+    contexts = json.loads(data_of((tmp_path / "page.html").read_text(encoding="utf-8"))["exact"])["contexts"]
+    assert [context["name"] for context in contexts] == ["seed 3", "seed 1"]
+    shipped = "sled_tilt-launch-spin-critic-s0"
+    assert main(["map", "sled_tilt", "--html", "page.html", "--seed", "3", "--run", shipped, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [(one["seed"], [agent["agent"] for agent in one["agents"]]) for one in told["contexts"]] == [(3, ["critic"])]
+    (context,) = json.loads(data_of((tmp_path / "page.html").read_text(encoding="utf-8"))["exact"])["contexts"]
+    assert [mark["name"] for mark in context["marks"]] == ["critic"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seeds", "1", "2"], "--seeds = [1, 2]: only a page has several contexts"),
+        (["--html", "page.png"], "--html: page.png: must end in .html"),
+    ],
+)
+def test_wrong_arguments_are_explained(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    try:
+        status: Any = main(["map", own_pack("ice_drop"), *arguments])
+    except SystemExit as stop:
+        status = stop.code
+    assert status == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
