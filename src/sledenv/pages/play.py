@@ -155,7 +155,7 @@ def play_page(
 
 def simulating_page(content: dict[str, Any], **named: Any) -> str:
     """Return the page of some content: that of :func:`page_content`, and what else the template names."""
-    plain = {"ghost": None, "recorded": None, "notes": [], "maps": True}
+    plain: dict[str, Any] = {"ghost": None, "recorded": None, "notes": [], "maps": True}
     return filled("play.html", data=content | plain | named)
 
 
