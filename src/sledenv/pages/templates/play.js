@@ -377,6 +377,7 @@ async function openPage() {
     giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
     return;
   }
+  tell("The first descent is being simulated."); // in place of what is said where no script runs
   live = new Pool(1, $("worker").textContent, bytes);
   crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
   buildPanel();
