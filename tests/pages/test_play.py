@@ -534,7 +534,7 @@ def test_a_click_on_a_map_chooses_a_launch(page: Browser) -> None:
     wait_until(page, "!asking")
     step = page.run("return map.axes[0].step")
     assert page.run("return AXES.map(shownOf)") == pytest.approx([place[0] + step, place[1]], abs=6e-3)
-    assert page.run("return document.querySelectorAll('.cursor').length") == 2
+    assert page.run("return document.querySelectorAll('#maps .cursor').length") == 2
     assert page.run("return map.complete")  # the launch changes nothing in it
 
 

@@ -121,7 +121,7 @@ class DescentBatch:
 
     @property
     def status(self) -> np.ndarray:
-        """Status of each descent, an array of strings of shape (N,)."""
+        """Status of each descent, an array of shape (N,): words of :class:`sledenv.Status`, such as "finish"."""
         return np.asarray(np.array(STATUS_OF_CODE)[self.outcomes["status"]])
 
     @property
