@@ -175,7 +175,7 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
         table = _found(suite, job, folder)
         if table is None:
             raise OSError(f"{_judged(suite, job, folder)} has been changed meanwhile: the same command judges it again")
-        curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "seconds", "mean_reward"])
+        curve = pd.DataFrame(table.attrs["curve"], columns=["descents", "seconds", "mean_reward"], dtype=float)
         named = {"environment": job.environment, "scenario": problem.scenario.id, "agent": job.agent, "seed": job.seed}
         used = curve["descents"].iloc[-1] if len(curve) else job.settings.get("n_timesteps", 0)
         attributes = {key: value for key, value in table.attrs.items() if key != "curve"}

@@ -440,6 +440,7 @@ async function refreshCloud() {
 
 function drawCloud() {
   const paths = cloud?.paths ?? [];
+  if (!$("cloud")) return; // no scene yet
   $("cloud").innerHTML = paths
     .map(({ path }) => {
       const points = [];
