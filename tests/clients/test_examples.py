@@ -92,9 +92,10 @@ def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
 
 
 ROLLOUT = """
+import sys
 import gymnasium as gym, numpy as np
 for name in ("SledLaunch", "SledDescent"):
-    env = gym.make(f"sledenv:sledenv/{name}-v0", scenario=own_pack("ice_drop"))
+    env = gym.make(f"sledenv:sledenv/{name}-v0", scenario=sys.argv[1])
     rng = np.random.default_rng(0)
     for seed in range(2):
         values = [env.reset(seed=seed)[0]]
@@ -109,7 +110,7 @@ for name in ("SledLaunch", "SledDescent"):
 
 
 def rollout(**variables: str) -> list[list[str]]:
-    command = [sys.executable, "-W", "error", "-c", ROLLOUT]
+    command = [sys.executable, "-W", "error", "-c", ROLLOUT, own_pack("ice_drop")]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=dict(os.environ) | variables)
     return [line.split() for line in done.stdout.splitlines()]
 

@@ -551,7 +551,7 @@ class Session(RuleBasedStateMachine):
     @precondition(lambda self: self.begun)
     @rule(
         mask=st.tuples(*[st.booleans()] * 3).filter(any),
-        context=st.sampled_from([{}, {"friction": 0.05}, {"speed": 1e200}, {"drop": 30.0, "speed": 0.0}]),
+        context=st.sampled_from([{}, {"friction": 0.05}, {"speed": 1e140}, {"drop": 30.0, "speed": 0.0}]),
     )
     def reset_some(self, mask, context):
         chosen = np.array(mask)
