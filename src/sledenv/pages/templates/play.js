@@ -81,7 +81,8 @@ function settled() {
   clearTimeout(pending);
   pending = setTimeout(() => {
     if (problem()) return;
-    if (location.protocol !== "about:") // a frame of a notebook has no address
+    if (location.protocol !== "about:")
+      // a frame of a notebook has no address
       history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
     refreshCloud();
     refreshMap();

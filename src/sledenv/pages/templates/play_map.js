@@ -344,7 +344,9 @@ function mapWords() {
   const { launch, reward } = map.best;
   const words = AXES.map((name, i) => `${name} ${fixed(launch[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
-  const how = trembles() ? `mean reward ${fixed(reward, 3)} of ${DRAWS} trembling launches` : `reward ${fixed(reward, 3)}`;
+  const how = trembles()
+    ? `mean reward ${fixed(reward, 3)} of ${DRAWS} trembling launches`
+    : `reward ${fixed(reward, 3)}`;
   return `Best of this map, white star: ${words}, ${how}${given}.`;
 }
 

@@ -91,9 +91,7 @@ class Axes {
           `<text x="${column}" y="${foot + 17}" text-anchor="middle" fill="var(--pale)">${axisNumber(t)}</text>`,
         );
       }
-      parts.push(
-        `<text x="${edge}" y="${this.height - 3}" text-anchor="end" fill="var(--pale)">${words}</text>`,
-      );
+      parts.push(`<text x="${edge}" y="${this.height - 3}" text-anchor="end" fill="var(--pale)">${words}</text>`);
     }
     parts.push(`<text x="${this.left}" y="14" fill="var(--ink)">${this.label}</text>`);
     return parts.join("");
@@ -169,7 +167,11 @@ function residualPlots(axes) {
   const apart = seen.map((t, i) => {
     const { x, y, phi } = stateAt(rows, t);
     const turn = poses[i][2] - phi;
-    return [1e3 * (poses[i][0] - x), 1e3 * (poses[i][1] - y), ((turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI))) * 180) / Math.PI];
+    return [
+      1e3 * (poses[i][0] - x),
+      1e3 * (poses[i][1] - y),
+      ((turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI))) * 180) / Math.PI,
+    ];
   });
   const plot = (label, columns) => {
     const sizes = apart.slice(0, used).flatMap((row) => columns.map(([k]) => Math.abs(row[k])));
@@ -269,10 +271,32 @@ function drawForces(i) {
   const short = end - begin < 0.5;
   const width = clamp($("forces").clientWidth, 240, 420);
   const axes = (height, label, range, bottom) =>
-    new Axes($("forces"), width, height, { label, range, bottom, begin, end, origin: begin, unitTime: short ? 1e3 : 1 });
+    new Axes($("forces"), width, height, {
+      label,
+      range,
+      bottom,
+      begin,
+      end,
+      origin: begin,
+      unitTime: short ? 1e3 : 1,
+    });
   const above = axes(120, "N [N] normal force", extentOf(normal), 6);
-  const below = axes(150, "F [N] friction force, shaded: ± f N", extentOf(tangential, most, most.map((value) => -value)), 34);
-  const band = below.band(times, most, most.map((value) => -value), "var(--cone)");
+  const below = axes(
+    150,
+    "F [N] friction force, shaded: ± f N",
+    extentOf(
+      tangential,
+      most,
+      most.map((value) => -value),
+    ),
+    34,
+  );
+  const band = below.band(
+    times,
+    most,
+    most.map((value) => -value),
+    "var(--cone)",
+  );
   forces = [
     above.draw(above.frame() + above.line(times, normal, "var(--blue)")),
     below.draw(
