@@ -16,11 +16,11 @@ from . import critic, replan
 _FILE = "trims.yaml"
 
 
-class Agent(replan.Agent):
+class Agent(replan.Replanner):
     """Launches as the agent critic does, and looks ahead at every rebound as the agent replan does."""
 
     def __init__(self, problem: Problem, trims: int, launch: critic.Agent) -> None:
-        super().__init__(problem, {"cells": 0, "trims": trims})
+        super().__init__(problem, trims)
         self._critic = launch
 
     @classmethod

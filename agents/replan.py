@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Self
@@ -21,31 +22,19 @@ Floats = NDArray[np.float64]
 _FILE = "lookahead.yaml"
 
 
-class Agent:
+class Replanner(ABC):
     """Looks ahead to the end of the descent, as if the trim it tries were the last; it looks again after the next hop.
 
-    The launch is the best of a grid under the tremble, a trim the best of evenly spaced ones. Two things are
-    approximate. A state that has been observed has the precision of float32. And the energy supplied leaves out what
-    cannot be observed after the launch, its spin, the height of its pose and the work of former trims, so that every
-    trim looks a little too good. Where the agent chooses the speed, or else what gives energy, that has the middle of
-    its bounds in this sum, alike for all trims.
+    A trim is the best of evenly spaced ones; where the launch comes from, others say. Two things are approximate. A
+    state that has been observed has the precision of float32. And the energy supplied leaves out what cannot be
+    observed after the launch, its spin, the height of its pose and the work of former trims, so that every trim looks a
+    little too good. Where the agent chooses the speed, or else what gives energy, that has the middle of its bounds in
+    this sum, alike for all trims.
     """
 
-    def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
+    def __init__(self, problem: Problem, trims: int) -> None:
         self._model = Problem(problem.scenario, control=problem.control)
-        self._cells = int(settings["cells"])
-        self._trims = np.linspace(-1.0, 1.0, settings["trims"])
-
-    @classmethod
-    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
-        """Keep the settings; there is nothing to learn."""
-        (folder / _FILE).write_text(yaml.safe_dump(settings))
-        return cls(problem, settings)
-
-    @classmethod
-    def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the settings of a run."""
-        return cls(problem, yaml.safe_load((folder / _FILE).read_text()))
+        self._trims = np.linspace(-1.0, 1.0, trims)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         actions = np.zeros((len(observations), self._model.actions + 1))
@@ -56,13 +45,9 @@ class Agent:
             actions[~waits, -1] = self._best_trims(observations[~waits])
         return actions.astype(np.float32)
 
+    @abstractmethod
     def _launches(self, observations: NDArray[np.float32]) -> NDArray[Any]:
-        """Return the launches that the model rewards most under the tremble, shape (n, k)."""
-        best = []
-        for one in jam_map(self._model, self._model.task.contexts_seen(observations), self._cells):
-            cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
-            best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
-        return np.array(best)
+        """Return launches of shape (n, k) for contexts that are seen, shape (n, 11)."""
 
     def _best_trims(self, observations: NDArray[np.float32]) -> Floats:
         """Return the trims that the model rewards most, shape (n,); in the run-out they stay as they are."""
@@ -93,3 +78,29 @@ class Agent:
         outcomes["supplied"] = given + np.maximum(work, 0.0)  # instead of what the state at the rebound stands for
         rewards: Floats = descent_jam(outcomes, mass, length).reward
         return rewards
+
+
+class Agent(Replanner):
+    """Launches as the best of a grid does in the model, under the tremble, and trims as it looks ahead."""
+
+    def __init__(self, problem: Problem, settings: dict[str, Any]) -> None:
+        super().__init__(problem, settings["trims"])
+        self._cells = int(settings["cells"])
+
+    @classmethod
+    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
+        """Keep the settings; there is nothing to learn."""
+        (folder / _FILE).write_text(yaml.safe_dump(settings))
+        return cls(problem, settings)
+
+    @classmethod
+    def load(cls, problem: Problem, folder: Path) -> Self:
+        """Read the settings of a run."""
+        return cls(problem, yaml.safe_load((folder / _FILE).read_text()))
+
+    def _launches(self, observations: NDArray[np.float32]) -> NDArray[Any]:
+        best = []
+        for one in jam_map(self._model, self._model.task.contexts_seen(observations), self._cells):
+            cell = np.unravel_index(one.rewards.argmax(), one.rewards.shape)
+            best.append([axis[i] for axis, i in zip(one.launches, cell, strict=True)])
+        return np.array(best)
