@@ -1,10 +1,12 @@
-/* Runs calls of the kernel for pages in Node: node kernels.mjs KERNEL.JS KERNEL.WASM TASK INPUT OUTPUT. */
+/* Runs calls of the kernel for pages in Node: node kernels.mjs KERNEL.JS KERNEL.WASM WAY TASK INPUT OUTPUT. WAY is how it
+   multiplies and adds: by its program or by an instruction, for which it must be there. */
 import fs from "node:fs";
 import vm from "node:vm";
 
-const [, , script, file, task, input, output] = process.argv;
+const [, , script, file, way, task, input, output] = process.argv;
 const Kernel = vm.runInThisContext(`${fs.readFileSync(script, "utf8")};Kernel`);
-const kernel = await Kernel.load(fs.readFileSync(file));
+const kernel = await Kernel.load(fs.readFileSync(file), way === "instruction");
+if (kernel.takesInstruction !== (way === "instruction")) throw new Error("the instruction is not there, or rounds twice");
 const numbers = [];
 if (task === "fused") {
   const given = new Float64Array(fs.readFileSync(input).buffer.slice(0));

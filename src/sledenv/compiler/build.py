@@ -25,6 +25,8 @@ _NO_COUNTS = "define void @NRT_incref(i8* %a) {\n ret void\n}\ndefine void @NRT_
 # What a processor has decides nothing before the target is known, and all optimization happens at the end.
 _SETTINGS = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "0"}
 
+_INLINED_IF_SMALL = 10  # what LLVM's count of a function may be; 225 by default
+
 
 def make(library: Library, folder: Path, targets: Sequence[str]) -> None:
     """Make the object files TARGET.kernel of a library, each whole or not at all.
@@ -106,7 +108,13 @@ def _emitted(module: Any, target: Target) -> bytes:
     if "windows" in target.triple:  # there every object with doubles asks for this, which Python does not have
         module.link_in(llvm.parse_assembly("@_fltused = constant i32 0"))
     module.triple, module.data_layout = target.triple, str(machine.target_data)
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    if target.small:
+        tuning.inlining_threshold, tuning.loop_unrolling = _INLINED_IF_SMALL, False
+        for function in module.functions:
+            if not function.is_declaration:
+                function.add_function_attribute("optsize")
+    builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
 

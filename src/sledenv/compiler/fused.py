@@ -190,11 +190,12 @@ def without_instruction(module: Any) -> Any:
     """Return a module of LLVM in which these programs stand for the instruction; it holds :func:`exactly` already.
 
     They are functions: copied to where they are called, they would make the module several times as large. There is
-    one of a number, ``fused.f64``, and one of two at once, which those of more numbers call.
+    one of a number, ``fused.f64``, and one of two at once, ``fused.v2f64``, which those of more numbers call. These two can be
+    found from outside: see templates/kernel.js.
     """
     whole = llvm.parse_assembly(str(module).replace("@llvm.fma.", "@fused."))
     whole.link_in(llvm.parse_assembly(str(_programs())))
-    for name in (EXACTLY, _GENERAL, *map(_name, _COUNTS[1:])):
+    for name in (EXACTLY, _GENERAL, *map(_name, _COUNTS[2:])):
         whole.get_function(name).linkage = llvm.Linkage.internal
     return whole
 

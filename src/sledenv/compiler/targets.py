@@ -17,6 +17,7 @@ class Target(NamedTuple):
     processor: str
     features: str = ""  # of the processor, besides what its name says
     fused: bool = True  # it has an instruction for a fused multiply-add, or programs stand for it: see fused.py
+    small: bool = False  # its size matters more than a tenth of its speed
 
 
 TARGETS: Final = {
@@ -24,7 +25,8 @@ TARGETS: Final = {
     "linux-aarch64": Target("aarch64-unknown-linux-gnu", "generic"),
     "darwin-arm64": Target("arm64-apple-macosx11.0.0", "apple-m1"),
     "win32-x86_64": Target("x86_64-pc-windows-msvc", "x86-64-v3"),
-    "wasm32": Target("wasm32-unknown-unknown", "generic", "+simd128", fused=False),  # to be linked: see pages/kernel.py
+    # To be linked: see pages/kernel.py.
+    "wasm32": Target("wasm32-unknown-unknown", "generic", "+simd128", fused=False, small=True),
 }
 OTHER: Final = "other"  # any other machine: an object that it makes for itself
 _V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
