@@ -8,7 +8,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
 
 from .learning import Learned
-from .searching import SearchingSAC
+from .searching import SearchingSAC, searching
 
 with needs("agents", __name__):
     from stable_baselines3 import SAC
@@ -22,4 +22,4 @@ class Agent(Learned):
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
         """Take the policy that searches where an episode has one step."""
-        return settings | {"policy": SearchingSAC} if problem.environment == "launch" else settings
+        return searching(SearchingSAC, problem, settings) if problem.environment == "launch" else settings

@@ -7,7 +7,11 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import qmc
 
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.inputs import FIELDS
 from sledenv.machine.extras import needs
+
+from .touch import Touch
 
 with needs("agents", __name__):
     import torch
@@ -15,6 +19,7 @@ with needs("agents", __name__):
     from stable_baselines3.common.policies import BasePolicy
     from stable_baselines3.sac.policies import SACPolicy
     from stable_baselines3.td3.policies import TD3Policy
+    from torch import nn
 
 
 COARSE: Final = 96  # actions tried anywhere in the box
@@ -22,8 +27,42 @@ FINE: Final = 16  # actions tried around the best so far, once for each of the w
 WIDTHS: Final = (0.1, 0.03)  # standard deviations, where the box is 2 wide
 
 
+def searching(policy: type[_Searching], problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with a policy that searches, and that is told the first touch where actions are landings.
+
+    Parameters
+    ----------
+    policy : type
+    problem : Problem
+    settings : dict
+        As for :meth:`sledenv.agents.learning.Learned.train`.
+    """
+    touch = Touch(problem) if settings.get("landings", True) else None
+    return settings | {"policy": policy, "policy_kwargs": settings.get("policy_kwargs", {}) | {"touch": touch}}
+
+
+class _Touching(nn.Module):
+    """Adds to contexts and landings what closed forms tell of the first touch: what learns from both sees all of it.
+
+    Parameters
+    ----------
+    touch : Touch
+    fields : int
+        How many columns are the context; the others are the landing.
+    """
+
+    def __init__(self, touch: Touch, fields: int) -> None:
+        super().__init__()
+        self._touch, self._fields = touch, fields
+
+    def forward(self, given: torch.Tensor) -> torch.Tensor:
+        """Return more columns. No gradient goes through them, so that an actor climbs only along the landing itself."""
+        observations, landings = np.hsplit(given.detach().numpy(), [self._fields])
+        return torch.cat([given, torch.from_numpy(self._touch.inputs(observations, landings))], dim=1)
+
+
 class _Searching(BasePolicy):
-    """What these policies share: the search.
+    """What these policies share: the search, and a critic that may be told the first touch.
 
     An actor climbs its critic from where it stands, but the reward of a landing has many maxima with cliffs between
     them. Where an episode has one step the critic is a regression of the reward over the whole box, so that its best
@@ -35,13 +74,24 @@ class _Searching(BasePolicy):
     _box: torch.Tensor
     _cloud: torch.Tensor
 
-    def __init__(self, *arguments: Any, **settings: Any) -> None:
+    def __init__(self, *arguments: Any, touch: Touch | None = None, **settings: Any) -> None:
+        self._touch = touch
         super().__init__(*arguments, **settings)
         width = int(np.prod(self.action_space.shape or ()))
         box = qmc.Sobol(width, rng=np.random.default_rng(0)).random_base2((COARSE - 1).bit_length())[:COARSE]
         cloud = qmc.MultivariateNormalQMC(np.zeros(width), rng=np.random.default_rng(0)).random(FINE)
         self.register_buffer("_box", torch.as_tensor(2.0 * box - 1.0, dtype=torch.float32), persistent=False)
         self.register_buffer("_cloud", torch.as_tensor(cloud, dtype=torch.float32), persistent=False)
+
+    def make_critic(self, features_extractor: Any = None) -> Any:
+        """Return what SAC, TD3 and TQC make, with wider first layers where the touch is told."""
+        critic = super().make_critic(features_extractor)  # type: ignore[misc]
+        if self._touch is not None:
+            told = _Touching(self._touch, FIELDS)
+            for network in critic.q_networks:
+                first = network[0]
+                network[0] = nn.Sequential(told, nn.Linear(first.in_features + self._touch.width, first.out_features))
+        return critic
 
     @torch.no_grad()
     def searched(self, observation: torch.Tensor, proposed: torch.Tensor) -> torch.Tensor:

@@ -10,7 +10,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
 
 from .learning import Learned
-from .searching import SearchingTD3
+from .searching import SearchingTD3, searching
 
 with needs("agents", __name__):
     from stable_baselines3 import TD3
@@ -34,7 +34,5 @@ class Agent(Learned):
         kind, sigma = settings.pop("noise_type"), settings.pop("noise_std")
         if kind != "normal":
             raise ValueError(f"noise_type = {kind!r}: must be 'normal'")
-        return settings | {
-            "policy": SearchingTD3,
-            "action_noise": NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma)),
-        }
+        noise = NormalActionNoise(np.zeros(problem.actions), np.full(problem.actions, sigma))
+        return searching(SearchingTD3, problem, settings) | {"action_noise": noise}

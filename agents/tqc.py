@@ -8,7 +8,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
 
 from .learning import Learned
-from .searching import SearchingTQC
+from .searching import SearchingTQC, searching
 
 with needs("agents", __name__):
     from sb3_contrib import TQC
@@ -22,4 +22,4 @@ class Agent(Learned):
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
         """Take the policy that searches."""
-        return settings | {"policy": SearchingTQC}
+        return searching(SearchingTQC, problem, settings)

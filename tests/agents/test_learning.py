@@ -11,7 +11,8 @@ from stable_baselines3 import PPO, SAC, TD3
 
 from sledenv.agents.learning import Landed, Standardised, random_rewards
 from sledenv.agents.ppo import Agent as PpoAgent
-from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTD3, SearchingTQC
+from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTD3, SearchingTQC, searching
+from sledenv.agents.touch import Touch
 from sledenv.agents.train import default_settings
 from sledenv.agents.wrappers import Landed as Landed1
 from sledenv.agents.wrappers import Standardised as Standardised1
@@ -29,7 +30,8 @@ BRAKE_MAT = own_pack("brake_mat")
 def policy_of(algorithm, policy, scenario=BRAKE_MAT):
     problem = Problem(scenario)
     env = make_vec_env(problem.id, 4, env_kwargs={"scenario": scenario})
-    model = algorithm(policy, env, seed=0, gamma=0.0, learning_starts=16, batch_size=16)
+    settings = {"seed": 0, "gamma": 0.0, "learning_starts": 16, "batch_size": 16}
+    model = algorithm(env=env, **searching(policy, problem, settings))
     model.learn(64)
     return problem, model
 
@@ -90,6 +92,21 @@ def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(alg
     assert model.predict(seen[3:4], deterministic=True)[0] == pytest.approx(first[3:4], abs=1e-5)
     model.save(tmp_path / "model.zip")
     assert np.array_equal(algorithm.load(tmp_path / "model.zip").predict(seen, deterministic=True)[0], first)
+
+
+@pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3), (TQC, SearchingTQC)])
+def test_a_critic_is_told_the_first_touch_of_a_landing_and_not_of_a_launch(algorithm, policy):
+    """Oracle: what the first layer of its network takes, against the closed forms; without landings it is narrower."""
+    problem, model = policy_of(algorithm, policy, "bedrock")
+    seen = problem.task.observe(problem.contexts("test", 6))
+    landings = np.linspace(-1.0, 1.0, 6 * problem.actions, dtype=np.float32).reshape(6, -1)
+    told = []
+    (network, *_) = model.critic.q_networks
+    network[0][1].register_forward_pre_hook(lambda _, given: told.append(given[0].numpy()))
+    with torch.no_grad():
+        model.critic(torch.as_tensor(seen), torch.as_tensor(landings))
+    np.testing.assert_array_equal(told[0], np.hstack([seen, landings, Touch(problem).inputs(seen, landings)]))
+    assert searching(policy, problem, {"landings": False})["policy_kwargs"] == {"touch": None}
 
 
 def test_sac_explores_with_its_actor_and_td3_around_what_its_critic_rates_best():
