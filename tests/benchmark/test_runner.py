@@ -275,6 +275,21 @@ def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_p
     assert not (tmp_path / "out").exists()
 
 
+def test_an_agent_whose_settings_are_missing_is_refused_before_anything_is_written(tmp_path):
+    """One that ships without settings needs none in a folder of one's own either."""
+    (tmp_path / "mine").mkdir()
+    agents = {"sledenv.agents.zero": 1, "sledenv.agents.best_fixed": 1}
+    file = written(tmp_path, settings="mine", agents={"launch": agents})
+    message = (
+        r"suite tiny: /.*/mine/best_fixed\.yaml: missing, but agent sledenv\.agents\.best_fixed needs settings: copy"
+    )
+    with pytest.raises(SuiteError, match=message):
+        run_suite(Suite.load(file), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    jobs = list(Suite.load(written(tmp_path, settings="mine", agents={"launch": {"sledenv.agents.zero": 1}})).jobs())
+    assert {job.agent for job in jobs} == {"zero"}
+
+
 def test_every_shipped_suite_can_be_read_and_its_agents_imported():
     for path in (ROOT / "configs" / "suites").glob("*.yaml"):
         suite = Suite.load(path.stem)
