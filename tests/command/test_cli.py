@@ -338,7 +338,10 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     pack.write_text(json.dumps(content))  # JSON is YAML
     assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    out, err = capsys.readouterr()
+    where = "map: talus, context of seed 0"
+    assert err.splitlines() == [f"{where}: searching the best launch", f"{where}: drawing the map of all launches"]
+    found = json.loads(out, parse_constant=pytest.fail)
     (context,) = found["contexts"]
     assert (context["seed"], context["agents"], found["written"]) == (0, [], [str(picture)])
     values = context["best"]["launch"]
