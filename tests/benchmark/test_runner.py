@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -81,6 +82,24 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
     earned = results.set_index(["scenario", "context"])["reward"]
     assert (earned <= 1.003 * best.loc[earned.index]).all()
     assert not list(folder.rglob("*.part"))
+
+
+def test_the_columns_that_are_written_are_those_that_are_told(finished):
+    """Oracle: the table in docs/benchmark.md; what needs more choices or hidden fields is not in every scenario."""
+    page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    rows = page.partition("### Columns of the tables")[2].partition("\n#")[0].split("\n")
+    told = {name: set() for name in TABLES}
+    for tables_of, columns in (row.split("|")[1:3] for row in rows if row.startswith("|")):
+        named = re.findall(r"`(\w+)`", tables_of)
+        if " all" in tables_of:
+            named = [name for name in TABLES if name not in named]
+        for name in named:
+            told[name] |= set(re.findall(r"`(\w+)`", columns))
+    some = {"action_1", "action_2", "seen", "seen_0", "seen_1", "seen_2"}
+    told["oracle"] -= some
+    for name, table in finished[2].items():
+        columns = set(table) | (set(TIMES) if name == "runs" else set())
+        assert columns - (some if name == "oracle" else set()) == told[name]
 
 
 def test_the_numbers_do_not_depend_on_the_number_of_workers(finished, tmp_path):
