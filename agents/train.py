@@ -10,15 +10,14 @@ from cyclopts import Parameter
 
 from sledenv.benchmark import runs
 from sledenv.benchmark.problem import Environment, Problem
+from sledenv.benchmark.runs import SETTINGS
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
-from sledenv.scenarios.configuration import CONFIGS
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "cma_lookups", "critic", "critic_replan", "land_flat", "no_trim", "ppo", "random_launch"),
     *("random_search", "random_trim", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
 )
-SETTINGS: Final = CONFIGS / "agents"
 
 
 def default_settings(algo: str, problem: Problem, settings: Path = SETTINGS) -> dict[str, Any]:

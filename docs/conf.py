@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 import operator
@@ -92,6 +93,12 @@ _QUOTED = re.compile(r"\$`([^`\n]+)`\$")
 _PAGE = re.compile(r"docs/(\w+)\.md")
 
 
+@functools.cache
+def comments_of(kind: type) -> dict[str, str]:
+    """Return what stands beside each field of a class; its module is parsed for that, so once a class."""
+    return dict(_FIELD.findall(inspect.getsource(kind))) if kind.__module__.startswith("sledenv") else {}
+
+
 def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """Give a field of a class the comment that stands beside it, with its unit; leave a property its words."""
     if what == "property" and inspect.getdoc(value):
@@ -101,9 +108,8 @@ def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lin
     owner, field = name.rsplit(".", 1)
     lines.clear()
     for kind in inspect.getmro(operator.attrgetter(owner.removeprefix("sledenv."))(sledenv)):
-        comments = dict(_FIELD.findall(inspect.getsource(kind))) if kind.__module__.startswith("sledenv") else {}
-        if field in comments:
-            lines.append(comments[field].translate(_ESCAPED))
+        if field in comments_of(kind):
+            lines.append(comments_of(kind)[field].translate(_ESCAPED))
             return
 
 

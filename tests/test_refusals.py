@@ -12,6 +12,7 @@ import pytest
 
 import sledenv
 from sledenv import ContactLaw, Slope, State
+from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
@@ -107,6 +108,16 @@ def with_options(options: Any) -> Any:
         (lambda: make_vec_env(ID, 2, seed=True), "seed = True: must be an integer >= 0"),
         (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array', 'rgb_array_list', 'ansi'"),
         (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
+        (
+            lambda: made(noise=0),
+            "noise: is no argument of SledLaunch; it has scenario, control, render_mode, info, solver, split, "
+            "launch_noise, observe",
+        ),
+        (lambda: SledDescent(trims=1), "trims: is no argument of SledDescent; it has scenario,"),
+        (
+            lambda: make_vec_env(ID, 2, env_kwargs={"noise": 0}),
+            "noise: is no argument of SledLaunchVector; it has num_envs",
+        ),
         (lambda: made(solver=np.zeros(2)), "solver = array([0., 0.]): must be one of 'compliant', 'rigid'"),
         (lambda: made(split=["test"]), "split = ['test']: must be one of 'train', 'validation', 'test'"),
         (restored, "snapshot.task['scenario'] = ('sled_mat', "),

@@ -19,10 +19,13 @@ def results(
     scenarios: tuple[str, ...] = ("brake_mat",),
     environments: tuple[str, ...] = ("launch",),
 ) -> Results:
-    """Judge agents whose regret is given as an array of shape (seeds, contexts), alike everywhere, and nothing else."""
+    """Judge agents whose regret is given as an array of shape (seeds, contexts), alike everywhere.
+
+    Those of ``LEARN`` have a learning curve of one point.
+    """
     contexts = next(iter(regrets.values())).shape[1]
     rng = np.random.default_rng(0)
-    oracles, rows = [], []
+    oracles, rows, curves = [], [], [pd.DataFrame(columns=CURVES.split())]
     for scenario in scenarios:
         best = rng.uniform(0.5, 0.9, contexts)
         oracles.append(oracle(scenario, best))
@@ -30,10 +33,18 @@ def results(
             for agent, values in regrets.items():
                 for seed, row in enumerate(values):
                     rows.append(descents(environment, scenario, agent, seed, (1.0 - row) * best))
-    empty = [pd.DataFrame(columns=columns.split()) for columns in (CURVES, RUNS, MAPS)]
-    return Results(pd.concat(rows, ignore_index=True), *empty[:2], pd.concat(oracles, ignore_index=True), empty[2])
+                    if agent in LEARN:
+                        point = {"descents": [100], "seconds": [1.0], "mean_reward": [0.5]}
+                        named = {"environment": environment, "scenario": scenario, "agent": agent, "seed": seed}
+                        curves.append(pd.DataFrame(point).assign(**named))
+    judged, learning, searched = (
+        pd.concat(parts, ignore_index=True) for parts in (rows, curves[1:] or curves, oracles)
+    )
+    runs, maps = (pd.DataFrame(columns=columns.split()) for columns in (RUNS, MAPS))
+    return Results(judged, learning, runs, searched, maps)
 
 
+LEARN = ("ppo", "sac", "td3")
 CURVES = "environment scenario agent seed descents seconds mean_reward"
 RUNS = "environment scenario agent seed descents train_seconds commit versions suite"
 MAPS = "scenario context orientation spin reward"
@@ -125,7 +136,7 @@ def whole(
         maps += [jam_map(scenario, i, best[i], *table.loc[i, ["action_0", "action_1"]]) for i in range(3)]
         for environment in environments:
             for agent, level in LEVELS.items():
-                learns = agent in ("ppo", "sac", "td3")
+                learns = agent in LEARN
                 if environment == "descent" and not (learns or agent == "random_launch"):
                     continue
                 for seed in range(1 if agent in ("zero", "land_flat") else seeds):

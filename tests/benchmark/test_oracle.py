@@ -156,6 +156,28 @@ def test_what_is_not_chosen_is_not_searched():
     assert map_table(problem, problem.contexts("test", 1))["orientation"].isna().all()
 
 
+def test_a_search_that_is_stopped_goes_on_with_the_numbers_of_one_that_is_not(tmp_path, monkeypatch):
+    """Oracle: the search of all contexts at once; nothing of what was done before the stop is done again."""
+    problem = Problem("bedrock")
+    contexts, searched = problem.contexts("test", 2), []
+
+    def search(problem, part):
+        if len(searched) == 1 and not (tmp_path / "stopped").exists():
+            (tmp_path / "stopped").touch()
+            raise KeyboardInterrupt
+        searched.append(len(part))
+        return best_launches(problem, part)
+
+    monkeypatch.setattr("sledenv.benchmark.oracle.BLOCK", 1)
+    monkeypatch.setattr("sledenv.benchmark.oracle.best_launches", search)
+    with pytest.raises(KeyboardInterrupt):
+        oracle(problem, contexts, tmp_path / "cache")
+    found = oracle(problem, contexts, tmp_path / "cache")
+    assert searched == [1, 1]
+    pd.testing.assert_frame_equal(found, best_launches(problem, contexts), check_exact=True)
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+
+
 def test_a_search_is_kept_and_one_of_other_physics_is_made_anew(found, tmp_path, monkeypatch):
     """Oracle: the file is read while its launches earn their rewards, and anew once they do not, or it was edited."""
     problem, table = found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -81,6 +82,24 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
     earned = results.set_index(["scenario", "context"])["reward"]
     assert (earned <= 1.003 * best.loc[earned.index]).all()
     assert not list(folder.rglob("*.part"))
+
+
+def test_the_columns_that_are_written_are_those_that_are_told(finished):
+    """Oracle: the table in docs/benchmark.md; what needs more choices or hidden fields is not in every scenario."""
+    page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    rows = page.partition("### Columns of the tables")[2].partition("\n#")[0].split("\n")
+    told = {name: set() for name in TABLES}
+    for tables_of, columns in (row.split("|")[1:3] for row in rows if row.startswith("|")):
+        named = re.findall(r"`(\w+)`", tables_of)
+        if " all" in tables_of:
+            named = [name for name in TABLES if name not in named]
+        for name in named:
+            told[name] |= set(re.findall(r"`(\w+)`", columns))
+    some = {"action_1", "action_2", "seen", "seen_0", "seen_1", "seen_2"}
+    told["oracle"] -= some
+    for name, table in finished[2].items():
+        columns = set(table) | (set(TIMES) if name == "runs" else set())
+        assert columns - (some if name == "oracle" else set()) == told[name]
 
 
 def test_the_numbers_do_not_depend_on_the_number_of_workers(finished, tmp_path):
@@ -273,6 +292,21 @@ def test_settings_that_are_not_there_are_missed_before_anything_is_written(tmp_p
     with pytest.raises(SuiteError, match=r"settings = '/.*/agents': there is no such folder"):
         run_suite(Suite.load(file), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_an_agent_whose_settings_are_missing_is_refused_before_anything_is_written(tmp_path):
+    """One that ships without settings needs none in a folder of one's own either."""
+    (tmp_path / "mine").mkdir()
+    agents = {"sledenv.agents.zero": 1, "sledenv.agents.best_fixed": 1}
+    file = written(tmp_path, settings="mine", agents={"launch": agents})
+    message = (
+        r"suite tiny: /.*/mine/best_fixed\.yaml: missing, but agent sledenv\.agents\.best_fixed needs settings: copy"
+    )
+    with pytest.raises(SuiteError, match=message):
+        run_suite(Suite.load(file), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    jobs = list(Suite.load(written(tmp_path, settings="mine", agents={"launch": {"sledenv.agents.zero": 1}})).jobs())
+    assert {job.agent for job in jobs} == {"zero"}
 
 
 def test_every_shipped_suite_can_be_read_and_its_agents_imported():

@@ -90,6 +90,17 @@ def test_a_verdict_names_what_fails(sac: np.ndarray, fixed: float, failed: set[s
     assert row["passed"] is (not failed)
 
 
+def test_whoever_left_a_learning_curve_has_learned_and_no_one_else() -> None:
+    """Oracle: of two agents of someone's own one has a curve, in one of two scenarios."""
+    agents = {"clever": np.full((2, 9), 0.005), "guess": np.full((2, 9), 0.002), "best_fixed": np.full((2, 9), 0.2)}
+    made = make.results(agents, ("brake_mat", "ice_drop"))
+    point = {"environment": "launch", "scenario": "brake_mat", "agent": "clever", "seed": 0}
+    curves = pd.DataFrame([point | {"descents": 100, "seconds": 1.0, "mean_reward": 0.5}])
+    (row,) = scores.verdicts(scores.scores(made._replace(curves=curves))).to_dict("records")
+    assert (row["scenario"], row["agent"]) == ("brake_mat", "clever")
+    assert scores.verdicts(scores.scores(made)).empty
+
+
 def test_one_bad_learner_fails_the_scores_and_a_baseline_that_was_not_judged_fails_the_verdict() -> None:
     """Oracle: a regret of 6 % of the best is a score of 0.88 where a random launch earns half."""
     agents = {"sac": np.full((2, 9), 0.005), "td3": np.full((2, 9), 0.06), "best_fixed": np.full((2, 9), 0.2)}
@@ -137,14 +148,16 @@ def test_seeds_that_met_other_contexts_are_refused() -> None:
 def test_results_are_read_back_and_what_is_wrong_with_them_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no results\.parquet"):
         scores.read_results(tmp_path)
-    made = make.results({"sac": FEW})
+    made = make.results({"best_fixed": FEW})
     made.results.to_parquet(tmp_path / "results.parquet")
     made.oracle.to_parquet(tmp_path / "oracle.parquet")
     read = scores.read_results(tmp_path)
     assert read.curves.empty
     pd.testing.assert_frame_equal(scores.scores(read), scores.scores(made))
     pd.concat([made.results, made.results.iloc[:1]]).to_parquet(tmp_path / "results.parquet")
-    with pytest.raises(ValueError, match="two rows of environment launch, scenario brake_mat, agent sac, seed 0"):
+    with pytest.raises(
+        ValueError, match="two rows of environment launch, scenario brake_mat, agent best_fixed, seed 0"
+    ):
         scores.read_results(tmp_path)
     made.results.drop(columns="reward").to_parquet(tmp_path / "results.parquet")
     with pytest.raises(ValueError, match=r"results\.parquet has no column 'reward'"):
@@ -179,6 +192,6 @@ def test_intervals_cover_the_truth_in_19_of_20_benchmarks(
     covered = 0
     for _ in range(200):
         seeds, contexts = rng.normal(0.0, seed_effect, (5, 1)), rng.normal(0.0, context_effect, 60)
-        low, high = scores.interval(scores.estimate(seeds + contexts + rng.normal(0.0, 0.3, (5, 60))))
+        low, high = scores.interval(scores.estimates(seeds + contexts + rng.normal(0.0, 0.3, (5, 60)))[0])
         covered += low <= 0.0 <= high
     assert 0.904 <= covered / 200 <= 0.996

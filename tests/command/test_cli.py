@@ -48,6 +48,23 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
     assert max(map(len, out.splitlines())) <= 120
 
 
+def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: a descent that goes on behind the line, where it was fast, and one that does not come as far."""
+    assert main(["simulate", "sled_snow", "--seed", "3"]) == 0
+    scenario = load_scenario("sled_snow")
+    (jam,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("jam "))
+    context = scenario.sample(np.random.default_rng(3))
+    descent = simulate(
+        scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context),
+        settings=scenario.settings(),
+    )  # fmt: skip
+    assert descent.at_line is not None
+    assert jam.endswith(f", all at the line, after {descent.at_line[0]:.4f} s")
+    assert descent.at_line[0] < descent.time
+    assert main(["simulate", "paper_impact"]) == 0
+    assert "at the line" not in capsys.readouterr().out
+
+
 def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the same descent, simulated here; words for its codes, no number that JSON does not have."""
     file = tmp_path / "ride.csv"
@@ -321,7 +338,10 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     pack.write_text(json.dumps(content))  # JSON is YAML
     assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    out, err = capsys.readouterr()
+    where = "map: talus, context of seed 0"
+    assert err.splitlines() == [f"{where}: searching the best launch", f"{where}: drawing the map of all launches"]
+    found = json.loads(out, parse_constant=pytest.fail)
     (context,) = found["contexts"]
     assert (context["seed"], context["agents"], found["written"]) == (0, [], [str(picture)])
     values = context["best"]["launch"]

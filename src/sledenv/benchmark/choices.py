@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,8 +26,12 @@ class Choices(NamedTuple):
     plain: list[dict[str, Any]]  # of plain_agents
 
 
-def choices(scenario: Scenario, seeds: Sequence[int], runs: Sequence[Path]) -> dict[int, Choices]:
+def choices(
+    scenario: Scenario, seeds: Sequence[int], runs: Sequence[Path], progress: Callable[[str], None] | None = None
+) -> dict[int, Choices]:
     """Return what trained agents choose in the contexts of seeds, as drawn in ``sledenv simulate``.
+
+    ``progress`` is told each context before the agents are asked.
 
     Raises
     ------
@@ -43,6 +47,9 @@ def choices(scenario: Scenario, seeds: Sequence[int], runs: Sequence[Path]) -> d
             raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
     found = {}
     for seed in seeds:
+        if progress is not None:
+            names = ", ".join(f"{one.name}, seed {one.seed}" for one in choosers)
+            progress(f"{scenario.id}, context of seed {seed}: asking {names}")
         results = chosen(problem, np.array([scenario.sample(np.random.default_rng(seed))]), choosers)
         words = "\n".join(agent_words(problem, results))
         found[seed] = Choices(_marks(problem, results), words, plain_agents(problem, results))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,7 +38,12 @@ class Chooser(NamedTuple):
     agent: Agent
 
 
-def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequence[Path]) -> Landscape:
+def landscape(
+    scenario: str | os.PathLike[str] | Scenario,
+    seed: int,
+    runs: Sequence[Path],
+    progress: Callable[[str], None] | None = None,
+) -> Landscape:
     """Map the launches of one context.
 
     Parameters
@@ -49,6 +54,8 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
         Which context is drawn, as in ``sledenv simulate``.
     runs : sequence of Path
         Folders of trained agents, whose choices are marked.
+    progress : callable, optional
+        Is told what is about to be done, in a line each.
 
     Raises
     ------
@@ -59,8 +66,15 @@ def landscape(scenario: str | os.PathLike[str] | Scenario, seed: int, runs: Sequ
     """
     problem = Problem(scenario)
     choosers = load_choosers(problem, runs)
+    told = progress or (lambda line: None)
+    where = f"{problem.scenario.id}, context of seed {seed}"
     context = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-    best, results = best_launches(problem, context).iloc[0], chosen(problem, context, choosers)
+    told(f"{where}: searching the best launch")
+    best = best_launches(problem, context).iloc[0]
+    if choosers:
+        told(f"{where}: asking {', '.join(f'{one.name}, seed {one.seed}' for one in choosers)}")
+    results = chosen(problem, context, choosers)
+    told(f"{where}: drawing the map of all launches")
     (one,) = jam_map(problem, context)
     figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, _words(problem, best, results), _plain_marks(problem, seed, best, results))

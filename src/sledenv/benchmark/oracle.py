@@ -40,6 +40,7 @@ FINALISTS: Final = 2  # of each search
 JUDGED: Final = (8, 256)  # samples of draws that judge the best launch, independent of each other and of the search
 SEARCHES: Final = 2
 NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
+BLOCK: Final = 10  # contexts that are searched at a time, so that a stop loses no more
 _SAME: Final = 1e-9  # rewards that differ by less come from the same physics
 
 
@@ -141,16 +142,35 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
 
     The name of the file holds a hash of the scenario, the control, the contexts and the settings of the search. A file
     of older physics is recognised, because its launches do not earn their rewards any more, and so is one that has been
-    changed; both are written anew.
+    changed; both are written anew. Contexts are searched in blocks, each with a file of its own until all are done, so
+    that a search that is stopped goes on.
     """
     path = folder / f"oracle-{problem.scenario.id}-{_key(problem, contexts)}.parquet"
-    table = read_sealed(path, "searching")
-    if table is not None and np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME):
+    table = _left(problem, path)
+    if table is not None:
         return table
-    table = best_launches(problem, contexts)
     folder.mkdir(parents=True, exist_ok=True)
+    starts = range(0, len(contexts), BLOCK)
+    files = [path.with_name(f"{path.stem}-from{start:06d}.parquet") for start in starts]
+    blocks = []
+    for start, file in zip(starts, files, strict=True):
+        block = _left(problem, file)
+        if block is None:
+            block = best_launches(problem, contexts[start : start + BLOCK])
+            write_sealed(block, file)
+        blocks.append(block)
+    table = pd.concat(blocks, ignore_index=True)
     write_sealed(table, path)
+    for file in files:
+        file.unlink()
     return table
+
+
+def _left(problem: Problem, file: Path) -> pd.DataFrame | None:
+    """Return a table that has been searched before, None if there is none, or not of this physics."""
+    table = read_sealed(file, "searching")
+    same = table is not None and np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME)
+    return table if same else None
 
 
 def map_table(problem: Problem, contexts: Contexts) -> pd.DataFrame:

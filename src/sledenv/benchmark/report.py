@@ -18,7 +18,6 @@ from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import (
     BASELINES,
     GOOD_SCORE,
-    LEARNED,
     PROBLEM,
     SMALL_REGRET,
     SMALL_TAIL,
@@ -92,7 +91,7 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         title=title,
         table=table,
         agents=agents,
-        learned={agent: label(agent) for agent in LEARNED if agent in agents},
+        learned={agent: label(agent) for agent in dict.fromkeys(table.loc[table["learned"], "agent"])},
         baselines={agent: label(agent) for agent in BASELINES},
         present={agent: label(agent) for agent in BASELINES if agent in agents},
         metrics={name: metric_name(name) for name in SHOWN},

@@ -24,10 +24,12 @@ from pydantic import ConfigDict, ValidationError
 from sledenv.benchmark.problem import Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.scenarios.configuration import Quantity, Section, Whole, read_yaml
+from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml
 from sledenv.scenarios.scenario import Scenario
 
 TRAINED: Final = folder_of("agents") / "trained"  # what ships: a critic for every scenario
+SETTINGS: Final = CONFIGS / "agents"  # those that ship
+_SHIPPED: Final = "sledenv.agents."
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
 _log = logging.getLogger("sledenv")
@@ -78,10 +80,13 @@ def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]
     Raises
     ------
     ValueError
-        If the file cannot be read, or says nothing about the environment of the problem.
+        If the file is missing, though the agent ships with one, cannot be read, or says nothing about the environment
+        of the problem.
     """
     path = folder / f"{agent_name(module)}.yaml"
     if not path.is_file():
+        if module.startswith(_SHIPPED) and (SETTINGS / path.name).is_file():
+            raise ValueError(f"{path}: missing, but agent {module} needs settings: copy {SETTINGS / path.name}")
         return {}
     try:
         content = read_yaml(path)

@@ -17,7 +17,6 @@ PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
 # In the order of tables.
 AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3", "tqc", "critic")
-LEARNED: Final = ("ppo", "sac", "td3", "tqc", "critic")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
 STATUSES: Final = ("finish", "jammed", "tumbled")
 SMALL_REGRET: Final = 0.01  # of the interquartile mean
@@ -191,11 +190,11 @@ def scores(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row each: ``seeds``, ``contexts``, mean ``reward`` and whatever else is in ``SHOWN``; interquartile mean of
-        the ``regret`` with its interval ``regret_low``, ``regret_high``, and the 90th percentile, ``regret_p90``, with
-        its own; the normalised ``score``; shares ``on_bound`` and ``finished``; and for each of ``BASELINES`` the
-        difference of the interquartile means, ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where
-        the baseline was not judged.
+        A row each: ``learned``, whether one of its runs left a learning curve; ``seeds``, ``contexts``, mean ``reward``
+        and whatever else is in ``SHOWN``; interquartile mean of the ``regret`` with its interval ``regret_low``,
+        ``regret_high``, and the 90th percentile, ``regret_p90``, with its own; the normalised ``score``; shares
+        ``on_bound`` and ``finished``; and for each of ``BASELINES`` the difference of the interquartile means,
+        ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
 
     Raises
     ------
@@ -206,6 +205,7 @@ def scores(results: Results) -> pd.DataFrame:
     found: dict[tuple[str, ...], Estimate] = {}
     rows = []
     met: dict[tuple[str, str], pd.Index] = {}
+    learned = set(results.curves[AGENT].itertuples(index=False, name=None))
     for key, group in table.groupby(AGENT, sort=False):
         values = group.pivot(index="seed", columns="context", values="regret")
         contexts = met.setdefault(key[:2], values.columns)
@@ -217,6 +217,7 @@ def scores(results: Results) -> pd.DataFrame:
         rows.append(
             {
                 **dict(zip(AGENT, key, strict=True)),
+                "learned": key in learned,
                 "seeds": len(values),
                 "contexts": len(contexts),
                 **group[list(SHOWN)].mean(),
@@ -308,7 +309,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     """
     columns = ["small_regret", "small_tail", *(f"clear_of_{name}" for name in BASELINES), "good_scores"]
     rows = []
-    for key, group in table[table["agent"].isin(LEARNED)].groupby(PROBLEM, sort=False):
+    for key, group in table[table["learned"]].groupby(PROBLEM, sort=False):
         best = group.loc[group["regret"].idxmin()]
         lowest = group["score"].min(skipna=False)
         checks = {"small_regret": best["regret"] <= SMALL_REGRET, "small_tail": best["regret_p90"] <= SMALL_TAIL}

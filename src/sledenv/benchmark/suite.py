@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import Field, field_validator, model_validator
 
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.benchmark.runs import agent_class, agent_name, read_settings
-from sledenv.scenarios.configuration import CONFIGS, Document, Section, Whole
+from sledenv.benchmark.runs import SETTINGS, agent_class, agent_name, read_settings
+from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 
 
@@ -81,7 +81,7 @@ class Suite(Document):
     scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
     # module of the agent -> number of seeds, or an Entry
     agents: Annotated[dict[Environment, Annotated[dict[str, Entry], Field(min_length=1)]], Field(min_length=1)]
-    settings: str = str(CONFIGS / "agents")  # folder of the hyperparameters, as seen from the file
+    settings: str = str(SETTINGS)  # folder of the hyperparameters, as seen from the file
     steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
     observe: Literal["all"] | tuple[str, ...] = "all"  # fields of the context that agents see
     exact: bool = False  # whether launches do not tremble, which is a track of its own

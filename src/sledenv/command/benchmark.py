@@ -60,7 +60,7 @@ def draw_map(
                 from sledenv.benchmark.choices import choices
 
                 with working("map"):
-                    found = choices(loaded, drawn, runs)
+                    found = choices(loaded, drawn, runs, progress("map"))
             page.write_text(map_page(loaded, drawn, {k: one.marks for k, one in found.items()}), encoding="utf-8")
             words += [f"context of seed {k}\n{one.words}\n" for k, one in found.items()]
             contexts = {k: {"seed": k, "agents": found[k].plain if runs else []} for k in drawn}
@@ -68,7 +68,7 @@ def draw_map(
             from sledenv.benchmark.landscape import landscape
 
             with working("map"):
-                one = landscape(scenario, seed, runs)
+                one = landscape(scenario, seed, runs, progress("map"))
                 one.figure.savefig(drawing, dpi=DPI, format="png")
             words.append(one.words)
             contexts[seed] = one.marks

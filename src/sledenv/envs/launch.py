@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sledenv.envs.info import INFO_KEYS, checked_info, context_info, episode_info, only_lane
 from sledenv.envs.inputs import Contexts, checked_actions, read_options
 from sledenv.envs.render import DescentRenderer
-from sledenv.envs.task import Task, TaskOptions
+from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.pages.words import setting, story
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.simulation.outcomes import Descent
@@ -138,6 +138,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: Sequence[str] = INFO_KEYS,
         **task: Unpack[TaskOptions],
     ) -> None:
+        check_options(type(self), task)
         if render_mode is not None:
             checked_choice("render_mode", render_mode, tuple(self.metadata["render_modes"]))
         self.task = Task(scenario, control, **task)

@@ -5,6 +5,7 @@ Contexts, observations, actions and launches are arrays with one row a lane; the
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -42,6 +43,17 @@ class TaskOptions(TypedDict, total=False):
     split: Split | None
     launch_noise: tuple[float, float] | None
     observe: Literal["all"] | Sequence[str]
+
+
+def check_options(environment: type, given: Iterable[str]) -> None:
+    """Raise TypeError, with all arguments of an environment, if it is given one that it hands on and no task has."""
+    known = TaskOptions.__annotations__
+    wrong = [name for name in given if name not in known]
+    if wrong:
+        own = [
+            one.name for one in inspect.signature(environment).parameters.values() if one.kind is not one.VAR_KEYWORD
+        ]
+        raise TypeError(f"{wrong[0]}: is no argument of {environment.__name__}; it has {', '.join([*own, *known])}")
 
 
 class Task:

@@ -22,7 +22,7 @@ from sledenv.envs.info import INFO_KEYS, checked_info, context_info, episode_inf
 from sledenv.envs.inputs import FIELDS, Contexts, Given, checked_actions, read_options
 from sledenv.envs.launch import SledLaunch, Snapshot, check_snapshot
 from sledenv.envs.streams import Floats, Lanes, Streams
-from sledenv.envs.task import Task, TaskOptions
+from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.memory import check_room
 from sledenv.simulation.ride import RideBatch
@@ -101,6 +101,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         max_episode_steps: int | None = None,
         **task: Unpack[TaskOptions],
     ) -> None:
+        check_options(type(self), task)
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}: must be an integer >= 1")
         check_room(int(num_envs) * _LANE, f"num_envs = {num_envs!r}: as many lanes", "lower it")
