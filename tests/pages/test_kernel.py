@@ -31,7 +31,7 @@ from tests.fused import fused_exactly, hard_cases
 NODE = shutil.which("node")
 RUNNER, SCRIPT = Path(__file__).with_name("kernels.mjs"), kernel.KERNEL.parent / "templates/kernel.js"
 needs_node = pytest.mark.skipif(NODE is None, reason="needs node, which runs WebAssembly (Debian: nodejs)")
-# Older versions of Node have the instruction for fused multiply-adds behind an option, newer ones do not know the option.
+# Older versions of Node have the instruction for multiply-adds behind an option, newer ones do not know the option.
 RELAXED = "--experimental-wasm-relaxed-simd"
 ways = pytest.mark.parametrize("way", ["program", "instruction"])
 REMAKE = "the kernel has other sources than kernel.wasm: make wasm, and commit what it writes"

@@ -190,8 +190,8 @@ def without_instruction(module: Any) -> Any:
     """Return a module of LLVM in which these programs stand for the instruction; it holds :func:`exactly` already.
 
     They are functions: copied to where they are called, they would make the module several times as large. There is
-    one of a number, ``fused.f64``, and one of two at once, ``fused.v2f64``, which those of more numbers call. These two can be
-    found from outside: see templates/kernel.js.
+    one of a number, ``fused.f64``, and one of two at once, ``fused.v2f64``, which those of more numbers call. These two
+    can be found from outside: see templates/kernel.js.
     """
     whole = llvm.parse_assembly(str(module).replace("@llvm.fma.", "@fused."))
     whole.link_in(llvm.parse_assembly(str(_programs())))
