@@ -208,6 +208,30 @@ def test_one_rebound_is_refused_for_three_parameters() -> None:
     assert len(identified(table(15, 2, 0.0)).intervals) == 3
 
 
+@pytest.mark.parametrize(
+    ("n", "fixed", "words"),
+    [
+        (
+            2,
+            {},
+            "2 recordings do not show how errors vary between them: intervals suppose equal and independent errors",
+        ),
+        (2, {}, "of all 6 velocities; record 10 or more, or fix parameters"),
+        (9, {}, "9 recordings leave 6 degrees of freedom: intervals may be too short; record 10 or more"),
+        (10, {}, ""),
+        (8, {"friction": 0.15, "rolling_arm": 0.0006}, ""),
+    ],
+)
+def test_intervals_of_few_recordings_come_with_a_warning(n: int, fixed: dict[str, float], words: str) -> None:
+    texts = [text for text in identified(table(15, n, 0.01), fixed=fixed).warnings if "recordings" in text]
+    assert any(words in text for text in texts) if words else not texts
+
+
+def test_rows_of_few_recordings_do_not_count_as_many() -> None:
+    found = identified(table(15, 40, 0.01).assign(recording=np.repeat(["one", "two"], 20)))
+    assert any("2 recordings do not show" in text for text in found.warnings)
+
+
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 
