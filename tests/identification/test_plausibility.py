@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,11 +13,21 @@ import pytest
 import sledenv
 from sledenv.command.cli import main
 from sledenv.identification.frame import check_frame
+from sledenv.identification.plausibility import other_zero
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds, read_rebounds
 from sledenv.identification.tracks import recordings_of
 from sledenv.simulation.scene import ContactLaw
 from tests.identification.drops import drop, track
-from tests.identification.rebound_tables import GYRATION, SEGMENT, of_body, rebounding, told_by_arms
+from tests.identification.rebound_tables import (
+    DISC,
+    ECCENTRIC,
+    GYRATION,
+    SEGMENT,
+    SKATE,
+    of_body,
+    rebounding,
+    told_by_arms,
+)
 
 Table = pd.DataFrame
 
@@ -52,8 +63,8 @@ def said(table: Table, **body: object) -> str:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (scaled(b_m=-1.0), "the sign of b, or of u, were turned"),
-        (scaled(**all_of(U, -1.0)), "the sign of b, or of u, were turned"),
+        (scaled(b_m=-1.0), "the sign of b, or of u, or those of a and omega, were turned"),
+        (scaled(**all_of(U, -1.0)), "the sign of b, or of u, or those of a and omega, were turned"),
         (scaled(a_m=-1.0), "the sign of a were turned"),
         (scaled(**all_of(OMEGA, -1.0)), "the sign of omega were turned"),
         (scaled(**all_of(OMEGA, np.degrees(1.0))), "omega were in degrees a second"),
@@ -74,13 +85,88 @@ def test_a_radius_of_gyration_in_mm_is_named() -> None:
     assert "the radius of gyration were in mm" in said(by_arms(0), gyration_radius=1e3 * GYRATION)
 
 
+def by_phi(body: sledenv.Body, seed: int = 2, noise: float = 0.0) -> Table:
+    """Rebounds of a body, their velocities after with errors of ``noise`` times the speed before."""
+    rng = np.random.default_rng(seed)
+    table = of_body(body, ContactLaw(1e6, 0.0, 0.12, 0.004), 0.55, rng, 80)
+    rebounds = read_rebounds(table, body)
+    errors = noise * rng.normal(size=(80, 3)) * rebounds.speed[:, None] / rebounds.scales
+    return table.assign(**dict(zip(AFTER, (rebounds.after + errors).T, strict=True)))
+
+
+DEGREE = 180.0 / np.pi
+
+
 @pytest.mark.parametrize(
-    ("factor", "words"), [(180.0 / np.pi, "phi_rad were in degrees"), (-1.0, "phi_rad counted from x to y")]
+    ("spoil", "words"),
+    [
+        (scaled(phi_rad=DEGREE), "phi_rad were in degrees"),
+        (scaled(phi_rad=DEGREE, **all_of(OMEGA, DEGREE)), "phi_rad were in degrees, and omega in degrees a second"),
+        (scaled(phi_rad=-1.0), "phi_rad alone counted clockwise"),
+        (scaled(phi_rad=-1.0, **all_of(OMEGA, -1.0)), "all angles counted clockwise: turn the signs of phi_rad and o"),
+        (scaled(phi_rad=-1.0, **all_of((*V, *OMEGA), -1.0)), "y pointed away from the surface"),
+        (scaled(**all_of(U, -1.0)), "the sign of u were turned"),
+    ],
+    ids=["degrees", "degrees of spin too", "clockwise", "clockwise spin too", "y down", "u"],
 )
-def test_an_orientation_in_degrees_or_clockwise_is_named(factor: float, words: str) -> None:
-    table = of_body(SEGMENT, ContactLaw(1e6, 0.0, 0.12, 0.004), 0.55, np.random.default_rng(2), 80)
-    assert said(table, body=SEGMENT) == ""
-    assert words in said(scaled(phi_rad=factor)(table), body=SEGMENT)
+@pytest.mark.parametrize("body", [SEGMENT, SKATE], ids=["symmetric", "not symmetric"])
+def test_what_is_wrong_with_an_orientation_is_named(
+    body: sledenv.Body, spoil: Callable[[Table], Table], words: str
+) -> None:
+    table = by_phi(body, noise=0.02)
+    assert said(table, body=body) == ""
+    found = said(spoil(table), body=body)
+    assert f"all would agree if {words}" in found or f", or if {words}" in found
+    assert "sign of b," not in found
+    assert "zero" not in found
+
+
+@pytest.mark.parametrize("body", [ECCENTRIC, SEGMENT, SKATE], ids=["eccentric disc", "segment", "hull"])
+@pytest.mark.parametrize("offset", [0.3, -0.5, 0.5 * np.pi, 2.5])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_another_zero_of_orientations_is_named_and_nothing_else(
+    body: sledenv.Body, offset: float, noise: float
+) -> None:
+    """Oracle: the angle that was added; the table that the remedy gives is sound."""
+    table = by_phi(body, noise=noise)
+    found = said(table.assign(phi_rad=table["phi_rad"] + offset), body=body)
+    (angle,) = {float(one) for one in re.findall(r"now from another zero, were larger by (\S+) rad", found)}
+    assert angle == pytest.approx(-offset, abs=0.05)
+    for other in ("degrees,", "degrees a second", "in mm", "or if"):
+        assert other not in found
+    assert said(table.assign(phi_rad=table["phi_rad"] + offset + angle), body=body) == ""
+
+
+def test_the_least_of_the_zeros_that_a_body_cannot_tell_apart_is_named() -> None:
+    """A square looks alike from four sides: a half turn and .2 rad are .2 rad."""
+    square = sledenv.polygon(1.0, [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
+    table = by_phi(square)
+    found = said(table.assign(phi_rad=table["phi_rad"] + np.pi + 0.2), body=square)
+    assert "were larger by -0.2 rad (-11.5 degrees)" in found
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT, SKATE])
+def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body, seed: int) -> None:
+    """Of a disc nothing could tell it; of the others noise and rolling resistance must not."""
+    assert other_zero(read_rebounds(by_phi(body, seed, 0.04), body)) is None
+
+
+def test_lengths_of_a_body_in_mm_are_named() -> None:
+    table = by_phi(ECCENTRIC)
+    for inertia, words in ((1e6, "all lengths of the body were in mm"), (1.0, "the outline of the body were in mm")):
+        body = sledenv.segment(ECCENTRIC.mass, 100.0, 50.0, inertia * ECCENTRIC.inertia)
+        assert f"all would agree if {words}" in said(table, body=body)
+
+
+def test_a_fit_that_explains_nothing_warns() -> None:
+    """Also after a wrong remedy, as of orientations that were taken for degrees: no table is consistent by it."""
+    table = by_phi(SEGMENT, noise=0.02)
+    sound = sledenv.identify(table, SEGMENT, starts=2)
+    assert not any("differ from the fit" in text for text in sound.warnings)
+    for spoilt in (table["phi_rad"] + 0.3, (table["phi_rad"] + 0.5) / DEGREE):
+        found = sledenv.identify(table.assign(phi_rad=spoilt), SEGMENT, starts=2)
+        assert any("80 rebounds differ from the fit by more than 0.1 of their speed" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -149,13 +235,14 @@ def drops(seed: int) -> tuple[Table, sledenv.Body, sledenv.Slope]:
     [
         (scaled(y_m=-1.0, phi_rad=-1.0), "y pointed away from the surface and not down"),
         (scaled(x_m=1e3, y_m=1e3), "x_m and y_m were in mm"),
+        (scaled(x_m=1e-3, y_m=1e-3), "give all its lengths in m, not in mm"),
         (scaled(x_m=1e2, y_m=1e2), "x_m and y_m were in cm"),
         (scaled(t_s=1e3), "t_s were in ms"),
         (scaled(x_m=-1.0, phi_rad=-1.0), "x ran downhill"),
         (scaled(phi_rad=180.0 / np.pi), "phi_rad were in degrees"),
         (scaled(phi_rad=-1.0), "phi_rad counted from x to y"),
     ],
-    ids=["y down", "mm", "cm", "ms", "uphill", "degrees", "clockwise"],
+    ids=["y down", "mm", "body", "cm", "ms", "uphill", "degrees", "clockwise"],
 )
 def test_a_wrong_sign_or_unit_of_poses_is_named(spoil: Callable[[Table], Table], words: str) -> None:
     table, body, slope = drops(1)

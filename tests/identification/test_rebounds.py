@@ -208,6 +208,30 @@ def test_one_rebound_is_refused_for_three_parameters() -> None:
     assert len(identified(table(15, 2, 0.0)).intervals) == 3
 
 
+@pytest.mark.parametrize(
+    ("n", "fixed", "words"),
+    [
+        (
+            2,
+            {},
+            "2 recordings do not show how errors vary between them: intervals suppose equal and independent errors",
+        ),
+        (2, {}, "of all 6 velocities; record 10 or more, or fix parameters"),
+        (9, {}, "9 recordings leave 6 degrees of freedom: intervals may be too short; record 10 or more"),
+        (10, {}, ""),
+        (8, {"friction": 0.15, "rolling_arm": 0.0006}, ""),
+    ],
+)
+def test_intervals_of_few_recordings_come_with_a_warning(n: int, fixed: dict[str, float], words: str) -> None:
+    texts = [text for text in identified(table(15, n, 0.01), fixed=fixed).warnings if "recordings" in text]
+    assert any(words in text for text in texts) if words else not texts
+
+
+def test_rows_of_few_recordings_do_not_count_as_many() -> None:
+    found = identified(table(15, 40, 0.01).assign(recording=np.repeat(["one", "two"], 20)))
+    assert any("2 recordings do not show" in text for text in found.warnings)
+
+
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 
@@ -357,12 +381,30 @@ def test_the_command_takes_a_body_and_fixed_values(tmp_path, capsys) -> None:
     fixed = ["--fix", "rolling_arm=0", "--fix", "corner_rolling_arm=0", "--starts", "2"]
     command = ["identify", str(file), "--gyration-radius", repr(k), *shape, *fixed]
     assert main(command) == 0
-    assert "restitution                 0.5 " in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "restitution                 0.5 " in printed
     assert main([*command, "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     parameters = {row["parameter"]: row for row in found["parameters"]}
     assert parameters["restitution"]["value"] == pytest.approx(0.5, abs=1e-6)
     assert (parameters["rolling_arm"]["value"], parameters["rolling_arm"]["low"]) == (0.0, None)
+
+
+@pytest.mark.parametrize("columns", [["phi_rad", *BEFORE, *AFTER], ["t_s", "x_m", "y_m", "phi_rad"]])
+def test_an_orientation_without_a_radius_names_the_option(tmp_path, capsys, columns: list[str]) -> None:
+    file = tmp_path / "recorded.csv"
+    pd.DataFrame(0.5, range(10), columns).to_csv(file, index=False)
+    assert main(["identify", str(file), "--gyration-radius", "0.1", "--slope-deg", "5"]) == 2
+    error = capsys.readouterr().err
+    assert "--radius: is missing, and phi_rad needs it" in error
+    assert "of a disc or a segment; any other body goes by sledenv.identify(FILE, body" in error
+
+
+def test_the_help_says_which_bodies_it_takes(capsys) -> None:
+    assert main(["identify", "--help"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "phi_rad is that of a disc or a segment" in told
+    assert "sledenv.identify(FILE, body)" in told
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,56 @@ def test_rebounds_that_were_simulated_give_their_law_back() -> None:
     assert found.values["friction"] == pytest.approx(one.law.friction, rel=1e-5)
 
 
+def test_tables_of_descents_are_those_of_the_command_with_numbers_of_recordings() -> None:
+    one = descent()
+    for table, columns in (
+        (sledenv.recorded_rebounds([one, one]), rebound_columns(one)),
+        (sledenv.recorded_poses([one, one]), trajectory_columns(one)),
+    ):
+        rows = len(next(iter(columns.values())))
+        assert list(table) == ["recording", *columns]
+        for number, part in table.groupby("recording"):
+            assert number in (0, 1)
+            pd.testing.assert_frame_equal(
+                part.drop(columns="recording").reset_index(drop=True), pd.DataFrame(columns), check_dtype=False
+            )
+        assert len(table) == 2 * rows
+    assert len(sledenv.recorded_rebounds(one)) == len(one.rebounds)
+
+
+def test_a_batch_has_the_table_of_its_descents_and_gives_its_law_back() -> None:
+    """Oracle: the descents one by one, and their law; surfaces are rigid."""
+    body, law, slope, launch = given()
+    launches = [launch._replace(phi=launch.phi + 0.2 * k, omega=0.5 * k) for k in range(6)]
+    how = sledenv.Settings(solver="rigid", max_time=1.0)
+    batch = sledenv.simulate_batch(body, law, slope, launches, how, keep_rebounds=True)
+    table = sledenv.recorded_rebounds(batch, body, launches)
+    single = [sledenv.simulate(body, law, slope, one, how) for one in launches]
+    pd.testing.assert_frame_equal(table, sledenv.recorded_rebounds(single))
+    found = sledenv.identify(table, body, starts=4)
+    assert found.values["restitution"] == pytest.approx(law.restitution, rel=1e-6)
+    assert found.values["friction"] == pytest.approx(law.friction, rel=1e-5)
+
+
+def test_what_makes_no_table_is_named() -> None:
+    body, law, slope, launch = given()
+    how = sledenv.Settings(solver="rigid", max_time=1.0)
+    batch = sledenv.simulate_batch(body, law, slope, [launch], how)
+    one = sledenv.simulate(body, law, slope, launch, how)
+    for make, kind, message in (
+        (lambda: sledenv.recorded_rebounds(batch, body, [launch]), ValueError, "simulate the batch with keep_rebounds"),
+        (lambda: sledenv.recorded_rebounds(batch, body), ValueError, "launches: must be given with a batch"),
+        (lambda: sledenv.recorded_rebounds(batch, None, [launch]), ValueError, "body: must be given with a batch"),
+        (lambda: sledenv.recorded_rebounds(batch, body, [launch] * 2), ValueError, r"is of shape \(2, 6\), .*\(1, 6\)"),
+        (lambda: sledenv.recorded_rebounds(one, body), ValueError, "must be given with a batch only"),
+        (lambda: sledenv.recorded_rebounds([]), ValueError, "must hold at least one Descent"),
+        (lambda: sledenv.recorded_rebounds([1]), TypeError, "of the type list: must be a Descent or a sequence"),
+        (lambda: sledenv.recorded_poses(one), ValueError, "descent 0: has no trajectory"),
+    ):
+        with pytest.raises(kind, match=message):
+            make()
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_identify_reads_what_simulate_writes(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the same descent, simulated here; a trajectory has event times twice."""

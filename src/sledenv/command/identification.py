@@ -47,7 +47,7 @@ class Shape:
     gyration_radius
         Root of inertia over mass [m].
     radius
-        Of the arc [m], for a table with phi_rad.
+        Of the arc [m] of a disc or a segment; a table with phi_rad needs it.
     eccentricity
         Of the mass centre in the arc [m].
     half_angle_deg
@@ -64,7 +64,10 @@ class Shape:
         from sledenv.simulation.bodies import segment
 
         if self.radius is None:
-            raise ValueError("--radius: poses over time need it")
+            raise ValueError(
+                "--radius: is missing, and phi_rad needs it: the radius of the arc [m] of a disc or a segment; "
+                "any other body goes by sledenv.identify(FILE, body, ...) in Python"
+            )
         inertia = mass * self.gyration_radius**2
         return segment(mass, self.radius, self.eccentricity, inertia, math.radians(self.half_angle_deg))
 
@@ -161,6 +164,9 @@ def identify(
     after, and phi_rad or the arms a_m and b_m of the contact. Of poses over time: t_s, x_m, y_m and phi_rad, in the
     frame of the slope. recording, which tells recordings apart, is optional.
 
+    Here phi_rad is that of a disc or a segment, which --radius, --eccentricity and --half-angle-deg tell. Of any other
+    body give the arms, or call sledenv.identify(FILE, body) in Python, which takes each Body.
+
     Parameters
     ----------
     file
@@ -197,10 +203,11 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
     from sledenv.identification.rebound_fit import identify
-    from sledenv.identification.rebounds import read_rebounds
+    from sledenv.identification.rebounds import ARMS, POSE, read_rebounds
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
-    body = None if shape.radius is None else shape.body(1.0)
+    by_arms = shape.radius is None and (POSE[0] not in table or any(name in table for name in ARMS))
+    body = None if by_arms else shape.body(1.0)
     radius = None if body else shape.gyration_radius
     warn = progress("identify: warning")
     for doubt in read_rebounds(table, body, gyration_radius=radius).doubts():  # a fit may take long

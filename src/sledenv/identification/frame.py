@@ -16,11 +16,13 @@ from sledenv.identification.plausibility import FACTOR
 from sledenv.identification.rebounds import arms_of
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import Slope
+from sledenv.simulation.support import support_heights, within_a_turn
 
 _GROWTH = 1.1  # of the frames that a parabola is tried on
 _WITHIN = 0.7  # share of those that it explains which are sure to lie before the first rebound
 _SURE = 4.0  # standard errors
 _OFF, _NEAR = 0.5, 0.2  # of gravity: what is doubted, and what a remedy may leave
+_SUNK = 0.1  # of the height at which a body touches: where no recorded one stands, unless its size is another
 _REBOUNDS = 2  # of each recording: errors of a flight grow as flights shorten
 _UNITS = {  # of the acceleration in flight, by what would be so
     "x_m and y_m were in mm": 1e-3,
@@ -52,6 +54,12 @@ def check_frame(body: Body, slope: Slope, recordings: Sequence[Recording]) -> No
     ValueError
     """
     for one in recordings:
+        heights = support_heights(body, within_a_turn(one.poses[:, 2]))
+        if np.median(one.poses[:, 1] / heights) < _SUNK and np.median(one.poses[:, 1]) > 0.0:
+            raise ValueError(
+                f"recording {one.name!r}: y_m = {np.median(one.poses[:, 1]):.3g} m in the middle, where a body of this "
+                f"size touches the slope at {np.median(heights):.3g} m: give all its lengths in m, not in mm or cm"
+            )
         fall = _fall(one)
         if fall is None:
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sledenv.identification.objective import Floats
-from sledenv.identification.plausibility import friction_drives, off_balance, remedy
+from sledenv.identification.plausibility import friction_drives, off_balance, other_zero, remedy, zero_words
 from sledenv.identification.recorded_tables import LARGEST, columns, numbered, place, read_table, recorded_names
 from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS
 from sledenv.simulation.bodies import Body, made_body
@@ -26,10 +26,6 @@ AFTER: Final = tuple(REBOUND_COLUMNS[f"{name}_after"] for name in ("u", "v", "om
 POSE: Final = (TRAJECTORY_COLUMNS["phi"],)
 ARMS: Final = ("a_m", "b_m")
 
-_OTHER_POSES: Final = {  # what else a column of orientations may hold, and what it is then multiplied by
-    "phi_rad were in degrees": math.pi / 180.0,
-    "phi_rad counted from x to y, and not clockwise": -1.0,
-}
 _LENGTH: Rule = (lambda v: (v >= 1.0 / LARGEST) & (v <= LARGEST), f"in [{1.0 / LARGEST:g}, {LARGEST:g}] m")
 
 
@@ -51,8 +47,10 @@ class Rebounds:
         Which recording each is of.
     places : ndarray of str, shape (N,)
         Where each was read, such as "line 6"; empty if it was not read from a table.
-    other_arms : mapping of str to ndarray, shape (N, 2)
-        Arms [m] that the body would have if orientations were told in another way, by what that is.
+    body : Body or None
+        None if arms were told.
+    phi : ndarray, shape (N,)
+        Orientations of the body [rad]; empty if arms were told.
     """
 
     gyration_radius: float
@@ -61,7 +59,8 @@ class Rebounds:
     corner: NDArray[np.bool_]
     recordings: NDArray[np.generic]
     places: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, str))
-    other_arms: Mapping[str, Floats] = field(default_factory=dict)
+    body: Body | None = None
+    phi: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -75,8 +74,15 @@ class Rebounds:
             corner=self.corner[chosen],
             recordings=self.recordings[chosen],
             places=self.places[chosen] if len(self.places) else self.places,
-            other_arms={words: arms[chosen] for words, arms in self.other_arms.items()},
+            phi=self.phi[chosen] if len(self.phi) else self.phi,
         )
+
+    def oriented(self, phi: Floats) -> Rebounds:
+        """Return the rebounds that the body would have in other orientations [rad], with the same velocities."""
+        if self.body is None:
+            raise ValueError("body = None: arms were told, which have no orientation")
+        reach, corner = arms_of(self.body, phi)
+        return replace(self, contacts=np.hstack([reach, self.before]), corner=corner, phi=phi)
 
     @property
     def arms(self) -> Floats:
@@ -162,6 +168,8 @@ class Rebounds:
         if found:
             mended = remedy(self)
             yield from (f"{text}{mended}" for text in found)
+        elif (angle := other_zero(self)) is not None:
+            yield f"the spins would balance far better if {zero_words(angle)}"
         for what, rows in (
             ("still approach afterwards", self.opening < 0.0),
             ("have more energy after than before", self.energy_after > self.speed**2),
@@ -206,7 +214,7 @@ def read_rebounds(
     if not len(table):
         raise ValueError("the table has no rows")
     table = numbered(table)
-    others: dict[str, Floats] = {}
+    phi = np.zeros(0)
     before = columns(table, BEFORE)
     after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
     if body is not None:
@@ -214,14 +222,13 @@ def read_rebounds(
         k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
         phi = columns(table, POSE)[:, 0]
         reach, corner = arms_of(body, phi)
-        others = {words: arms_of(body, factor * phi)[0] for words, factor in _OTHER_POSES.items()}
     else:
         k = checked("identify", "gyration_radius", gyration_radius, _LENGTH)
         reach, corner = columns(table, ARMS), np.zeros(len(table), bool)
     names = recorded_names(table)
     recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]
     places = np.array([place(table, row) for row in range(len(table))])
-    found = Rebounds(k, np.hstack([reach, before]), after, corner, recordings, places, others)
+    found = Rebounds(k, np.hstack([reach, before]), after, corner, recordings, places, body, phi)
     leaving = found.approach <= 0.0
     if leaving.any():
         row = int(np.argmax(leaving))

@@ -136,7 +136,7 @@ def _nothing_told(search: Search) -> str:
     )
     return (
         "the table: no law explains the first rebound of any recording to within its noise "
-        f"({noise}): are the body, the slope, the units and the frame right, and is the noise? "
+        f"({noise}): are the body, the slope, the units, the frame and the zero of phi_rad right, and is the noise? "
         "A contact that lasts for some frames needs compliant surfaces, poses without noise a body and a slope that "
         "are told as exactly, or a noise that makes up for it"
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from sledenv.kernel.records import CONTACT_LOSSES
 from sledenv.pages.words import mode_name, part_name
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 
 # Fields of TRAJECTORY and how a table calls them; parts of the body are written as words.
@@ -70,10 +71,14 @@ def rebound_columns(descent: Descent) -> dict[str, list[Any]]:
     ``phi_rad`` is the orientation at touchdown [rad], where a contact begins, and follows from the spin of the flight
     before it: a record has that at the end of the contact, which is ``phi_end_rad`` here.
     """
-    rows = descent.rebounds
+    return rebound_rows(descent.rebounds, descent.body, descent.launch.phi)
+
+
+def rebound_rows(rows: np.ndarray, body: Body, phi: float) -> dict[str, list[Any]]:
+    """Return :func:`rebound_columns` of a log of rebounds, of a body and its orientation at the launch [rad]."""
     columns = {name: rows[field].tolist() for field, name in REBOUND_COLUMNS.items()}
-    columns["feature"] = [part_name(descent.body, code) for code in columns["feature"]]
+    columns["feature"] = [part_name(body, code) for code in columns["feature"]]
     columns["mode"] = [mode_name(code) for code in columns["mode"]]
-    since, begun = np.append(0.0, rows["t"])[:-1], np.append(descent.launch.phi, rows["phi"])[:-1]
-    phi = begun + rows["omega_before"] * (rows["t_touchdown"] - since)
-    return {"t_touchdown_s": columns.pop("t_touchdown_s"), "phi_rad": phi.tolist(), **columns}
+    since, begun = np.append(0.0, rows["t"])[:-1], np.append(phi, rows["phi"])[:-1]
+    landed = begun + rows["omega_before"] * (rows["t_touchdown"] - since)
+    return {"t_touchdown_s": columns.pop("t_touchdown_s"), "phi_rad": landed.tolist(), **columns}
