@@ -57,8 +57,9 @@ class _Touching(nn.Module):
 
     def forward(self, given: torch.Tensor) -> torch.Tensor:
         """Return more columns. No gradient goes through them, so that an actor climbs only along the landing itself."""
-        observations, landings = np.hsplit(given.detach().numpy(), [self._fields])
-        return torch.cat([given, torch.from_numpy(self._touch.inputs(observations, landings))], dim=1)
+        observations, landings = np.hsplit(given.detach().cpu().numpy(), [self._fields])
+        told = torch.from_numpy(self._touch.inputs(observations, landings))
+        return torch.cat([given, told.to(given.device)], dim=1)
 
 
 class _Searching(BasePolicy):
