@@ -9,12 +9,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import sledenv
-from perf import env, harness, limit, methods, packs, reference, report, trims, versus, workloads
+from perf import env, harness, learning, limit, methods, packs, reference, report, trims, versus, workloads
 from perf.contact_model import START
+from sledenv.agents.curve import validation
 from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import load_run
 from sledenv.kernel.records import REBOUND, RUNNING
 
 
@@ -203,6 +206,32 @@ def test_foresight_of_no_trim_is_the_descent_alone_and_other_trims_are_felt() ->
         rides.hop(problem.task.trims(np.ones(8)))
     assert np.array_equal(earned[:, 1], rides.descents().jam.reward)
     assert np.ptp(earned, axis=1).max() > 0.0
+
+
+def test_seconds_to_a_goal_are_those_of_the_first_check_that_reaches_it() -> None:
+    """Oracle: curves written by hand, of which the third never gets there."""
+    curve = pd.DataFrame(
+        [(0, 1.0, 0.5), (0, 2.0, 0.8), (0, 3.0, 0.7), (1, 5.0, 0.9), (2, 9.0, 0.79)],
+        columns=["seed", "seconds", "mean_reward"],
+    )
+    seconds = learning.reached(curve, 0.8)
+    assert seconds == [2.0, 5.0, None]
+    rows = {"a": seconds, "b": seconds[:2], "c": [None]}
+    told = [learning.median(agent, {"seconds": rows}) for agent in "abcd"]
+    assert told == ["5, 2 of 3", "4", "0 of 1", ""]
+
+
+@pytest.mark.jit_only
+def test_the_best_of_runs_is_near_the_best_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the critic itself, and a search all over the box in the very trials of its curve."""
+    monkeypatch.setattr(learning, "DRAWS", 8)
+    monkeypatch.setattr(learning, "TRIED", 4)
+    name = Path("sled_tilt-launch-spin-critic-s0")
+    problem, critic, _ = load_run(name)
+    trials = validation(problem)
+    alone = problem.judge(critic, trials)[0].jam.reward.mean()
+    everywhere = problem.expect(trials[:, np.newaxis], np.tile(np.linspace(-1.0, 1.0, 201)[:, np.newaxis], (128, 1, 1)))
+    assert alone - 0.002 < learning.best_mean(problem, [name]) < everywhere.max(axis=1).mean() + 0.002
 
 
 def test_crashes_and_somersaults_of_packs_are_told() -> None:
