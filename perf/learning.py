@@ -30,13 +30,15 @@ TRIED: Final = 16  # around the best launch of a context, once for each of the w
 WIDTHS: Final = (0.05, 0.02, 0.01)  # standard deviations, where the box is 2 wide
 
 
-def best_mean(problem: Problem, runs: list[Path]) -> float:
-    """Return the mean reward of the best launches that runs lead to, in the trials of the learning curves."""
+def best_mean(runs: list[Path]) -> float:
+    """Return the mean reward of the best launches that runs of one problem lead to, in the trials of their curves."""
+    loaded = [load_run(run) for run in runs]
+    problem = loaded[0][0]
     trials = validation(problem)
     contexts = problem.contexts("validation", len(trials))
     seen = problem.task.observe(contexts)
     scenes = problem.scenes(contexts, DRAWS, (1, 0))
-    best = _best(problem, scenes, np.stack([load_run(run)[1].act(seen) for run in runs], axis=1))
+    best = _best(problem, scenes, np.stack([agent.act(seen) for _, agent, _ in loaded], axis=1))
     rng = np.random.default_rng(0)
     for width in WIDTHS:
         around = best + width * rng.standard_normal((len(best), TRIED, best.shape[2]))
@@ -64,7 +66,7 @@ def measured(folder: Path) -> list[dict[str, Any]]:
     for scenario, learned in ordered(curves).groupby("scenario", sort=False):
         named = learned[["agent", "seed"]].drop_duplicates().itertuples(index=False)
         runs = [folder / "trained" / f"launch-{scenario}-{agent}-s{seed}" for agent, seed in named]
-        best = best_mean(Problem(str(scenario)), runs)
+        best = best_mean(runs)
         seconds = {agent: reached(one, (1.0 - NEAR) * best) for agent, one in learned.groupby("agent", sort=False)}
         rows.append({"scenario": scenario, "best": best, "seconds": seconds})
     return rows
@@ -83,6 +85,8 @@ def median(agent: str, row: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure the runs of a folder and keep what they need."""
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m perf.learning FOLDER, where a benchmark has left its results")
     rows = measured(Path(sys.argv[1]))
     save("learning", {"near": NEAR, "rows": rows})
     columns: dict[str, Any] = {

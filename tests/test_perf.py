@@ -231,7 +231,7 @@ def test_the_best_of_runs_is_near_the_best_there_is(monkeypatch: pytest.MonkeyPa
     trials = validation(problem)
     alone = problem.judge(critic, trials)[0].jam.reward.mean()
     everywhere = problem.expect(trials[:, np.newaxis], np.tile(np.linspace(-1.0, 1.0, 201)[:, np.newaxis], (128, 1, 1)))
-    assert alone - 0.002 < learning.best_mean(problem, [name]) < everywhere.max(axis=1).mean() + 0.002
+    assert alone - 0.002 < learning.best_mean([name]) < everywhere.max(axis=1).mean() + 0.002
 
 
 def test_crashes_and_somersaults_of_packs_are_told() -> None:
