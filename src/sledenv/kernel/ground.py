@@ -21,6 +21,8 @@ GROUND: Final = np.dtype(
         ("friction", "f8", (PIECES,)),  # [-]
         ("arc_arm", "f8", (PIECES,)),  # [m] rolling arm of arcs
         ("corner_arm", "f8", (PIECES,)),  # [m] and of corners
+        ("closing", "f8", (PIECES,)),  # [N/m] stiffness of compliant surfaces while a gap closes
+        ("opening", "f8", (PIECES,)),  # [N/m] and while it opens
     ]
 )
 
@@ -49,6 +51,14 @@ def lay_ground(law: Any, slope: np.ndarray, ground: np.void) -> None:
     if reached < math.inf:
         _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
     ground["begin"][int(ground["count"])] = math.inf
+
+
+@kernel
+def lay_springs(law: Any, ground: np.void) -> None:
+    """Write how stiff the compliant surfaces are in each piece of a ground that has been laid."""
+    for piece in range(int(ground["count"])):
+        ground["closing"][piece] = law.stiffness * (1.0 + law.asymmetry)
+        ground["opening"][piece] = law.stiffness * (1.0 - law.asymmetry)
 
 
 @kernel

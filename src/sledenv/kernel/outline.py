@@ -51,12 +51,24 @@ _DERIVED: Final = (
     "middle",  # [rad] above this the rising one is to be watched, below the falling one
     "direct",  # 1 if the nearer one is watched, 0 if the further one: the two ends of a flat arc, see ``sinks``
     "sinks",  # 1 if the model of the contact ends where that one touches too
+    # What contacts need, of each arc once: see geometry.complete_outline.
+    "cx",  # [m] its centre in the frame of the body
+    "cy",
+    "mid",  # [rad] middle of its interval
+    "half",  # [rad] and half of its length
+    "smooth",  # 1 if the next arc takes over without a straight side; else of that side:
+    "ox",  # [-] outward normal
+    "oy",
+    "sx",  # [m] where it begins
+    "sy",
+    "length",  # [m]
 )
 BODY: Final = np.dtype(
     [
         ("mass", "f8"),  # [kg]
         ("inertia", "f8"),  # [kg m^2] about the mass centre
         ("count", "f8"),  # of intervals
+        ("arcs", "f8"),  # of arcs, none listed twice
         ("size", "f8"),  # [m] largest distance of the outline from the mass centre
         ("furthest", "f8"),  # [m] largest h
         ("lowest", "f8"),  # [m] smallest support height

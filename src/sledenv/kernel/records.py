@@ -119,6 +119,7 @@ REBOUND = np.dtype(
         ("x_contact", "f8"),  # [m] where it began: the point that touched
         ("duration", "f8"),  # [s] of the contact
         ("feature", "i4"),  # code of the part of the body that touched first, or of the side that lay on the slope
+        ("ground", "i4"),
         ("mode", "i4"),  # Mode
         ("normal_impulse", "f8"),  # [N s]
         ("tangential_impulse", "f8"),  # [N s]
@@ -149,6 +150,22 @@ PHASE = np.dtype(
     align=True,
 )
 
+MOST_CONTACTS: Final = 8
+
+CONTACT_FORCES = np.dtype(
+    [
+        ("x", "f8"),  # [m] place of the touching point
+        ("y", "f8"),
+        ("normal_x", "f8"),  # [-] unit normal, out of the ground
+        ("normal_y", "f8"),
+        ("normal", "f8"),  # [N]
+        ("tangential", "f8"),  # [N]
+        ("part", "i4"),
+        ("ground", "i4"),
+    ],
+    align=True,
+)
+
 # Times never decrease. Two rows share one where a step of a contact ends: the state goes on, the forces may jump.
 TRAJECTORY = np.dtype(
     [
@@ -165,15 +182,15 @@ TRAJECTORY = np.dtype(
         # Of what is in contact, 0 in flight: the slip velocity, and the tangential force over its largest value f N.
         ("slip_velocity", "f8"),  # [m/s]
         ("friction_ratio", "f8"),  # [-]
-        # Of each end of a straight side, where it touches: of the one that is downhill while the body lies on the side
-        # (of a segment its tail), and of the other one (its nose).
+        ("feature", "i4"),  # code of the part of the body in contact, 0 in flight
+        ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
+        ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
         ("normal_tail", "f8"),  # [N] normal and tangential force
         ("tangential_tail", "f8"),
         ("normal_nose", "f8"),
         ("tangential_nose", "f8"),
-        ("feature", "i4"),  # code of the part of the body in contact, 0 in flight
-        ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
-        ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
+        ("touching", "i4"),  # number of contacts
+        ("contacts", CONTACT_FORCES, (MOST_CONTACTS,)),
         *((name, "f8") for name in FLIGHT_LOSSES),  # [J] since the launch
     ],
     align=True,

@@ -1,0 +1,269 @@
+"""What may come to touch within a step: pairs of features that do not touch yet, those near enough looked at exactly.
+
+In flight these are all touches that may come: the first of them ends the step, and the list of contacts has one.
+"""
+
+from __future__ import annotations
+
+import math
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import wrap
+from sledenv.kernel.contacts import ORDER
+from sledenv.kernel.expansion import place_of_crest, value
+from sledenv.kernel.geometry import (
+    ARC_CREST,
+    ARC_PIECE,
+    SAME_PLACE,
+    SIDE_CREST,
+    along_piece,
+    arc_number,
+    crest_on_arc,
+    first_piece,
+)
+from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, look
+from sledenv.kernel.outline import arc_at
+from sledenv.kernel.zeros import first_zero
+
+X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
+
+
+@kernel
+def _measure_reach(space: np.void) -> None:
+    """Write how far x, y, sine, cosine and phi can move within the step."""
+    s, reach = space["series"], space["reach"]
+    x = y = sine = cosine = phi = 0.0
+    power = t = space["event"]["time"]
+    for k in range(1, ORDER + 1):
+        x += abs(s["x"][k]) * power
+        y += abs(s["y"][k]) * power
+        sine += abs(s["sine"][k]) * power
+        cosine += abs(s["cosine"][k]) * power
+        phi += abs(s["phi"][k]) * power
+        power *= t
+    reach[X], reach[Y], reach[SINE], reach[COSINE], reach[PHI] = x, y, sine, cosine, phi
+
+
+@kernel
+def _in_reach(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, t: float, space: np.void) -> bool:
+    """Whether a pair whose gap closes at a time of the step lies before each other then.
+
+    For a crest ``space["terms"]`` holds its place in the frame of the body.
+    """
+    s, piece = space["series"], pieces[j]
+    if kind == ARC_PIECE:
+        sine, cosine = value(s["sine"], t), value(s["cosine"], t)
+        cx, cy = body["cx"][a], body["cy"][a]
+        foot = along_piece(
+            piece, value(s["x"], t) + cosine * cx - sine * cy, value(s["y"], t) + sine * cx + cosine * cy
+        )
+        return bool(piece["run_low"] <= foot <= piece["run_high"])
+    bx, by = value(space["terms"][0], t), value(space["terms"][1], t)
+    if kind == ARC_CREST:
+        return crest_on_arc(body, pieces, a, j, bx, by, value(s["phi"], t))
+    along = body["oy"][a] * (bx - body["sx"][a]) - body["ox"][a] * (by - body["sy"][a])
+    near = AT_END * body["size"]
+    return bool(-near <= along <= body["length"][a] + near)
+
+
+@kernel
+def _watch_touch(
+    body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void
+) -> None:
+    """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin.
+
+    A pair that is inside each other without touching, because it has just come into each other's reach, touches at once
+    where it closes.
+    """
+    poly, event, near = space["poly"], space["event"], SAME_PLACE * body["size"]
+    zeros = 0
+    if gap <= near:
+        motion = space["motion"]
+        fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
+        closes = poly[1] < -1e-15 * fast or (poly[1] <= 1e-15 * fast and poly[2] < 0.0)
+        if closes:
+            if _in_reach(body, pieces, kind, a, j, 0.0, space) and (
+                event["time"] > 0.0 or event["code"] == NOTHING
+            ):
+                event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, BORN, kind, a, j
+            return
+        if gap < -near:
+            for k in range(ORDER):  # it is looked at again when it closes
+                poly[k] = (k + 1) * poly[k + 1]
+            poly[ORDER] = 0.0
+            look(space, 0, NOTHING, 0, 0)
+            return
+        zeros = 1 if poly[1] > 0.0 else 2
+    t = first_zero(poly, event["time"], zeros, space["stack"])
+    if not (t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"])):
+        return
+    if _in_reach(body, pieces, kind, a, j, t, space):
+        event["time"], event["code"], event["who"], event["side"], event["piece"] = t, BORN, kind, a, j
+    elif t > 0.0:  # from there on it is looked at anew
+        event["time"], event["code"] = t, NOTHING
+
+
+@kernel
+def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
+    """Whether an arc touches a piece, or another arc that joins it smoothly: both have one lowest point."""
+    arcs = int(body["arcs"])
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        if contact["kind"] != ARC_PIECE or contact["piece"] != j:
+            continue
+        b = contact["arc"]
+        if b == a or (b == (a + 1) % arcs and body["smooth"][a] != 0.0):
+            return True
+        if a == (b + 1) % arcs and body["smooth"][b] != 0.0:
+            return True
+    return False
+
+
+@kernel
+def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, move: float, space: np.void) -> None:
+    """Watch an arc come down on a piece. ``base`` [m] is the height of the mass centre over it, ``move`` how far it goes."""
+    if _touches_beside(body, space["contacts"], a, j):
+        return
+    s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
+    cx, cy, tx, ty = body["cx"][a], body["cy"][a], piece["tx"], piece["ty"]
+    gs, gc = tx * cx + ty * cy, tx * cy - ty * cx
+    sine, cosine = s["sine"][0], s["cosine"][0]
+    gap = base + gs * sine + gc * cosine - body["r"][a]
+    if gap - move - abs(gs) * reach[SINE] - abs(gc) * reach[COSINE] >= 0.0:
+        return
+    foot = along_piece(piece, s["x"][0] + cosine * cx - sine * cy, s["y"][0] + sine * cx + cosine * cy)
+    span = reach[X] + reach[Y] + body["h"][a] * (reach[SINE] + reach[COSINE])
+    if foot + span < piece["run_low"] or foot - span > piece["run_high"]:
+        return
+    for k in range(1, ORDER + 1):
+        poly[k] = tx * s["y"][k] - ty * s["x"][k] + gs * s["sine"][k] + gc * s["cosine"][k]
+    poly[0] = gap
+    _watch_touch(body, pieces, ARC_PIECE, a, j, gap, space)
+
+
+@kernel
+def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> None:
+    """Watch the body come down on a piece: the arc that is lowest over it, and those across its straight sides.
+
+    The step ends where another arc becomes the lowest one.
+    """
+    s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
+    base = piece["tx"] * (s["y"][0] - piece["y"]) - piece["ty"] * (s["x"][0] - piece["x"])
+    move = abs(piece["ty"]) * reach[X] + abs(piece["tx"]) * reach[Y]
+    if base - body["size"] - move >= 0.0:
+        return
+    relative = s["phi"][0] - piece["tilt"]
+    omega = s["omega"][0]
+    ahead = AT_END if omega > 0.0 else (-AT_END if omega < 0.0 else 0.0)
+    lowest = arc_at(body, wrap(relative + ahead))
+    if body["arcs"] > 1.0:
+        arc = arc_number(body, lowest)
+        turned = wrap(relative - body["mid"][arc])
+        for side in (-1, 1):
+            left = body["half"][arc] - side * turned
+            if AT_END < left <= reach[PHI]:
+                for k in range(ORDER + 1):
+                    poly[k] = -side * s["phi"][k]
+                poly[0] = left
+                look(space, 0, NOTHING, 0, 0)
+    _watch_arc(body, pieces, arc_number(body, lowest), j, base, move, space)
+    falling, rising = int(body["falling"][lowest]), int(body["rising"][lowest])
+    if falling >= 0:
+        _watch_arc(body, pieces, arc_number(body, falling), j, base, move, space)
+    if rising >= 0 and rising != falling:
+        _watch_arc(body, pieces, arc_number(body, rising), j, base, move, space)
+
+
+@kernel
+def _nearest_feature(body: np.void, pieces: np.ndarray, j: int, bx: float, by: float, phi: float) -> tuple[float, int]:
+    """Gap [m] of a crest to the feature before which it lies nearest, and its code: an arc, or -1 less a side."""
+    best, code = -math.inf, 0
+    for i in range(int(body["arcs"])):
+        if body["length"][i] > 0.0:
+            px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
+            gap, along = ox * px + oy * py, oy * px - ox * py
+            if gap > best and 0.0 <= along <= body["length"][i]:
+                best, code = gap, -1 - i
+        ex, ey = bx - body["cx"][i], by - body["cy"][i]
+        gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
+        if gap > best and crest_on_arc(body, pieces, i, j, bx, by, phi):
+            best, code = gap, i
+    return best, code
+
+
+@kernel
+def _square_distance(cx: float, cy: float, bx: np.ndarray, by: np.ndarray, poly: np.ndarray) -> None:
+    """Write the series of the squared distance of a crest from a centre, both in the frame of the body."""
+    x, y = bx[0], by[0]
+    bx[0], by[0] = x - cx, y - cy
+    for k in range(ORDER + 1):
+        total = 0.0
+        for i in range(k + 1):
+            total += bx[i] * bx[k - i] + by[i] * by[k - i]
+        poly[k] = total
+    bx[0], by[0] = x, y
+
+
+@kernel
+def _write_crest(piece: np.void, s: np.void, x: np.ndarray, y: np.ndarray) -> None:
+    """Write the series of the place of a crest in the frame of the body."""
+    for k in range(ORDER + 1):
+        place_of_crest(piece, s, x, y, k)
+
+
+@kernel
+def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> None:
+    """Watch a crest come to an arc or a side of the body, which it touches once."""
+    s, reach, poly, contacts = space["series"], space["reach"], space["poly"], space["contacts"]
+    size, piece = body["size"], pieces[j]
+    dx, dy = piece["x"] - s["x"][0], piece["y"] - s["y"][0]
+    along = reach[X] + reach[Y]
+    if dx * dx + dy * dy > (size + along) * (size + along):
+        return
+    for c in range(contacts["count"]):
+        if contacts["at"][c]["kind"] != ARC_PIECE and contacts["at"][c]["piece"] == j:
+            return
+    sine, cosine = s["sine"][0], s["cosine"][0]
+    bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
+    far = along + (abs(dx) + abs(dy) + along) * (reach[SINE] + reach[COSINE])
+    near = SAME_PLACE * size
+    nearest, code = _nearest_feature(body, pieces, j, bx, by, s["phi"][0])
+    if nearest > far and nearest < math.inf:
+        return
+    x, y, written = space["terms"][0], space["terms"][1], False
+    for i in range(int(body["arcs"])):
+        px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
+        gap, place, length = ox * px + oy * py, oy * px - ox * py, body["length"][i]
+        deep = gap < -near
+        if length > 0.0 and gap < far and -far < place < length + far and (not deep or code == -1 - i):
+            if not written:
+                _write_crest(piece, s, x, y)
+                written = True
+            for k in range(ORDER + 1):
+                poly[k] = ox * x[k] + oy * y[k]
+            poly[0] = gap
+            _watch_touch(body, pieces, SIDE_CREST, i, j, gap, space)
+        ex, ey = bx - body["cx"][i], by - body["cy"][i]
+        gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
+        deep = gap < -near
+        if gap < far and (not deep or code == i):
+            if not written:
+                _write_crest(piece, s, x, y)
+                written = True
+            _square_distance(body["cx"][i], body["cy"][i], x, y, poly)
+            poly[0] = gap * (gap + 2.0 * body["r"][i])
+            _watch_touch(body, pieces, ARC_CREST, i, j, gap, space)
+
+
+@kernel
+def watch_others(body: np.void, pieces: np.ndarray, space: np.void) -> None:
+    """Let the step end where the first pair of features comes to touch that does not touch yet."""
+    _measure_reach(space)
+    reach, size, x = space["reach"], body["size"], space["series"]["x"][0]
+    begin = first_piece(pieces, x - reach[X] - size)
+    end = first_piece(pieces, x + reach[X] + size)
+    for j in range(begin, end + 1):
+        _watch_piece(body, pieces, j, space)
+        if j > begin and pieces[j]["turn"] < 0.0:
+            _watch_crest(body, pieces, j, space)

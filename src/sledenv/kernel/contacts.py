@@ -1,0 +1,186 @@
+"""What a descent works on: the motion of the body, the list of its contacts, a step in power series, an event."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, place, touching_place, velocities
+from sledenv.kernel.ground import GROUND
+from sledenv.kernel.records import CONTACT_LOSSES
+
+MOST: Final = 8  # contacts at once
+ORDER: Final = 16  # of the power series
+WIDTH: Final = ORDER + 3  # terms that have room; places have one order more than velocities
+ZEROS: Final = 2 * MOST + 1  # velocities that may be zero: gap rate and slip of each contact, and the spin
+DEEPEST: Final = 64  # rows of the stack of the root search
+
+
+def fields(kind: str, names: str, shape: tuple[int, ...] = ()) -> list[tuple[Any, ...]]:
+    """Fields of a record that have one type and one shape."""
+    return [(name, kind, shape) for name in names.split()]
+
+
+# Where the body is and how it moves [m, rad, m/s, rad/s], at a time [s]; sine and cosine are those of phi.
+MOTION: Final = np.dtype(fields("f8", "t x y phi u v omega sine cosine"))
+
+# A contact. Its gap, gap rate and slip are carried along by series of their own: formed anew from the place of the body
+# they would lose digits. In its mode a velocity that is zero and stays so is ``still``. The sign of a velocity tells the
+# force: -1 and 1 at its bound (of a closing or an opening gap, of a negative or a positive slip), 0 in between.
+CONTACT: Final = np.dtype(
+    [
+        ("kind", "i8"),  # see geometry.py
+        ("arc", "i8"),  # of the body; of a side the arc where it begins
+        ("piece", "i8"),  # of the ground; of a crest the piece that begins there
+        ("zone", "i8"),  # of the ground, in which it lies
+        *fields("i8", "gap_sign slip_sign gap_still slip_still"),
+        *fields("i8", "gap_left slip_left"),  # signs with which velocities have been released at this instant, or 0
+        ("gap", "f8"),  # [m], 0 where the contact began
+        ("gap_rate", "f8"),  # [m/s]
+        ("slip", "f8"),  # [m/s]
+        *fields("f8", "nx ny"),  # [-] normal
+        *fields("f8", "ln lt"),  # [m] what the spin adds to gap rate and slip
+        *fields("f8", "gs gc"),  # [m] the same of the centre of an arc, times cosine and minus sine
+        ("closing", "f8"),  # [N/m] stiffness while the gap closes
+        ("opening", "f8"),  # [N/m] and while it opens
+        ("friction", "f8"),  # [-]
+        ("arm", "f8"),  # [m] of rolling resistance
+    ]
+)
+CONTACTS: Final = np.dtype(
+    [
+        *fields("i8", "count"),
+        *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
+        ("at", CONTACT, (MOST,)),
+    ]
+)
+
+# Power series in time [s] of one step: of a contact, and of what all contacts share. distance, dx, dy: from a crest to
+# the centre of an arc; nx, ny: of its normal; bx, by: the place of a crest in the frame of the body.
+TERMS: Final = np.dtype(fields("f8", "gap gap_rate slip normal force distance dx dy nx ny bx by", (WIDTH,)))
+# sw, cw: sine and cosine times the spin; gs, gc: forces on arcs times the places of their centres.
+SERIES: Final = np.dtype(
+    [
+        *fields("f8", "x y phi u v omega sine cosine sw cw gs gc moment", (WIDTH,)),
+        ("of", TERMS, (MOST,)),
+    ]
+)
+
+# The choice of a mode: see mode.py.
+ZERO: Final = np.dtype(fields("i8", "what who sign before best"))  # a velocity that is zero, and its sign
+LOCK: Final = np.dtype([*fields("i8", "what who"), *fields("f8", "row push unit mobility", (3,)), ("force", "f8")])
+SHARE: Final = np.dtype(  # of a contact
+    [
+        *fields("f8", "depth normal force gap_drift slip_drift gap_change slip_change"),
+        *fields("i8", "gap_before slip_before"),
+    ]
+)
+CHOICE: Final = np.dtype(
+    [
+        *fields("i8", "zeros locks spin_before"),
+        ("zero", ZERO, (ZEROS,)),
+        ("lock", LOCK, (3,)),
+        ("share", SHARE, (MOST,)),
+        *fields("f8", "du dv domega"),  # [m/s^2, rad/s^2]
+        *fields("f8", "moment load scale"),  # [N m] of rolling, [N] all loads, [N] scale of forces
+    ]
+)
+
+# What ends a step: when [s after its begin], and what happens there to whom.
+EVENT: Final = np.dtype([("time", "f8"), *fields("i8", "code who side piece")])
+
+# What a rebound adds up and keeps: impulses and losses, peaks, and how it began.
+SUMS: Final = ("normal_impulse", "tangential_impulse", "rolling_impulse", *CONTACT_LOSSES)
+REBOUNDING: Final = np.dtype(
+    [
+        *fields("f8", " ".join((*SUMS, "peak_force", "peak_penetration"))),
+        *fields("f8", "t x phi u v omega slip x_contact"),  # at its begin; x_contact [m]: of the point that touched
+        *fields("f8", "part ground side sequence"),  # codes; side: of the first one that touched with both its ends
+    ]
+)
+
+SPACE: Final = np.dtype(
+    [
+        ("motion", MOTION),
+        ("contacts", CONTACTS),
+        ("series", SERIES),
+        ("choice", CHOICE),
+        ("event", EVENT),
+        ("rebound", REBOUNDING),
+        ("ground", GROUND),
+        ("poly", "f8", (WIDTH,)),
+        ("terms", "f8", (3, WIDTH)),
+        ("stack", "f8", (DEEPEST, WIDTH + 2)),
+        ("reach", "f8", (5,)),  # how far x, y, sine, cosine and phi can move within a step
+        # How much a call has done, and where the next call goes on.
+        ("lane", "f8"),  # of a batch
+        ("begun", "f8"),  # 1 once the flight of that lane has been taken up
+        ("undecided", "f8"),  # 1 if the mode is to be chosen
+        ("stalled", "f8"),  # events in a row without any progress in time,
+        ("forced", "f8"),  # and small steps in a row that have ignored them
+        ("work", "f8"),  # [-] steps of this call
+        ("most_work", "f8"),  # [-] at this number the call stops
+        ("once", "f8"),  # 1 if the call ends with a rebound
+        ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out behind it
+    ]
+)
+
+
+@kernel
+def zone_at(ground: np.void, x: float) -> int:
+    """Zone of the ground at a place [m]; at a boundary the one with more friction, so that mirror images agree."""
+    zone = int(ground["count"]) - 1
+    while zone > 0 and x < ground["begin"][zone]:
+        zone -= 1
+    if zone > 0 and x == ground["begin"][zone] and ground["friction"][zone - 1] > ground["friction"][zone]:
+        zone -= 1
+    return zone
+
+
+@kernel
+def write_surface(body: np.void, ground: np.void, contact: np.void) -> None:
+    """Write friction and rolling arm of the zone in which a contact lies."""
+    zone = contact["zone"]
+    corner = contact["kind"] != SIDE_CREST and body["corner"][contact["arc"]] != 0.0
+    contact["friction"] = ground["friction"][zone]
+    contact["arm"] = ground["corner_arm"][zone] if corner else ground["arc_arm"][zone]
+
+
+@kernel
+def add(body: np.void, pieces: np.ndarray, space: np.void, kind: int, arc: int, piece: int) -> None:
+    """Add a contact with gap zero to the list, which has room for it."""
+    contacts, ground, motion = space["contacts"], space["ground"], space["motion"]
+    contact = contacts["at"][contacts["count"]]
+    contact["kind"], contact["arc"], contact["piece"], contact["gap"] = kind, arc, piece, 0.0
+    place(body, pieces, motion, contact)
+    contact["gap_rate"], contact["slip"] = velocities(motion, contact)
+    contact["gap_sign"] = contact["slip_sign"] = contact["gap_still"] = contact["slip_still"] = 0
+    contact["gap_left"] = contact["slip_left"] = 0
+    contact["zone"] = 0
+    if ground["count"] > 1.0:
+        x = touching_place(motion, contact)[0] if kind == ARC_PIECE else pieces[piece]["x"]
+        contact["zone"] = zone_at(ground, x)
+    contact["closing"], contact["opening"] = ground["closing"][contact["zone"]], ground["opening"][contact["zone"]]
+    write_surface(body, ground, contact)
+    contacts["count"] += 1
+
+
+@kernel
+def drop(contacts: np.void, c: int) -> None:
+    """Take a contact off the list; the last one takes its place."""
+    last = contacts["count"] - 1
+    if c != last:
+        contacts["at"][c] = contacts["at"][last]
+    contacts["count"] = last
+
+
+@kernel
+def touches(contacts: np.void, kind: int, arc: int, piece: int) -> bool:
+    """Whether a pair of features is in contact."""
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        if contact["kind"] == kind and contact["arc"] == arc and contact["piece"] == piece:
+            return True
+    return False

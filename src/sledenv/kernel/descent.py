@@ -1,0 +1,358 @@
+"""The loop of a descent: a mode, its series, the first event, what that changes; flight is an empty list of contacts."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel import guards
+from sledenv.kernel.arithmetic import sine_cosine, wrap
+from sledenv.kernel.books import (
+    book_spring,
+    book_step,
+    close_rebound,
+    keep_peaks,
+    note_mode,
+    open_rebound,
+    part_of,
+    side_that_lies,
+    stored,
+)
+from sledenv.kernel.candidates import watch_others
+from sledenv.kernel.contacts import MOST, add, drop, write_surface
+from sledenv.kernel.expansion import expand, longest_step, value
+from sledenv.kernel.features import pass_on
+from sledenv.kernel.geometry import place
+from sledenv.kernel.mode import choose
+from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.recording import record_end, record_step
+from sledenv.kernel.records import (
+    BURIED,
+    FINISH,
+    JAMMED,
+    LOG_FULL,
+    NON_FINITE,
+    RUNNING,
+    STEP_BUDGET,
+    TIMEOUT,
+    TUMBLED,
+)
+
+MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
+SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long
+FASTER: Final = 8.0
+AHEAD: Final = 2.0  # sizes that a step of a flight goes over a profile: few pieces lie under it
+AT_SURFACE: Final = 1e-15  # of the size: a gap this small is that of a contact which has just begun
+
+
+@kernel
+def take_up(flight: np.void, limits: Limits, space: np.void) -> None:
+    """Put the body where a flight is, at its launch or at a rebound."""
+    motion = space["motion"]
+    motion["t"], motion["x"], motion["y"], motion["phi"] = flight["t"], flight["x"], flight["y"], flight["phi"]
+    motion["u"], motion["v"], motion["omega"] = flight["u"], flight["v"], flight["omega"]
+    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
+    space["contacts"]["count"] = 0
+    space["stalled"] = space["forced"] = 0.0
+    space["undecided"] = 1.0
+
+
+@kernel
+def _put_back(space: np.void, flight: np.void) -> None:
+    """Write where the body is into its flight."""
+    motion = space["motion"]
+    flight["t"], flight["x"], flight["y"], flight["phi"] = motion["t"], motion["x"], motion["y"], motion["phi"]
+    flight["u"], flight["v"], flight["omega"] = motion["u"], motion["v"], motion["omega"]
+
+
+@kernel
+def _stop(
+    body: np.void, pieces: np.ndarray, status: int, flight: np.void, log: np.ndarray, space: np.void, rows: np.ndarray
+) -> None:
+    """End the descent with a status; a contact that goes on is recorded as a rebound."""
+    contacts = space["contacts"]
+    flight["status"] = status
+    _put_back(space, flight)
+    flight["stored"] = stored(contacts)
+    if contacts["count"] > 0:
+        slip = contacts["at"][0]["slip"]
+        close_rebound(body, space, slip, flight, log[min(flight["rebounds"], log.shape[0] - 1)])
+    if rows.shape[0] > 0:
+        record_end(body, pieces, status == JAMMED, space, flight, rows)
+
+
+@kernel
+def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> int:
+    """Choose the mode of the contacts, if anything has changed; return the status, RUNNING if the body moves on."""
+    contacts = space["contacts"]
+    if flight["steps"] >= limits.max_steps:
+        return STEP_BUDGET
+    flight["steps"] += 1
+    if space["undecided"] == 0.0:
+        for c in range(contacts["count"]):
+            place(body, pieces, space["motion"], contacts["at"][c])
+        return RUNNING
+    rests = choose(body, pieces, slope, space)
+    note_mode(contacts, space["rebound"])
+    if contacts["count"] > 1:
+        side = side_that_lies(body, contacts)
+        if side != 0.0 and space["rebound"]["side"] == 0.0:
+            space["rebound"]["side"] = side
+        settled = contacts["spin_still"] != 0 or (
+            contacts["at"][0]["gap_still"] != 0 and contacts["at"][1]["gap_still"] != 0
+        )
+        if side != 0.0 and settled and contacts["at"][0]["gap_still"] != 0:
+            if flight["t_on_chord"] == math.inf:
+                flight["t_on_chord"], flight["x_on_chord"] = space["motion"]["t"], space["motion"]["x"]
+            if limits.end_on_chord != 0.0 and not rests:
+                return TUMBLED
+    return JAMMED if rests else RUNNING
+
+
+@kernel
+def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, space: np.void) -> None:
+    """Find how long the step is, and what ends it."""
+    event, motion, size = space["event"], space["motion"], body["size"]
+    longest = longest_step(body, slope, limits.tolerance, space)
+    left = limits.max_time - motion["t"]
+    if space["contacts"]["count"] == 0 and pieces.shape[0] > 1:
+        speed = abs(motion["u"]) + math.sqrt(size * abs(slope.downhill))
+        if speed > 0.0:
+            longest = min(longest, AHEAD * size / speed)
+    event["code"], event["time"] = guards.NOTHING, min(longest, left)
+    if not longest > 0.0:
+        event["time"] = math.nan
+        return
+    if space["stalled"] > MOST_STALLED:
+        event["time"] *= min(SMALL * FASTER ** space["forced"], 0.1)
+        space["forced"] += 1.0
+        return
+    guards.watch_contacts(body, pieces, space)
+    watch_others(body, pieces, space)
+    guards.watch_line(space)
+
+
+@kernel
+def _move_contacts(body: np.void, t: float, space: np.void) -> bool:
+    """Carry the contacts along to the end of a step; return whether a velocity has passed zero by rounding.
+
+    Of two events at the same time the later one must not leave its velocity with the wrong sign.
+    """
+    contacts, event, rebound, passed = space["contacts"], space["event"], space["rebound"], False
+    for c in range(contacts["count"]):
+        contact, terms = contacts["at"][c], space["series"]["of"][c]
+        before = contact["gap"]
+        contact["gap"], contact["gap_rate"] = value(terms["gap"], t), value(terms["gap_rate"], t)
+        contact["slip"] = value(terms["slip"], t)
+        separates = event["code"] == guards.SEPARATION and event["who"] == c
+        if separates or (contact["gap_sign"] < 0 and contact["gap"] > -AT_SURFACE * body["size"]):
+            contact["gap"] = 0.0
+        book_spring(contact, before, rebound)
+        keep_peaks(contact, value(terms["normal"], t), rebound)
+        contact["gap_left"] = contact["slip_left"] = 0
+        elastic = contact["closing"] == contact["opening"]
+        if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:
+            contact["gap_rate"], passed = 0.0, True
+        if contact["slip_sign"] * contact["slip"] < 0.0 and contact["friction"] > 0.0:
+            contact["slip"], passed = 0.0, True
+    return passed
+
+
+@kernel
+def _move(body: np.void, space: np.void) -> bool:
+    """Go to the end of the step; return whether the mode is to be chosen anew, but for the event there."""
+    motion, contacts, s, t = space["motion"], space["contacts"], space["series"], space["event"]["time"]
+    if not motion["t"] + t > motion["t"]:
+        space["stalled"] += 1.0
+        space["event"]["time"] = 0.0
+        return space["undecided"] != 0.0
+    if space["stalled"] <= MOST_STALLED:
+        space["forced"] = 0.0
+    space["stalled"] = 0.0
+    motion["t"] += t
+    motion["x"], motion["y"], motion["phi"] = value(s["x"], t), value(s["y"], t), value(s["phi"], t)
+    motion["u"], motion["v"], motion["omega"] = value(s["u"], t), value(s["v"], t), value(s["omega"], t)
+    if contacts["count"] == 0:
+        motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
+        return False
+    sine, cosine = value(s["sine"], t), value(s["cosine"], t)
+    length = 1.5 - 0.5 * (sine * sine + cosine * cosine)
+    motion["sine"], motion["cosine"] = sine * length, cosine * length
+    book_step(space, t)
+    passed = _move_contacts(body, t, space)
+    contacts["spin_left"] = 0
+    if contacts["spin_sign"] * motion["omega"] < 0.0:
+        arms = 0.0
+        for c in range(contacts["count"]):
+            arms += contacts["at"][c]["arm"]
+        if arms > 0.0:
+            motion["omega"], passed = 0.0, True
+    return passed
+
+
+@kernel
+def _be_born(body: np.void, pieces: np.ndarray, limits: Limits, space: np.void) -> int:
+    """Add the pair that has come to touch to the contacts; return the status."""
+    contacts, event = space["contacts"], space["event"]
+    if contacts["count"] == MOST:
+        return BURIED
+    add(body, pieces, space, event["who"], event["side"], event["piece"])
+    contact = contacts["at"][contacts["count"] - 1]
+    if contacts["count"] == 1:
+        contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0
+        open_rebound(body, space["motion"], contact, space["rebound"])
+    part = limits.end_part
+    ends = part != 0.0 and (part_of(body, contact) == part or side_that_lies(body, contacts) == part)
+    return TUMBLED if ends else RUNNING
+
+
+@kernel
+def _separate(body: np.void, limits: Limits, flight: np.void, log: np.ndarray, space: np.void) -> int:
+    """Take the contact that has ended off the list; the rebound is over with the last one. Return the status."""
+    contacts, c = space["contacts"], space["event"]["who"]
+    slip = contacts["at"][c]["slip"]
+    drop(contacts, c)
+    if contacts["count"] > 0:
+        return RUNNING
+    close_rebound(body, space, slip, flight, log[min(flight["rebounds"], log.shape[0] - 1)])
+    motion = space["motion"]
+    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
+    space["stalled"] = space["forced"] = 0.0
+    _put_back(space, flight)
+    return LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
+
+
+@kernel
+def _pass_line(limits: Limits, flight: np.void, space: np.void) -> int:
+    """Pass the end of the slope, behind which the run-out begins, or that of the run-out; return the status."""
+    motion = space["motion"]
+    motion["x"] = space["finish"]
+    if flight["t_line"] < math.inf:
+        return FINISH
+    flight["t_line"], flight["u_line"] = motion["t"], motion["u"]
+    space["finish"] += limits.run_out
+    return RUNNING if limits.run_out > 0.0 else FINISH
+
+
+@kernel
+def _apply(body: np.void, pieces: np.ndarray, limits: Limits, flight: np.void, log: np.ndarray, space: np.void) -> int:
+    """Change what the event at the end of a step changes; return the status, RUNNING if the descent goes on."""
+    contacts, event, motion = space["contacts"], space["event"], space["motion"]
+    code, side = event["code"], event["side"]
+    if code == guards.NOTHING:
+        moved = motion["x"] + motion["y"] + motion["phi"] + motion["u"] + motion["v"] + motion["omega"]
+        if not math.isfinite(moved):
+            return NON_FINITE
+        return TIMEOUT if motion["t"] >= limits.max_time else RUNNING
+    if code == guards.LINE:
+        return _pass_line(limits, flight, space)
+    space["undecided"] = 1.0
+    if code == guards.BORN:
+        return _be_born(body, pieces, limits, space)
+    if code == guards.SPIN_ZERO:
+        motion["omega"] = 0.0
+        return RUNNING
+    if code == guards.SPIN_FREE:
+        contacts["spin_left"] = side
+        return RUNNING
+    if code == guards.SEPARATION:
+        return _separate(body, limits, flight, log, space)
+    if code == guards.FEATURE:
+        return RUNNING if pass_on(body, pieces, space, event["who"], side) else BURIED
+    contact = contacts["at"][event["who"]]
+    if code == guards.GAP_ZERO:
+        contact["gap_rate"] = 0.0
+    elif code == guards.GAP_FREE:
+        contact["gap_left"] = side
+    elif code == guards.SLIP_ZERO:
+        contact["slip"] = 0.0
+    elif code == guards.SLIP_FREE:
+        contact["slip_left"] = side
+    else:
+        contact["zone"] += side
+        write_surface(body, space["ground"], contact)
+    return RUNNING
+
+
+@kernel
+def _step(
+    body: np.void,
+    pieces: np.ndarray,
+    slope: Incline,
+    limits: Limits,
+    flight: np.void,
+    log: np.ndarray,
+    space: np.void,
+    rows: np.ndarray,
+) -> int:
+    """One turn of the loop: mode, series, first event, motion up to it, what it changes. Return the status."""
+    contacts, event = space["contacts"], space["event"]
+    if contacts["count"] > 0:
+        status = _decide(body, pieces, slope, limits, flight, space)
+        if status != RUNNING:
+            return status
+    expand(body, pieces, slope, space)
+    _find_event(body, pieces, slope, limits, space)
+    if not event["time"] < math.inf:
+        return NON_FINITE
+    if rows.shape[0] > 0 and event["time"] > 0.0:
+        record_step(body, pieces, limits, event["time"], space, flight, rows)
+    forced = space["stalled"] > MOST_STALLED
+    passed = _move(body, space)
+    space["undecided"] = 1.0 if passed or forced else 0.0
+    return _apply(body, pieces, limits, flight, log, space)
+
+
+@kernel
+def descend(
+    body: np.void,
+    pieces: np.ndarray,
+    slope: Incline,
+    limits: Limits,
+    flight: np.void,
+    log: np.ndarray,
+    space: np.void,
+    rows: np.ndarray,
+) -> bool:
+    """Follow a descent to its end, or to the next rebound if ``space["once"]`` is 1; return whether that is done.
+
+    It is not done if ``space["work"]`` reaches ``space["most_work"]`` before. The same call then goes on where this one
+    has stopped.
+
+    Parameters
+    ----------
+    body : record of BODY
+    pieces : ndarray of PIECE
+        The ground, see :func:`sledenv.kernel.geometry.lay`.
+    slope : Incline
+    limits : Limits
+    flight : record of OUTCOME
+        State of the descent, at its launch or at a rebound, with status RUNNING. It is moved on; ``close_books`` writes
+        its ledger.
+    log : ndarray of REBOUND
+        A rebound fills the row of its number, or the last row if there are fewer, and makes ``flight["rebounds"]``
+        larger by one. The descent ends with status LOG_FULL at ``limits.max_rebounds``.
+    space : record of SPACE
+        Work space.
+    rows : ndarray of TRAJECTORY
+        Rows are written while there is room; ``flight["samples"]`` says how many were needed.
+    """
+    if space["begun"] == 0.0:
+        take_up(flight, limits, space)
+        space["finish"] = slope.length + (limits.run_out if flight["t_line"] < math.inf else 0.0)
+        space["begun"] = 1.0
+    before = flight["rebounds"]
+    while flight["status"] == RUNNING:
+        if space["work"] >= space["most_work"]:
+            return False
+        space["work"] += 1.0
+        status = _step(body, pieces, slope, limits, flight, log, space, rows)
+        if status != RUNNING:
+            _stop(body, pieces, status, flight, log, space, rows)
+        elif space["once"] != 0.0 and flight["rebounds"] > before:
+            break
+    space["begun"] = 0.0
+    return True

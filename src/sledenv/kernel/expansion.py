@@ -1,0 +1,312 @@
+"""The motion of a body and its contacts as power series in time: one recurrence for any list of contacts, and for none.
+
+Terms of order k of the forces give terms of order k + 1 of the velocities, and those the terms of order k + 2 of the
+places: docs/physics.md (5.3). All arcs share the series of sine and cosine of the orientation.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import sixteenth_root
+from sledenv.kernel.contacts import ORDER
+from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
+
+MOST_TURN: Final = 1.0  # [rad] of a body in a step: the first term left out of sine and cosine is then 3e-15
+OF_CREST: Final = 0.2  # part of the distance from a crest to the centre of an arc that a step may go
+
+
+@kernel
+def value(series: np.ndarray, t: float) -> float:
+    """Value of a power series of order ORDER."""
+    total = 0.0
+    for k in range(ORDER, -1, -1):
+        total = total * t + series[k]
+    return total
+
+
+@kernel
+def product(p: np.ndarray, q: np.ndarray, k: int) -> float:
+    """Term of order ``k`` of a product of two series."""
+    total = 0.0
+    for i in range(k + 1):
+        total += p[i] * q[k - i]
+    return total
+
+
+@kernel
+def place_of_crest(piece: np.void, s: np.void, bx: np.ndarray, by: np.ndarray, k: int) -> None:
+    """Write the term of order ``k`` of the place of a crest in the frame of the body."""
+    x, y, sine, cosine = s["x"], s["y"], s["sine"], s["cosine"]
+    px, py = piece["x"] - x[0], piece["y"] - y[0]
+    along, across = cosine[k] * px + sine[k] * py, cosine[k] * py - sine[k] * px
+    for i in range(1, k + 1):
+        along -= x[i] * cosine[k - i] + y[i] * sine[k - i]
+        across -= y[i] * cosine[k - i] - x[i] * sine[k - i]
+    bx[k], by[k] = along, across
+
+
+@kernel
+def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
+    """Write terms of order ``k`` of gap rate and slip, and of order ``k + 1`` of distance and normal."""
+    a, m = contact["arc"], k + 1
+    dx, dy, distance, nx, ny = terms["dx"], terms["dy"], terms["distance"], terms["nx"], terms["ny"]
+    dx[m] = s["x"][m] + s["cosine"][m] * body["cx"][a] - s["sine"][m] * body["cy"][a]
+    dy[m] = s["y"][m] + s["sine"][m] * body["cx"][a] + s["cosine"][m] * body["cy"][a]
+    square = 0.0
+    for i in range(m + 1):
+        square += dx[i] * dx[m - i] + dy[i] * dy[m - i]
+    for i in range(1, m):
+        square -= distance[i] * distance[m - i]
+    distance[m] = square / (2.0 * distance[0])
+    along, up = dx[m], dy[m]
+    for i in range(1, m + 1):
+        along -= distance[i] * nx[m - i]
+        up -= distance[i] * ny[m - i]
+    nx[m], ny[m] = along / distance[0], up / distance[0]
+    slip = body["r"][a] * s["omega"][k]
+    for i in range(m):
+        slip += (m - i) * (ny[i] * dx[m - i] - nx[i] * dy[m - i])
+    terms["gap_rate"][k], terms["slip"][k] = m * distance[m], slip
+
+
+@kernel
+def _terms_of_velocities(body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
+    """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what goes with them."""
+    a, piece = contact["arc"], pieces[contact["piece"]]
+    nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
+    if contact["kind"] == ARC_PIECE:
+        u, v, sw, cw = s["u"][k], s["v"][k], s["sw"][k], s["cw"][k]
+        terms["gap_rate"][k] = nx * u + ny * v + gs * cw - gc * sw
+        terms["slip"][k] = ny * u - nx * v - gc * cw - gs * sw + body["r"][a] * s["omega"][k]
+        return
+    bx, by = terms["bx"], terms["by"]
+    place_of_crest(piece, s, bx, by, k + 1)
+    if contact["kind"] == ARC_CREST:
+        _arc_on_crest(body, contact, s, terms, k)
+        return
+    ox, oy, m = body["ox"][a], body["oy"][a], k + 1
+    terms["gap_rate"][k] = m * (ox * bx[m] + oy * by[m])
+    terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - product(terms["gap"], s["omega"], k)
+
+
+@kernel
+def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
+    """Make terms of velocities that stay zero exactly zero, and write the terms of gaps and places after them."""
+    for c in range(contacts["count"]):
+        contact, terms = contacts["at"][c], s["of"][c]
+        if contact["gap_still"] != 0:
+            terms["gap_rate"][k] = 0.0
+        if contact["slip_still"] != 0:
+            terms["slip"][k] = 0.0
+        terms["gap"][k + 1] = terms["gap_rate"][k] / (k + 1)
+
+
+@kernel
+def _terms_of_places(s: np.void, k: int) -> None:
+    """Write terms of order ``k`` of where the body is, from those of its velocities."""
+    per = 1.0 / k
+    s["x"][k], s["y"][k], s["phi"][k] = s["u"][k - 1] * per, s["v"][k - 1] * per, s["omega"][k - 1] * per
+    s["sine"][k], s["cosine"][k] = s["cw"][k - 1] * per, -s["sw"][k - 1] * per
+
+
+@kernel
+def _begin(body: np.void, pieces: np.ndarray, motion: np.void, contacts: np.void, s: np.void) -> None:
+    """Write the first terms of all series."""
+    s["x"][0], s["y"][0], s["phi"][0] = motion["x"], motion["y"], motion["phi"]
+    s["u"][0], s["v"][0], s["omega"][0] = motion["u"], motion["v"], motion["omega"]
+    sine, cosine = motion["sine"], motion["cosine"]
+    s["sine"][0], s["cosine"][0] = sine, cosine
+    s["sw"][0], s["cw"][0] = sine * motion["omega"], cosine * motion["omega"]
+    _terms_of_places(s, 1)
+    for c in range(contacts["count"]):
+        contact, terms = contacts["at"][c], s["of"][c]
+        a, piece = contact["arc"], pieces[contact["piece"]]
+        terms["gap"][0] = contact["gap"]
+        if contact["kind"] != ARC_PIECE:
+            place_of_crest(piece, s, terms["bx"], terms["by"], 0)
+        if contact["kind"] == ARC_CREST:
+            dx = motion["x"] - piece["x"] + cosine * body["cx"][a] - sine * body["cy"][a]
+            dy = motion["y"] - piece["y"] + sine * body["cx"][a] + cosine * body["cy"][a]
+            terms["dx"][0], terms["dy"][0], terms["distance"][0] = dx, dy, math.sqrt(dx * dx + dy * dy)
+            terms["nx"][0], terms["ny"][0] = contact["nx"], contact["ny"]
+        _terms_of_velocities(body, pieces, contact, s, terms, 0)
+        terms["gap_rate"][0], terms["slip"][0] = contact["gap_rate"], contact["slip"]
+    _lock_terms(contacts, s, 0)
+
+
+@kernel
+def _push(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> tuple[float, float, float, float, float]:
+    """Terms of order ``k`` of the forces of a contact along x and y, of its moment, and of its parts of gs and gc."""
+    a = contact["arc"]
+    normal, force = terms["normal"], terms["force"]
+    if contact["kind"] == SIDE_CREST:
+        ox, oy = body["ox"][a], body["oy"][a]
+        sine, cosine, bx, by, gap = s["sine"], s["cosine"], terms["bx"], terms["by"], terms["gap"]
+        fx = fy = moment = 0.0
+        for i in range(k + 1):
+            along, across = -ox * normal[i] - oy * force[i], ox * force[i] - oy * normal[i]
+            fx += cosine[k - i] * along - sine[k - i] * across
+            fy += sine[k - i] * along + cosine[k - i] * across
+            moment += bx[k - i] * across - by[k - i] * along - gap[k - i] * force[i]
+        return fx, fy, moment, 0.0, 0.0
+    fx, fy = normal[k] * contact["nx"] + force[k] * contact["ny"], normal[k] * contact["ny"] - force[k] * contact["nx"]
+    if contact["kind"] == ARC_CREST:
+        nx, ny = terms["nx"], terms["ny"]
+        for i in range(k):
+            fx += normal[i] * nx[k - i] + force[i] * ny[k - i]
+            fy += normal[i] * ny[k - i] - force[i] * nx[k - i]
+    cx, cy = body["cx"][a], body["cy"][a]
+    return fx, fy, body["r"][a] * force[k], cx * fy - cy * fx, cy * fy + cx * fx
+
+
+@kernel
+def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k: int) -> None:
+    """Write terms of order ``k`` of the forces, but for locked ones, and of order ``k + 1`` of the velocities."""
+    fx = fy = moment = gs = gc = load = 0.0
+    for c in range(contacts["count"]):
+        contact, terms = contacts["at"][c], s["of"][c]
+        sign = contact["gap_sign"]
+        stiffness = 0.0
+        if sign != 0:
+            stiffness = contact["closing"] if sign < 0 else contact["opening"]
+        terms["normal"][k] = -stiffness * terms["gap"][k]
+        terms["force"][k] = -contact["slip_sign"] * contact["friction"] * terms["normal"][k]
+        x, y, turning, s_part, c_part = _push(body, contact, s, terms, k)
+        fx, fy, moment, gs, gc = fx + x, fy + y, moment + turning, gs + s_part, gc + c_part
+        load += contact["arm"] * terms["normal"][k]
+    s["gs"][k], s["gc"][k], s["moment"][k] = gs, gc, -contacts["spin_sign"] * load
+    moment += s["moment"][k] + product(s["cosine"], s["gs"], k) - product(s["sine"], s["gc"], k)
+    per = 1.0 / (k + 1)
+    u, v = fx / body["mass"], fy / body["mass"]
+    if k == 0:
+        u, v = u + slope.downhill, v - slope.inward
+    s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u * per, v * per, moment / body["inertia"] * per
+    s["sw"][k + 1], s["cw"][k + 1] = product(s["sine"], s["omega"], k + 1), product(s["cosine"], s["omega"], k + 1)
+
+
+@kernel
+def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
+    """Add the locked forces of order ``k``, with which locked velocities have no term of order ``k + 1``."""
+    m = k + 1
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        term = s["omega"][m]
+        if lock["what"] != SPIN:
+            terms = s["of"][lock["who"]]
+            term = terms["gap_rate"][m] if lock["what"] == GAP else terms["slip"][m]
+        lock["force"] = term * m
+    solve_locks(choice)
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        push, force = lock["push"], lock["force"]
+        turned = force * push[2] / (body["inertia"] * m)
+        s["u"][m] += force * push[0] / (body["mass"] * m)
+        s["v"][m] += force * push[1] / (body["mass"] * m)
+        s["omega"][m] += turned
+        s["sw"][m] += s["sine"][0] * turned
+        s["cw"][m] += s["cosine"][0] * turned
+        if lock["what"] == SPIN:
+            s["moment"][k] += force
+            continue
+        contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
+        normal = force if lock["what"] == GAP else 0.0
+        pull = -contact["slip_sign"] * contact["friction"] * force if lock["what"] == GAP else force
+        terms["normal"][k] += normal
+        terms["force"][k] += pull
+        s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * normal
+        if contact["kind"] != SIDE_CREST:
+            fx, fy = normal * contact["nx"] + pull * contact["ny"], normal * contact["ny"] - pull * contact["nx"]
+            cx, cy = body["cx"][contact["arc"]], body["cy"][contact["arc"]]
+            s["gs"][k] += cx * fy - cy * fx
+            s["gc"][k] += cy * fy + cx * fx
+    if contacts["spin_still"] != 0:
+        s["sw"][m] -= s["sine"][0] * s["omega"][m]
+        s["cw"][m] -= s["cosine"][0] * s["omega"][m]
+        s["omega"][m] = 0.0
+
+
+@kernel
+def _terms_of_motion(body: np.void, pieces: np.ndarray, contacts: np.void, s: np.void, k: int) -> None:
+    """Write what follows from terms of order ``k`` of the velocities of the body."""
+    _terms_of_places(s, k + 1)
+    for c in range(contacts["count"]):
+        _terms_of_velocities(body, pieces, contacts["at"][c], s, s["of"][c], k)
+
+
+@kernel
+def _last_forces(contact: np.void, terms: np.void) -> None:
+    """Write the last terms of the forces of a contact; those of locked ones are not known and below rounding."""
+    sign = contact["gap_sign"]
+    stiffness = 0.0
+    if sign != 0:
+        stiffness = contact["closing"] if sign < 0 else contact["opening"]
+    terms["normal"][ORDER] = -stiffness * terms["gap"][ORDER]
+    terms["force"][ORDER] = -contact["slip_sign"] * contact["friction"] * terms["normal"][ORDER]
+
+
+@kernel
+def _expand_flight(slope: Any, s: np.void) -> None:
+    """Write the series of a free body: its path is a parabola, its spin constant."""
+    omega = s["omega"][0]
+    for k in range(1, ORDER + 1):
+        s["u"][k] = s["v"][k] = s["omega"][k] = 0.0
+        _terms_of_places(s, k)
+        s["sw"][k], s["cw"][k] = s["sine"][k] * omega, s["cosine"][k] * omega
+        if k == 1:
+            s["u"][1], s["v"][1] = slope.downhill, -slope.inward
+    _terms_of_places(s, ORDER + 1)
+
+
+@kernel
+def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> None:
+    """Write the series of a step in the mode of the contacts, which have been placed."""
+    motion, contacts, s, choice = space["motion"], space["contacts"], space["series"], space["choice"]
+    _begin(body, pieces, motion, contacts, s)
+    if contacts["count"] == 0:
+        _expand_flight(slope, s)
+        return
+    find_locks(body, contacts, choice)
+    locked = choice["locks"] > 0
+    for k in range(ORDER):
+        _terms_of_forces(body, slope, contacts, s, k)
+        _terms_of_motion(body, pieces, contacts, s, k + 1)
+        if locked:
+            _add_locked(body, contacts, choice, s, k)
+            _terms_of_motion(body, pieces, contacts, s, k + 1)
+        _lock_terms(contacts, s, k + 1)
+    s["moment"][ORDER] = 0.0
+    for c in range(contacts["count"]):
+        _last_forces(contacts["at"][c], s["of"][c])
+
+
+@kernel
+def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
+    """How long [s] the series of a step hold: their last terms stay below ``tolerance`` times the speed."""
+    s, contacts, size = space["series"], space["contacts"], body["size"]
+    longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
+    if turning > 0.0:
+        longest = MOST_TURN / turning
+    if contacts["count"] == 0:
+        return longest
+    u, v, omega = s["u"], s["v"], s["omega"]
+    scale = tolerance * max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
+    last = max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER]))
+    if last > 0.0:
+        longest = min(longest, sixteenth_root(scale / last))
+    last = max(abs(u[ORDER - 1]), abs(v[ORDER - 1]), size * abs(omega[ORDER - 1]))
+    if last > 0.0:
+        ratio = scale / last
+        longest = min(longest, sixteenth_root(ratio * sixteenth_root(ratio)))  # its root of order 15, nearly
+    for c in range(contacts["count"]):
+        if contacts["at"][c]["kind"] == ARC_CREST:  # its normal turns
+            terms = s["of"][c]
+            fast = math.sqrt(terms["dx"][1] * terms["dx"][1] + terms["dy"][1] * terms["dy"][1])
+            if fast > 0.0:
+                longest = min(longest, OF_CREST * terms["distance"][0] / fast)
+    return longest

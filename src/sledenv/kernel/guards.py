@@ -1,0 +1,253 @@
+"""What ends a step of the contacts that there are: guards, polynomials that are positive while the mode lasts.
+
+Each guard tells how many of its leading coefficients are zero by construction, because what it watches has just begun
+or been released. Each zero that is found shortens what the other guards look at.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import sign_of, wrap
+from sledenv.kernel.contacts import ORDER
+from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
+from sledenv.kernel.zeros import first_zero
+
+NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(12)
+# Ends of the feature of a contact, told as the side of an event FEATURE.
+(
+    FOOT_BEGIN,  # the foot of an arc comes to the crest where its piece begins,
+    FOOT_END,  # or to that where it ends
+    ARC_LOW,  # a piece comes to an end of an arc that another arc joins
+    ARC_HIGH,
+    CONE_BEGIN,  # the normal on a crest becomes that of the piece before,
+    CONE_END,  # or of the one behind
+    CREST_LOW,  # a crest comes to an end of an arc
+    CREST_HIGH,
+    SIDE_BEGIN,  # or of a side
+    SIDE_END,
+) = range(10)
+TIED: Final = 1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
+AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there
+
+
+@kernel
+def look(space: np.void, zeros: int, code: int, who: int, side: int) -> None:
+    """Let the step end where the polynomial ``space["poly"]`` has its first zero, if that comes before its end."""
+    event = space["event"]
+    t = first_zero(space["poly"], event["time"], zeros, space["stack"])
+    if t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"]):
+        event["time"], event["code"], event["who"], event["side"] = t, code, who, side
+
+
+@kernel
+def _released(poly: np.ndarray) -> int:
+    """Leading coefficients to pass over of a velocity that leaves zero.
+
+    It starts without acceleration, but for the error of the time of its release. Two are passed over if what is left
+    would have the wrong sign.
+    """
+    return 1 if poly[1] > 0.0 else 2
+
+
+@kernel
+def _watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch how a contact ends, and its gap rate."""
+    poly = space["poly"]
+    if contact["gap_sign"] != 0:
+        for k in range(ORDER + 1):
+            poly[k] = -terms["gap"][k]
+        zeros = 0
+        if contact["gap"] == 0.0:
+            zeros = 1
+            while zeros < 3 and not poly[zeros] > 0.0:
+                zeros += 1
+        look(space, zeros, SEPARATION, c, 0)
+    if contact["gap_still"] != 0 and contact["gap_sign"] != 0:
+        return
+    if contact["gap_sign"] != 0:
+        elastic = contact["closing"] == contact["opening"]
+        sign = sign_of(contact["gap_rate"]) if elastic else contact["gap_sign"]
+        for k in range(ORDER + 1):
+            poly[k] = sign * terms["gap_rate"][k]
+        if sign != 0:
+            look(space, _released(poly) if contact["gap_rate"] == 0.0 else 0, GAP_ZERO, c, 0)
+        return
+    depth = -contact["gap"]
+    for side in (-1, 1):
+        bound = contact["closing"] if side < 0 else -contact["opening"]
+        for k in range(ORDER + 1):
+            poly[k] = side * terms["normal"][k]
+        poly[0] += bound * depth
+        look(space, 0, GAP_FREE, c, side)
+
+
+@kernel
+def _watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch the slip of a contact, or the friction that holds it."""
+    poly, sign = space["poly"], contact["slip_sign"]
+    if not contact["friction"] > 0.0 or (contact["slip_still"] != 0 and sign != 0):
+        return
+    if sign != 0:
+        for k in range(ORDER + 1):
+            poly[k] = sign * terms["slip"][k]
+        look(space, _released(poly) if contact["slip"] == 0.0 else 0, SLIP_ZERO, c, 0)
+        return
+    for side in (-1, 1):
+        for k in range(ORDER + 1):
+            poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
+        look(space, 1 if contact["gap"] == 0.0 else 0, SLIP_FREE, c, side)
+
+
+@kernel
+def _watch_spin(contacts: np.void, space: np.void) -> None:
+    """Watch the spin, or the rolling resistance that holds it."""
+    poly, s, sign = space["poly"], space["series"], contacts["spin_sign"]
+    arms, fresh = 0.0, 1
+    for c in range(contacts["count"]):
+        arms += contacts["at"][c]["arm"]
+        if contacts["at"][c]["gap"] != 0.0:
+            fresh = 0
+    if not arms > 0.0 or (contacts["spin_still"] != 0 and sign != 0):
+        return
+    if sign != 0:
+        for k in range(ORDER + 1):
+            poly[k] = sign * s["omega"][k]
+        look(space, _released(poly) if s["omega"][0] == 0.0 else 0, SPIN_ZERO, 0, 0)
+        return
+    for side in (-1, 1):
+        for k in range(ORDER + 1):
+            poly[k] = side * s["moment"][k]
+        for c in range(contacts["count"]):
+            contact, normal = contacts["at"][c], s["of"][c]["normal"]
+            for k in range(ORDER + 1):
+                poly[k] += contact["arm"] * normal[k]
+        look(space, fresh, SPIN_FREE, 0, side)
+
+
+@kernel
+def _watch_end(
+    series: np.ndarray, factor: float, offset: float, near: float, code: int, c: int, side: int, space: np.void
+) -> None:
+    """Watch the end of a feature or of a zone: ``factor`` times a series and an ``offset`` are positive before it."""
+    poly, event = space["poly"], space["event"]
+    for k in range(ORDER + 1):
+        poly[k] = factor * series[k]
+    poly[0] += offset
+    if poly[0] >= near:
+        look(space, 0, code, c, side)
+    elif poly[1] < 0.0:
+        if event["time"] > 0.0:
+            event["time"], event["code"], event["who"], event["side"] = 0.0, code, c, side
+    elif poly[0] > -near:
+        look(space, 1, code, c, side)
+
+
+@kernel
+def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, space: np.void) -> None:
+    """Watch where an arc touches its piece, and which part of the arc does."""
+    s, row, near = space["series"], space["terms"][0], AT_END * body["size"]
+    a, j = contact["arc"], contact["piece"]
+    piece, last = pieces[j], pieces.shape[0] - 1
+    begins, ends = j > 0 and piece["turn"] < 0.0, j < last and pieces[min(j + 1, last)]["turn"] < 0.0
+    if begins or ends:
+        tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
+        for k in range(ORDER + 1):
+            row[k] = tx * s["x"][k] + ty * s["y"][k]
+            row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
+        row[0] -= tx * piece["x"] + ty * piece["y"]
+        if begins:
+            _watch_end(row, 1.0, -piece["low"], near, FEATURE, c, FOOT_BEGIN, space)
+        if ends:
+            _watch_end(row, -1.0, piece["high"], near, FEATURE, c, FOOT_END, space)
+    arcs = int(body["arcs"])
+    before = body["smooth"][(a - 1) % arcs] != 0.0
+    if arcs > 1 and (before or body["smooth"][a] != 0.0):
+        for k in range(ORDER + 1):
+            row[k] = s["phi"][k]
+        row[0] = wrap(s["phi"][0] - piece["tilt"] - body["mid"][a])
+        if before:
+            _watch_end(row, 1.0, body["half"][a], AT_END, FEATURE, c, ARC_LOW, space)
+        if body["smooth"][a] != 0.0:
+            _watch_end(row, -1.0, body["half"][a], AT_END, FEATURE, c, ARC_HIGH, space)
+
+
+@kernel
+def _watch_crest(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch where a crest touches an arc or a side, and to which of its pieces the normal comes."""
+    row, near = space["terms"][0], AT_END * body["size"]
+    a, j = contact["arc"], contact["piece"]
+    if contact["kind"] == SIDE_CREST:
+        dx, dy = body["oy"][a], -body["ox"][a]
+        for k in range(ORDER + 1):
+            row[k] = dx * terms["bx"][k] + dy * terms["by"][k]
+        begin = dx * body["sx"][a] + dy * body["sy"][a]
+        _watch_end(row, 1.0, -begin, near, FEATURE, c, SIDE_BEGIN, space)
+        _watch_end(row, -1.0, begin + body["length"][a], near, FEATURE, c, SIDE_END, space)
+        return
+    before, after = pieces[j - 1], pieces[j]
+    for k in range(ORDER + 1):
+        row[k] = before["tx"] * terms["dx"][k] + before["ty"] * terms["dy"][k]
+    _watch_end(row, 1.0, 0.0, near, FEATURE, c, CONE_BEGIN, space)
+    for k in range(ORDER + 1):
+        row[k] = after["tx"] * terms["dx"][k] + after["ty"] * terms["dy"][k]
+    _watch_end(row, -1.0, 0.0, near, FEATURE, c, CONE_END, space)
+    arcs = int(body["arcs"])
+    if arcs == 1:
+        return
+    cx, cy = body["cx"][a], body["cy"][a]
+    for end in range(2):  # the direction along the outline at each end of the arc
+        edge = a if end == 1 else (a - 1) % arcs
+        dx, dy = body["oy"][edge], -body["ox"][edge]
+        for k in range(ORDER + 1):
+            row[k] = dx * terms["bx"][k] + dy * terms["by"][k]
+        row[0] -= dx * cx + dy * cy
+        _watch_end(row, -1.0 if end == 1 else 1.0, 0.0, near, FEATURE, c, CREST_LOW + end, space)
+
+
+@kernel
+def _watch_zone(body: np.void, contact: np.void, c: int, space: np.void) -> None:
+    """Watch where the touching point of an arc on a piece passes into another zone."""
+    ground, s, row = space["ground"], space["series"], space["terms"][0]
+    if not ground["count"] > 1.0 or contact["kind"] != ARC_PIECE:
+        return
+    a, zone = contact["arc"], contact["zone"]
+    for k in range(ORDER + 1):
+        row[k] = s["x"][k] + body["cx"][a] * s["cosine"][k] - body["cy"][a] * s["sine"][k]
+    row[0] -= body["r"][a] * contact["nx"]
+    near = AT_END * body["size"]
+    if zone > 0:
+        _watch_end(row, 1.0, -ground["begin"][zone], near, ZONE, c, -1, space)
+    if zone + 1 < ground["count"]:
+        _watch_end(row, -1.0, ground["begin"][zone + 1], near, ZONE, c, 1, space)
+
+
+@kernel
+def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
+    """Let the step end with the first event of the contacts that there are."""
+    contacts = space["contacts"]
+    for c in range(contacts["count"]):
+        contact, terms = contacts["at"][c], space["series"]["of"][c]
+        _watch_gap(contact, terms, c, space)
+        _watch_slip(contact, terms, c, space)
+        if contact["kind"] == ARC_PIECE:
+            _watch_foot(body, pieces, contact, c, space)
+            _watch_zone(body, contact, c, space)
+        else:
+            _watch_crest(body, pieces, contact, terms, c, space)
+    if contacts["count"] > 0:
+        _watch_spin(contacts, space)
+
+
+@kernel
+def watch_line(space: np.void) -> None:
+    """Let the step end where the mass centre comes to the end of the slope, or of the run-out behind it."""
+    if space["finish"] < 1e300:
+        poly, s = space["poly"], space["series"]
+        for k in range(ORDER + 1):
+            poly[k] = -s["x"][k]
+        poly[0] += space["finish"]
+        look(space, 0, LINE, 0, 0)

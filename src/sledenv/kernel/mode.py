@@ -1,0 +1,497 @@
+"""The mode of the contacts: which velocities are locked at zero, and at which bounds the forces are.
+
+Accelerations decide: docs/physics.md, section 5. A velocity that is not zero has its force at a bound. One that is zero
+may stay so, held by a force between the bounds, or leave with the force at one. Where others hold it at zero in any
+case, the shares of the forces are not unique, and one of them may be at its bound although its velocity stays zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import sign_of
+from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place
+
+GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
+DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
+VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
+STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
+SLIGHT: Final = 1e-12  # of the forces: a mode that is violated by less holds
+SHALLOW: Final = 1e-13  # of the size: depth that decides where there is no force yet
+MOST_TRIED: Final = 7  # zero velocities of which all modes are tried
+
+
+@kernel
+def _row(contacts: np.void, what: int, c: int) -> tuple[float, float, float]:
+    """Row of a velocity: what u, v and omega add to it."""
+    if what == SPIN:
+        return 0.0, 0.0, 1.0
+    contact = contacts["at"][c]
+    if what == GAP:
+        return contact["nx"], contact["ny"], contact["ln"]
+    return contact["ny"], -contact["nx"], contact["lt"]
+
+
+@kernel
+def _sign(contacts: np.void, what: int, c: int) -> int:
+    """Sign of a force, 0 between its bounds."""
+    if what == SPIN:
+        return contacts["spin_sign"]  # type: ignore[no-any-return]
+    contact = contacts["at"][c]
+    return contact["gap_sign"] if what == GAP else contact["slip_sign"]  # type: ignore[no-any-return]
+
+
+@kernel
+def _left(contacts: np.void, what: int, c: int) -> int:
+    """Sign with which a velocity has been released at this instant, or 0."""
+    if what == SPIN:
+        return contacts["spin_left"]  # type: ignore[no-any-return]
+    contact = contacts["at"][c]
+    return contact["gap_left"] if what == GAP else contact["slip_left"]  # type: ignore[no-any-return]
+
+
+@kernel
+def _still(contacts: np.void, what: int, c: int) -> int:
+    """1 if a velocity stays zero."""
+    if what == SPIN:
+        return contacts["spin_still"]  # type: ignore[no-any-return]
+    contact = contacts["at"][c]
+    return contact["gap_still"] if what == GAP else contact["slip_still"]  # type: ignore[no-any-return]
+
+
+@kernel
+def _write_sign(contacts: np.void, what: int, c: int, sign: int) -> None:
+    if what == SPIN:
+        contacts["spin_sign"] = sign
+    elif what == GAP:
+        contacts["at"][c]["gap_sign"] = sign
+    else:
+        contacts["at"][c]["slip_sign"] = sign
+
+
+@kernel
+def _write_still(contacts: np.void, what: int, c: int, still: int) -> None:
+    if what == SPIN:
+        contacts["spin_still"] = still
+    elif what == GAP:
+        contacts["at"][c]["gap_still"] = still
+    else:
+        contacts["at"][c]["slip_still"] = still
+
+
+@kernel
+def _unit(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> tuple[float, float, float, float]:
+    """What a row has beside the rows that are locked, in the norm of the inverse masses; and its share of the row."""
+    r0, r1, r2 = _row(contacts, what, c)
+    per_mass, per_inertia = math.sqrt(1.0 / body["mass"]), math.sqrt(1.0 / body["inertia"])
+    q0, q1, q2 = r0 * per_mass, r1 * per_mass, r2 * per_inertia
+    whole = math.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
+    for i in range(choice["locks"]):
+        unit = choice["lock"][i]["unit"]
+        along = q0 * unit[0] + q1 * unit[1] + q2 * unit[2]
+        q0, q1, q2 = q0 - along * unit[0], q1 - along * unit[1], q2 - along * unit[2]
+    left = math.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
+    return q0, q1, q2, left / whole
+
+
+@kernel
+def depends(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> bool:
+    """Whether a velocity follows from those that are locked."""
+    return _unit(body, contacts, choice, what, c)[3] < DEPENDENT
+
+
+@kernel
+def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
+    """Write the locked velocities that do not depend on each other, and how their forces push the body."""
+    choice["locks"] = 0
+    for what in range(3):
+        for c in range(1 if what == SPIN else contacts["count"]):
+            if choice["locks"] == 3 or _sign(contacts, what, c) != 0:
+                continue
+            q0, q1, q2, part = _unit(body, contacts, choice, what, c)
+            if part < DEPENDENT:
+                continue
+            lock, length = choice["lock"][choice["locks"]], math.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
+            lock["what"], lock["who"] = what, c
+            lock["unit"][0], lock["unit"][1], lock["unit"][2] = q0 / length, q1 / length, q2 / length
+            r0, r1, r2 = _row(contacts, what, c)
+            lock["row"][0], lock["row"][1], lock["row"][2] = r0, r1, r2
+            if what == GAP:  # its load brings friction and rolling resistance with it
+                contact = contacts["at"][c]
+                pull = -contact["slip_sign"] * contact["friction"]
+                r0 += pull * contact["ny"]
+                r1 -= pull * contact["nx"]
+                r2 += pull * contact["lt"] - contacts["spin_sign"] * contact["arm"]
+            lock["push"][0], lock["push"][1], lock["push"][2] = r0, r1, r2
+            choice["locks"] += 1
+    _write_mobility(body, choice)
+
+
+@kernel
+def _write_mobility(body: np.void, choice: np.void) -> None:
+    """Write what each locked force changes of each locked velocity."""
+    per_mass, per_inertia = 1.0 / body["mass"], 1.0 / body["inertia"]
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        row, mobility = lock["row"], lock["mobility"]
+        for j in range(choice["locks"]):
+            push = choice["lock"][j]["push"]
+            mobility[j] = (row[0] * push[0] + row[1] * push[1]) * per_mass + row[2] * push[2] * per_inertia
+
+
+@kernel
+def solve_locks(choice: np.void) -> None:
+    """Find the forces that change the locked velocities by minus what ``force`` holds, and write them there."""
+    lock, n = choice["lock"], choice["locks"]
+    one, two, three = lock[0], lock[1], lock[2]
+    p, q, r = -one["force"], -two["force"], -three["force"]
+    a = one["mobility"]
+    if n == 1:
+        one["force"] = p / a[0]
+        return
+    b = two["mobility"]
+    if n == 2:
+        minor = a[0] * b[1] - a[1] * b[0]
+        one["force"], two["force"] = (b[1] * p - a[1] * q) / minor, (a[0] * q - b[0] * p) / minor
+        return
+    d = three["mobility"]
+    first, second, third = b[1] * d[2] - b[2] * d[1], b[2] * d[0] - b[0] * d[2], b[0] * d[1] - b[1] * d[0]
+    whole = a[0] * first + a[1] * second + a[2] * third
+    one["force"] = (p * first + a[1] * (b[2] * r - q * d[2]) + a[2] * (q * d[1] - b[1] * r)) / whole
+    two["force"] = (a[0] * (q * d[2] - b[2] * r) + p * second + a[2] * (b[0] * r - q * d[0])) / whole
+    three["force"] = (a[0] * (b[1] * r - q * d[1]) + a[1] * (q * d[0] - b[0] * r) + p * third) / whole
+
+
+@kernel
+def _write_drifts(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void, share: np.void) -> None:
+    """Write how gap rate and slip change without any force, because normal and lever turn."""
+    omega, s, c = motion["omega"], motion["sine"], motion["cosine"]
+    a, piece = contact["arc"], pieces[contact["piece"]]
+    square = omega * omega
+    px, py = piece["x"] - motion["x"], piece["y"] - motion["y"]
+    if contact["kind"] == SIDE_CREST:
+        bx, by = c * px + s * py, c * py - s * px
+        ux, uy = c * motion["u"] + s * motion["v"], c * motion["v"] - s * motion["u"]
+        ddx, ddy = -2.0 * omega * uy - square * bx, 2.0 * omega * ux - square * by  # of the crest, seen from the body
+        ox, oy = body["ox"][a], body["oy"][a]
+        share["gap_drift"] = ox * ddx + oy * ddy
+        share["slip_drift"] = oy * ddx - ox * ddy - contact["gap_rate"] * omega
+        return
+    rx, ry = c * body["cx"][a] - s * body["cy"][a], s * body["cx"][a] + c * body["cy"][a]
+    nx, ny = contact["nx"], contact["ny"]
+    along_n, along_t = -square * (nx * rx + ny * ry), -square * (ny * rx - nx * ry)
+    if contact["kind"] == ARC_CREST:
+        vx, vy = motion["u"] - omega * ry, motion["v"] + omega * rx
+        ex, ey = rx - px, ry - py
+        turning = (ny * vx - nx * vy) / math.sqrt(ex * ex + ey * ey)
+        along_n += (ny * vx - nx * vy) * turning
+        along_t -= (nx * vx + ny * vy) * turning
+    share["gap_drift"], share["slip_drift"] = along_n, along_t
+
+
+@kernel
+def _accelerate(body: np.void, slope: Any, contacts: np.void, choice: np.void) -> None:
+    """Write forces and accelerations in the mode that the signs of the contacts tell."""
+    find_locks(body, contacts, choice)
+    mass, spin = body["mass"], contacts["spin_sign"]
+    fx, fy, turning, load, rolling = mass * slope.downhill, -mass * slope.inward, 0.0, 0.0, 0.0
+    for c in range(contacts["count"]):
+        contact, share = contacts["at"][c], choice["share"][c]
+        sign = contact["gap_sign"]
+        normal = 0.0
+        if sign != 0:
+            normal = (contact["closing"] if sign < 0 else contact["opening"]) * share["depth"]
+        force = -contact["slip_sign"] * contact["friction"] * normal
+        share["normal"], share["force"] = normal, force
+        fx += normal * contact["nx"] + force * contact["ny"]
+        fy += normal * contact["ny"] - force * contact["nx"]
+        turning += normal * contact["ln"] + force * contact["lt"]
+        load += contact["arm"] * normal
+    rolling = -spin * load
+    turning += rolling
+    per_mass, per_inertia = 1.0 / mass, 1.0 / body["inertia"]
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        row = lock["row"]
+        rate = (row[0] * fx + row[1] * fy) * per_mass + row[2] * turning * per_inertia
+        if lock["what"] == GAP:
+            rate += choice["share"][lock["who"]]["gap_drift"]
+        elif lock["what"] == SLIP:
+            rate += choice["share"][lock["who"]]["slip_drift"]
+        lock["force"] = rate
+    if choice["locks"] > 0:
+        solve_locks(choice)
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        push, force = lock["push"], lock["force"]
+        fx, fy, turning = fx + force * push[0], fy + force * push[1], turning + force * push[2]
+        if lock["what"] == SPIN:
+            rolling += force
+            continue
+        contact, share = contacts["at"][lock["who"]], choice["share"][lock["who"]]
+        if lock["what"] == SLIP:
+            share["force"] = force
+        else:
+            share["normal"], share["force"] = force, -contact["slip_sign"] * contact["friction"] * force
+            load += contact["arm"] * force
+            rolling -= spin * contact["arm"] * force
+    choice["du"], choice["dv"], choice["domega"] = fx * per_mass, fy * per_mass, turning * per_inertia
+    choice["moment"], choice["load"] = rolling, load
+    for c in range(contacts["count"]):
+        contact, share = contacts["at"][c], choice["share"][c]
+        nx, ny = contact["nx"], contact["ny"]
+        du, dv, domega = choice["du"], choice["dv"], choice["domega"]
+        share["gap_change"] = nx * du + ny * dv + contact["ln"] * domega + share["gap_drift"]
+        share["slip_change"] = ny * du - nx * dv + contact["lt"] * domega + share["slip_drift"]
+
+
+@kernel
+def _change(body: np.void, choice: np.void, what: int, c: int) -> float:
+    """Rate [m/s^2] at which a velocity changes; of the spin that of the rim."""
+    if what == SPIN:
+        return choice["domega"] * body["size"]  # type: ignore[no-any-return]
+    share = choice["share"][c]
+    return share["gap_change"] if what == GAP else share["slip_change"]  # type: ignore[no-any-return]
+
+
+@kernel
+def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> float:
+    """How far [N] the force of a locked velocity is beyond its bounds, 0 if it is not."""
+    if what == SPIN:
+        return max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"]
+    contact, share = contacts["at"][c], choice["share"][c]
+    if what == SLIP:
+        return max(abs(share["force"]) - contact["friction"] * share["normal"], 0.0)
+    above = share["normal"] - contact["closing"] * share["depth"]
+    return max(above, contact["opening"] * share["depth"] - share["normal"], 0.0)
+
+
+@kernel
+def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> float:
+    """How far [N] a mode is from holding; what has just been released should stay so, but that weighs little."""
+    _accelerate(body, slope, contacts, choice)
+    mass = body["mass"]
+    scale = mass * slope.gravity
+    for c in range(contacts["count"]):
+        scale = max(scale, abs(choice["share"][c]["normal"]))
+    choice["scale"] = scale
+    wrong = 0.0
+    for i in range(choice["zeros"]):
+        zero = choice["zero"][i]
+        what, c, sign = zero["what"], zero["who"], zero["sign"]
+        left = _left(contacts, what, c)
+        if left != 0 and sign != left:
+            wrong += 1e-9 * scale
+        rate = _change(body, choice, what, c)
+        moves = abs(rate) > still
+        if sign == 0:
+            wrong += _excess(body, contacts, choice, what, c)
+            if moves:
+                wrong += abs(rate) * mass
+        elif rate * sign < 0.0 and (moves or not depends(body, contacts, choice, what, c)):
+            wrong += abs(rate) * mass
+    return wrong
+
+
+@kernel
+def _spread_zeros(body: np.void, motion: np.void, contacts: np.void, choice: np.void) -> None:
+    """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
+    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), 1e-3)
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        contact["gap_sign"], contact["slip_sign"] = sign_of(contact["gap_rate"]), sign_of(contact["slip"])
+    contacts["spin_sign"] = sign_of(motion["omega"])
+    find_locks(body, contacts, choice)
+    if choice["locks"] == 0:
+        return
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        small = abs(contact["gap_rate"]) < VANISHING * fast and contact["gap_sign"] != 0
+        if small and depends(body, contacts, choice, GAP, c):
+            contact["gap_rate"], contact["gap_sign"] = 0.0, 0
+        small = abs(contact["slip"]) < VANISHING * fast and contact["slip_sign"] != 0
+        if small and depends(body, contacts, choice, SLIP, c):
+            contact["slip"], contact["slip_sign"] = 0.0, 0
+    small = abs(motion["omega"]) * body["size"] < VANISHING * fast and contacts["spin_sign"] != 0
+    if small and depends(body, contacts, choice, SPIN, 0):
+        motion["omega"], contacts["spin_sign"] = 0.0, 0
+    if choice["locks"] == 3:
+        motion["u"] = motion["v"] = motion["omega"] = 0.0
+
+
+@kernel
+def _before(sign: int, still: int, left: int) -> int:
+    """Sign that a velocity which is zero has had before: as it was released, as it was held, or else locked."""
+    if left != 0:
+        return left
+    return sign if still != 0 else 0
+
+
+@kernel
+def _remember(contacts: np.void, choice: np.void) -> None:
+    """Keep the mode that has been, which is tried first."""
+    for c in range(contacts["count"]):
+        contact, share = contacts["at"][c], choice["share"][c]
+        share["gap_before"] = _before(contact["gap_sign"], contact["gap_still"], contact["gap_left"])
+        share["slip_before"] = _before(contact["slip_sign"], contact["slip_still"], contact["slip_left"])
+    choice["spin_before"] = _before(contacts["spin_sign"], contacts["spin_still"], contacts["spin_left"])
+
+
+@kernel
+def _list_zero(contacts: np.void, choice: np.void, what: int, c: int, bounded: bool, before: int) -> None:
+    """Add a velocity that is zero to those whose sign is to be chosen, unless no force depends on its sign."""
+    if _sign(contacts, what, c) != 0:
+        return
+    if not bounded:
+        _write_sign(contacts, what, c, 1)
+        return
+    zero = choice["zero"][choice["zeros"]]
+    zero["what"], zero["who"], zero["before"] = what, c, before
+    choice["zeros"] += 1
+
+
+@kernel
+def _list_zeros(body: np.void, contacts: np.void, choice: np.void) -> None:
+    """List the velocities that are zero and whose force has two bounds."""
+    choice["zeros"] = 0
+    arms = 0.0
+    for c in range(contacts["count"]):
+        contact, share = contacts["at"][c], choice["share"][c]
+        share["depth"] = max(-contact["gap"], SHALLOW * body["size"])
+        arms += contact["arm"]
+        _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
+        _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
+    _list_zero(contacts, choice, SPIN, 0, arms > 0.0, choice["spin_before"])
+
+
+@kernel
+def _try_mode(body: np.void, slope: Any, still: float, rests: bool, contacts: np.void, choice: np.void) -> float:
+    """How far a mode is from holding whose signs are those of ``choice["zero"]``; inf if it moves but should rest."""
+    for i in range(choice["zeros"]):
+        zero = choice["zero"][i]
+        _write_sign(contacts, zero["what"], zero["who"], zero["sign"])
+    wrong = _violation(body, slope, still, contacts, choice)
+    change = max(abs(choice["du"]), abs(choice["dv"]), body["size"] * abs(choice["domega"]))
+    return math.inf if rests and not change <= still else wrong
+
+
+@kernel
+def _keep_best(choice: np.void) -> None:
+    for i in range(choice["zeros"]):
+        choice["zero"][i]["best"] = choice["zero"][i]["sign"]
+
+
+@kernel
+def _try_all(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+    """Try all modes until one holds; the best one is kept. ``side`` lets mirror images try in each other's turn."""
+    total = 1
+    for _ in range(choice["zeros"]):
+        total *= 3
+    best = math.inf
+    for code in range(total):
+        rest = code
+        for i in range(choice["zeros"]):
+            zero = choice["zero"][i]
+            digit = rest % 3
+            rest //= 3
+            sign = digit if digit < 2 else -1
+            zero["sign"] = sign if zero["what"] == GAP else sign * side
+        wrong = _try_mode(body, slope, still, rests, contacts, choice)
+        if wrong < best:
+            best = wrong
+            _keep_best(choice)
+            if wrong <= SLIGHT * choice["scale"]:
+                break
+    return best
+
+
+@kernel
+def _improve(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+    """Change one sign after the other where that makes a mode better, from the best one on, until none does."""
+    for i in range(choice["zeros"]):
+        choice["zero"][i]["best"] = choice["zero"][i]["before"]
+    best, better = math.inf, True
+    while better:
+        better = False
+        for i in range(choice["zeros"]):
+            for turn in range(3):
+                for k in range(choice["zeros"]):
+                    choice["zero"][k]["sign"] = choice["zero"][k]["best"]
+                zero = choice["zero"][i]
+                zero["sign"] = (turn if turn < 2 else -1) * (side if zero["what"] != GAP else 1)
+                wrong = _try_mode(body, slope, still, rests, contacts, choice)
+                if wrong < best:
+                    best, better = wrong, True
+                    _keep_best(choice)
+                    if wrong <= SLIGHT * choice["scale"]:
+                        return best
+    return best
+
+
+@kernel
+def _search(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+    """Find the mode that holds, or is nearest to holding: first that before, then all, or all that are near."""
+    for i in range(choice["zeros"]):
+        choice["zero"][i]["sign"] = choice["zero"][i]["before"]
+    _keep_best(choice)
+    wrong = _try_mode(body, slope, still, rests, contacts, choice)
+    if wrong <= SLIGHT * choice["scale"]:
+        return wrong
+    if choice["zeros"] <= MOST_TRIED:
+        return _try_all(body, slope, still, rests, side, contacts, choice)
+    return _improve(body, slope, still, rests, side, contacts, choice)
+
+
+@kernel
+def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> None:
+    """Take the best mode, and write which velocities stay zero in it."""
+    for c in range(contacts["count"]):
+        contacts["at"][c]["gap_still"] = contacts["at"][c]["slip_still"] = 0
+    contacts["spin_still"] = 0
+    if choice["zeros"] == 0:
+        return
+    for i in range(choice["zeros"]):
+        choice["zero"][i]["sign"] = choice["zero"][i]["best"]
+    _try_mode(body, slope, still, False, contacts, choice)
+    for i in range(choice["zeros"]):
+        zero = choice["zero"][i]
+        what, c = zero["what"], zero["who"]
+        held = abs(_change(body, choice, what, c)) <= still and depends(body, contacts, choice, what, c)
+        _write_still(contacts, what, c, 1 if zero["sign"] == 0 or held else 0)
+
+
+@kernel
+def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> bool:
+    """Choose the mode of the contacts; return whether the body is at rest for good.
+
+    Parameters
+    ----------
+    body : record of BODY
+    pieces : ndarray of PIECE
+    slope : Incline
+    space : record of SPACE
+        Its ``motion`` and ``contacts`` are what is chosen for. Velocities that must be zero are made exactly zero.
+    """
+    motion, contacts, choice = space["motion"], space["contacts"], space["choice"]
+    _remember(contacts, choice)
+    for c in range(contacts["count"]):
+        place(body, pieces, motion, contacts["at"][c])
+    _spread_zeros(body, motion, contacts, choice)
+    _list_zeros(body, contacts, choice)
+    still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
+    if choice["zeros"] > 0:
+        for c in range(contacts["count"]):
+            _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
+        side = -1 if motion["sine"] < 0.0 else 1
+        if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
+            wrong = _search(body, slope, still, True, side, contacts, choice)
+            if wrong <= SLIGHT * choice["scale"]:
+                _settle(body, slope, still, contacts, choice)
+                return True
+        _search(body, slope, still, False, side, contacts, choice)
+    _settle(body, slope, still, contacts, choice)
+    return False
