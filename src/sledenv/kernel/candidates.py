@@ -19,14 +19,16 @@ from sledenv.kernel.geometry import (
     SIDE_CREST,
     along_piece,
     arc_number,
-    crest_on_arc,
+    faces_arc,
     first_piece,
+    in_cone,
 )
 from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, look
 from sledenv.kernel.outline import arc_at
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
+STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 
 
 @kernel
@@ -46,6 +48,14 @@ def _measure_reach(space: np.void) -> None:
 
 
 @kernel
+def _foot(body: np.void, piece: np.void, a: int, t: float, s: np.void) -> float:
+    """Place [m] along a piece of the foot of an arc at a time of the step."""
+    sine, cosine = value(s["sine"], t), value(s["cosine"], t)
+    cx, cy = body["cx"][a], body["cy"][a]
+    return along_piece(piece, value(s["x"], t) + cosine * cx - sine * cy, value(s["y"], t) + sine * cx + cosine * cy)
+
+
+@kernel
 def _in_reach(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, t: float, space: np.void) -> bool:
     """Whether a pair whose gap closes at a time of the step lies before each other then.
 
@@ -53,46 +63,68 @@ def _in_reach(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, t: f
     """
     s, piece = space["series"], pieces[j]
     if kind == ARC_PIECE:
-        sine, cosine = value(s["sine"], t), value(s["cosine"], t)
-        cx, cy = body["cx"][a], body["cy"][a]
-        foot = along_piece(
-            piece, value(s["x"], t) + cosine * cx - sine * cy, value(s["y"], t) + sine * cx + cosine * cy
-        )
-        return bool(piece["run_low"] <= foot <= piece["run_high"])
+        return bool(piece["run_low"] <= _foot(body, piece, a, t, s) <= piece["run_high"])
     bx, by = value(space["terms"][0], t), value(space["terms"][1], t)
     if kind == ARC_CREST:
-        return crest_on_arc(body, pieces, a, j, bx, by, value(s["phi"], t))
+        return faces_arc(body, a, bx, by) and in_cone(body, pieces, a, j, bx, by, value(s["phi"], t))
     along = body["oy"][a] * (bx - body["sx"][a]) - body["ox"][a] * (by - body["sy"][a])
     near = AT_END * body["size"]
     return bool(-near <= along <= body["length"][a] + near)
 
 
 @kernel
-def _watch_touch(
-    body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void
-) -> None:
-    """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin.
+def _watch_entry(body: np.void, piece: np.void, a: int, space: np.void) -> None:
+    """Let the step end where the foot of an arc that is under a piece comes over it: it is looked at again then."""
+    s, poly, near = space["series"], space["poly"], AT_END * body["size"]
+    foot = _foot(body, piece, a, 0.0, s)
+    side = -1.0 if foot < piece["run_low"] else 1.0
+    out = side * (foot - (piece["run_low"] if side < 0.0 else piece["run_high"]))
+    if out < near:
+        return
+    tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
+    for k in range(1, ORDER + 1):
+        poly[k] = tx * s["x"][k] + ty * s["y"][k]
+        poly[k] = side * (poly[k] + (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k])
+    poly[0] = out
+    look(space, 0, NOTHING, 0, 0)
 
-    A pair that is inside each other without touching, because it has just come into each other's reach, touches at once
-    where it closes.
+
+@kernel
+def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void) -> None:
+    """Look at a pair that is closed without touching, because it has come into each other's reach inside each other.
+
+    It touches at once if it closes, or else it is looked at again when it does.
     """
-    poly, event, near = space["poly"], space["event"], SAME_PLACE * body["size"]
+    poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
+    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
+    piece, reached = pieces[j], _in_reach(body, pieces, kind, a, j, 0.0, space)
+    if kind == ARC_PIECE and reached and gap < -near:  # a foot at a crest is about to leave, or has just left
+        foot, margin = _foot(body, piece, a, 0.0, space["series"]), AT_END * body["size"]
+        reached = piece["run_low"] + margin < foot < piece["run_high"] - margin
+    if not reached:
+        if kind == ARC_PIECE:
+            _watch_entry(body, piece, a, space)
+        return
+    if poly[1] < -STILL * fast or (poly[1] <= STILL * fast and poly[2] < 0.0):
+        if event["time"] > 0.0 or event["code"] == NOTHING:
+            event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, BORN, kind, a, j
+    elif poly[1] > STILL * fast:
+        for k in range(ORDER):
+            poly[k] = (k + 1) * poly[k + 1]
+        poly[ORDER] = 0.0
+        look(space, 0, NOTHING, 0, 0)
+
+
+@kernel
+def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void) -> None:
+    """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin."""
+    poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
     zeros = 0
     if gap <= near:
-        motion = space["motion"]
         fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-        closes = poly[1] < -1e-15 * fast or (poly[1] <= 1e-15 * fast and poly[2] < 0.0)
-        if closes:
-            if _in_reach(body, pieces, kind, a, j, 0.0, space) and (
-                event["time"] > 0.0 or event["code"] == NOTHING
-            ):
-                event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, BORN, kind, a, j
-            return
-        if gap < -near:
-            for k in range(ORDER):  # it is looked at again when it closes
-                poly[k] = (k + 1) * poly[k + 1]
-            poly[ORDER] = 0.0
-            look(space, 0, NOTHING, 0, 0)
+        opens = poly[1] > STILL * fast or (poly[1] >= -STILL * fast and poly[2] >= 0.0)
+        if gap < -near or not opens:
+            _touch_now(body, pieces, kind, a, j, gap, space)
             return
         zeros = 1 if poly[1] > 0.0 else 2
     t = first_zero(poly, event["time"], zeros, space["stack"])
@@ -100,7 +132,7 @@ def _watch_touch(
         return
     if _in_reach(body, pieces, kind, a, j, t, space):
         event["time"], event["code"], event["who"], event["side"], event["piece"] = t, BORN, kind, a, j
-    elif t > 0.0:  # from there on it is looked at anew
+    elif motion["t"] + t > motion["t"]:  # from there on it is looked at anew
         event["time"], event["code"] = t, NOTHING
 
 
@@ -176,8 +208,8 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
 
 
 @kernel
-def _nearest_feature(body: np.void, pieces: np.ndarray, j: int, bx: float, by: float, phi: float) -> tuple[float, int]:
-    """Gap [m] of a crest to the feature before which it lies nearest, and its code: an arc, or -1 less a side."""
+def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
+    """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: an arc, or -1 less a side."""
     best, code = -math.inf, 0
     for i in range(int(body["arcs"])):
         if body["length"][i] > 0.0:
@@ -187,9 +219,33 @@ def _nearest_feature(body: np.void, pieces: np.ndarray, j: int, bx: float, by: f
                 best, code = gap, -1 - i
         ex, ey = bx - body["cx"][i], by - body["cy"][i]
         gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
-        if gap > best and crest_on_arc(body, pieces, i, j, bx, by, phi):
+        if gap > best and faces_arc(body, i, bx, by):
             best, code = gap, i
     return best, code
+
+
+@kernel
+def _watch_inside(body: np.void, code: int, space: np.void) -> None:
+    """Let the step end where a crest inside the body, which nothing touches, leaves the feature nearest to it.
+
+    ``space["terms"]`` holds the series of its place in the frame of the body.
+    """
+    arcs, near, x, y, poly = int(body["arcs"]), AT_END * body["size"], space["terms"][0], space["terms"][1], space["poly"]
+    if arcs == 1:
+        return
+    for end in range(2):
+        a = -1 - code if code < 0 else code
+        edge = (a - 1) % arcs if code >= 0 and end == 0 else a
+        dx, dy = body["oy"][edge], -body["ox"][edge]
+        begin = dx * body["cx"][a] + dy * body["cy"][a]
+        if code < 0:
+            begin = dx * body["sx"][a] + dy * body["sy"][a] + (body["length"][a] if end == 1 else 0.0)
+        sign = 1.0 if end == 0 else -1.0
+        for k in range(ORDER + 1):
+            poly[k] = sign * (dx * x[k] + dy * y[k])
+        poly[0] -= sign * begin
+        if poly[0] > near:
+            look(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -228,7 +284,7 @@ def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
     far = along + (abs(dx) + abs(dy) + along) * (reach[SINE] + reach[COSINE])
     near = SAME_PLACE * size
-    nearest, code = _nearest_feature(body, pieces, j, bx, by, s["phi"][0])
+    nearest, code = _nearest_feature(body, bx, by)
     if nearest > far and nearest < math.inf:
         return
     x, y, written = space["terms"][0], space["terms"][1], False
@@ -254,6 +310,8 @@ def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
             _square_distance(body["cx"][i], body["cy"][i], x, y, poly)
             poly[0] = gap * (gap + 2.0 * body["r"][i])
             _watch_touch(body, pieces, ARC_CREST, i, j, gap, space)
+    if nearest < -near and written:
+        _watch_inside(body, code, space)
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.contacts import drop, write_surface
 from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST, beyond, place, velocities
+
+SAME_NORMAL: Final = 1e-9  # [rad] two normals nearer than this are one
 
 
 @kernel
@@ -53,14 +56,14 @@ def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int
     contacts, motion = space["contacts"], space["motion"]
     contact = contacts["at"][c]
     kind, a, j = _next_feature(body, pieces, motion["phi"], contact, side)
-    jumps, leaves_side = kind == SIDE_CREST and contact["kind"] == ARC_PIECE, contact["kind"] == SIDE_CREST
+    place(body, pieces, motion, contact)
     nx, ny = contact["nx"], contact["ny"]
     contact["kind"], contact["arc"], contact["piece"] = kind, a, j
     place(body, pieces, motion, contact)
     write_surface(body, space["ground"], contact)
-    if jumps:
+    if abs(nx * contact["ny"] - ny * contact["nx"]) > SAME_NORMAL:
         contact["gap_rate"], contact["slip"] = velocities(motion, contact)
-    if leaves_side and not nx * contact["nx"] + ny * contact["ny"] > 0.0:
+    if not nx * contact["nx"] + ny * contact["ny"] > 0.0:
         return False
     _merge(contacts, c)
     return True

@@ -201,15 +201,19 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
 
 
 @kernel
-def crest_on_arc(body: np.void, pieces: np.ndarray, a: int, j: int, bx: float, by: float, phi: float) -> bool:
-    """Whether a crest at a place in the frame of the body lies before an arc, and the arc before the crest.
+def faces_arc(body: np.void, a: int, bx: float, by: float) -> bool:
+    """Whether a place in the frame of the body lies within the angle of an arc, seen from its centre."""
+    return bool(abs(wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])) <= body["half"][a])
+
+
+@kernel
+def in_cone(body: np.void, pieces: np.ndarray, a: int, j: int, bx: float, by: float, phi: float) -> bool:
+    """Whether the centre of an arc lies between the normals of a crest, whose place is in the frame of the body.
 
     ``phi`` [rad] is the orientation of the body.
     """
-    ex, ey = bx - body["cx"][a], by - body["cy"][a]
-    if abs(wrap(angle_of(-ex, -ey) - body["mid"][a])) > body["half"][a]:
-        return False
+    ex, ey = body["cx"][a] - bx, body["cy"][a] - by
     s, c = sine_cosine(wrap(phi))
-    fx, fy = -(c * ex - s * ey), -(s * ex + c * ey)  # from the crest to the centre of the arc
+    fx, fy = c * ex - s * ey, s * ex + c * ey
     before, after = pieces[j - 1], pieces[j]
     return bool(fx * before["tx"] + fy * before["ty"] >= 0.0 and fx * after["tx"] + fy * after["ty"] <= 0.0)

@@ -14,11 +14,13 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
-from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place
+from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
 
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
+SLOW: Final = 1e-3  # of the speed of a fall of one size: what is VANISHING is seen on this speed at least,
+TINY: Final = 1e-12  # [m/s] and on this
 STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
 SLIGHT: Final = 1e-12  # of the forces: a mode that is violated by less holds
 SHALLOW: Final = 1e-13  # of the size: depth that decides where there is no force yet
@@ -298,14 +300,26 @@ def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choic
 
 
 @kernel
-def _spread_zeros(body: np.void, motion: np.void, contacts: np.void, choice: np.void) -> None:
-    """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
-    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), 1e-3)
+def _write_signs(motion: np.void, contacts: np.void) -> None:
+    """Write the signs of all velocities."""
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         contact["gap_sign"], contact["slip_sign"] = sign_of(contact["gap_rate"]), sign_of(contact["slip"])
     contacts["spin_sign"] = sign_of(motion["omega"])
+
+
+@kernel
+def _spread_zeros(body: np.void, slow: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
+    """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
+    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), slow)
+    _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
+    if choice["locks"] == 3 and fast > slow:  # normals have jumped: the velocities of contacts are not those of one body
+        for c in range(contacts["count"]):
+            contact = contacts["at"][c]
+            contact["gap_rate"], contact["slip"] = velocities(motion, contact)
+        _write_signs(motion, contacts)
+        find_locks(body, contacts, choice)
     if choice["locks"] == 0:
         return
     for c in range(contacts["count"]):
@@ -319,7 +333,7 @@ def _spread_zeros(body: np.void, motion: np.void, contacts: np.void, choice: np.
     small = abs(motion["omega"]) * body["size"] < VANISHING * fast and contacts["spin_sign"] != 0
     if small and depends(body, contacts, choice, SPIN, 0):
         motion["omega"], contacts["spin_sign"] = 0.0, 0
-    if choice["locks"] == 3:
+    if choice["locks"] == 3:  # no motion is left but rounding
         motion["u"] = motion["v"] = motion["omega"] = 0.0
 
 
@@ -480,7 +494,8 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     _remember(contacts, choice)
     for c in range(contacts["count"]):
         place(body, pieces, motion, contacts["at"][c])
-    _spread_zeros(body, motion, contacts, choice)
+    slow = SLOW * math.sqrt(slope.gravity * body["size"]) + TINY
+    _spread_zeros(body, slow, motion, contacts, choice)
     _list_zeros(body, contacts, choice)
     still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
     if choice["zeros"] > 0:
