@@ -21,7 +21,7 @@ from sledenv.kernel.books import (
     side_that_lies,
     stored,
 )
-from sledenv.kernel.candidates import watch_others
+from sledenv.kernel.candidates import STILL, watch_others
 from sledenv.kernel.contacts import MOST, add, drop, write_surface
 from sledenv.kernel.expansion import expand, longest_step, value
 from sledenv.kernel.features import pass_on
@@ -42,8 +42,9 @@ from sledenv.kernel.records import (
 )
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
-SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long
+SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
 FASTER: Final = 8.0
+LARGEST: Final = 1e-4
 AHEAD: Final = 2.0  # sizes that a step of a flight goes over a profile: few pieces lie under it
 AT_SURFACE: Final = 1e-15  # of the size: a gap this small is that of a contact which has just begun
 
@@ -127,7 +128,7 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         event["time"] = math.nan
         return
     if space["stalled"] > MOST_STALLED:
-        event["time"] *= min(SMALL * FASTER ** space["forced"], 0.1)
+        event["time"] *= min(SMALL * FASTER ** space["forced"], LARGEST)
         space["forced"] += 1.0
         return
     guards.watch_contacts(body, pieces, space)
@@ -201,9 +202,13 @@ def _be_born(body: np.void, pieces: np.ndarray, limits: Limits, space: np.void) 
         return BURIED
     add(body, pieces, space, event["who"], event["side"], event["piece"])
     contact = contacts["at"][contacts["count"] - 1]
+    motion = space["motion"]
+    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
+    if abs(contact["gap_rate"]) < STILL * fast:
+        contact["gap_rate"] = 0.0
     if contacts["count"] == 1:
         contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0
-        open_rebound(body, space["motion"], contact, space["rebound"])
+        open_rebound(body, motion, contact, space["rebound"])
     part = limits.end_part
     ends = part != 0.0 and (part_of(body, contact) == part or side_that_lies(body, contacts) == part)
     return TUMBLED if ends else RUNNING
