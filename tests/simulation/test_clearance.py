@@ -39,7 +39,8 @@ def outline(body: Body, phi: float, points: int = 4000) -> Floats:
         r, x, y = record["r"][k], -record["across"][k], record["along"][k]
         places.append(np.column_stack([x - r * sine, y - r * cosine]))
     sine, cosine = (of[0] for of in directions(np.array([phi])))
-    return np.concatenate(places) @ np.array([[cosine, sine], [-sine, cosine]])
+    turned: Floats = np.concatenate(places) @ np.array([[cosine, sine], [-sine, cosine]])
+    return turned
 
 
 def sampled_height(body: Body, x: float, phi: float, slope: Slope) -> float:

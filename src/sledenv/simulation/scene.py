@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
+from sledenv.simulation.profiles import Profile, checked_profile, vertices_of
 from sledenv.simulation.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -24,7 +25,6 @@ from sledenv.simulation.rules import (
     made,
     or_absent,
 )
-from sledenv.simulation.profiles import Profile, checked_profile, vertices_of
 
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _PLACE: Rule = (lambda v: v > -math.inf, "in (-inf, inf] m")
@@ -150,14 +150,15 @@ class Zone(Checked, params.Zone):
         restitution: float | None = None,
         stiffness: float | None = None,
     ) -> Self:
-        values = checked_fields(cls, begin, end, friction, rolling_arm, corner_rolling_arm)
-        if not values[0] < values[1]:
-            raise ValueError(f"Zone.end = {values[1]!r}: must be > Zone.begin = {values[0]!r} m")
+        given = checked_fields(cls, begin, end, friction, rolling_arm, corner_rolling_arm)
+        begin, end, friction, rolling_arm, corner_rolling_arm = given
+        if not begin < end:
+            raise ValueError(f"Zone.end = {end!r}: must be > Zone.begin = {begin!r} m")
         if restitution is not None:
             restitution = checked("Zone", "restitution", restitution, RESTITUTION)
         if stiffness is not None:
             stiffness = checked("Zone", "stiffness", stiffness, POSITIVE)
-        return super().__new__(cls, *values, restitution, stiffness)
+        return super().__new__(cls, begin, end, friction, rolling_arm, corner_rolling_arm, restitution, stiffness)
 
     @property
     def row(self) -> tuple[float, ...]:
@@ -244,6 +245,13 @@ class Slope(Checked, _SlopeFields):
         for zone in self.zones:
             friction[(x >= zone.begin) & (x < zone.end)] = zone.friction
         return friction
+
+
+class SlopeTable(NamedTuple):
+    """Many slopes that have one profile."""
+
+    rows: np.ndarray  # angle, length and gravity, then the fields of zones: see :mod:`sledenv.kernel.params`
+    over: Slope  # whose profile they have
 
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
