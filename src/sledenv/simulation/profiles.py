@@ -15,8 +15,10 @@ Profile = tuple[tuple[float, float], ...]  # vertices x, y [m]
 
 MOST_VERTICES: Final = 16384
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
-STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none,
-_ROUNDED: Final = 4.0 * 2.0**-52  # and what rounding of coordinates adds, over them and times the length of a piece
+STRAIGHT: Final = (
+    1e-13  # sine of the turn of a vertex that is none, if rounding of its place does not make a larger one
+)
+_ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
 
@@ -79,9 +81,10 @@ def _numbers(given: Any) -> Floats:
             raise ValueError(f"Slope.profile has shape {given.shape}: must be (n, 2), columns x, y")
         if given.dtype.kind not in "iuf":
             raise TypeError(f"Slope.profile holds {given.dtype}: must hold numbers, columns x, y")
-        table = given.astype(float)
-        if np.isfinite(table).all():
-            return table + 0.0  # no -0.0
+        given = given.astype(float)
+        if np.isfinite(given).all():
+            return np.asarray(given + 0.0)  # no -0.0
+        given = given.tolist()
     elif not isinstance(given, tuple | list):
         raise TypeError(f"Slope.profile = {given!r}: {_PAIRS}")
     numbers = np.empty((len(given), 2))
@@ -113,8 +116,11 @@ def _turning(vertices: Floats) -> NDArray[np.bool_]:
 
 def _straight(vertices: Floats) -> NDArray[np.bool_]:
     """Whether the ground goes straight on at each vertex of shape (n, 2), up to rounding."""
-    lengths = np.r_[math.inf, np.hypot(*np.diff(vertices, axis=0).T), math.inf]
-    rounding = _ROUNDED * np.abs(vertices).max(axis=1) / np.minimum(lengths[:-1], lengths[1:])
+    along, up = np.diff(vertices, axis=0).T
+    lengths = np.r_[math.inf, np.hypot(along, up), math.inf]
+    steep = np.r_[0.0, np.abs(up) / along, 0.0]
+    rounded = np.abs(vertices[:, 1]) + np.maximum(steep[:-1], steep[1:]) * np.abs(vertices[:, 0])
+    rounding = _ROUNDED * rounded / np.minimum(lengths[:-1], lengths[1:])
     found: NDArray[np.bool_] = np.abs(_turns(vertices)) < np.maximum(STRAIGHT, rounding)
     return found
 
