@@ -112,7 +112,7 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         idle.add("length")
     absent = {name for name in PARAMETERS if name.startswith("zone_")}
     for k, zone in enumerate(slope.zones, 1):
-        absent -= {f"zone_{k}_{name}" for name, value in zone._asdict().items() if math.isfinite(value)}
+        absent -= {f"zone_{k}_{name}" for name, value in zone.given().items() if math.isfinite(value)}
     idle |= absent
     if given is None:
         return tuple(name for name in PARAMETERS if name not in idle)
