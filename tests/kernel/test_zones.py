@@ -363,9 +363,11 @@ def test_lanes_with_any_number_of_zones_are_the_descents_and_the_rides_bit_for_b
     for lane in range(20):
         edges = np.sort(rng.uniform(-0.5, 8.0, 2 * (lane % 5))).reshape(-1, 2)
         zones = [sledenv.Zone(*edge, *rng.uniform(0.0, [0.8, 0.02, 0.02])) for edge in edges]
+        if lane % 3 == 0:
+            zones = [zone._replace(restitution=rng.uniform(0.1, 0.9), stiffness=1e6) for zone in zones]
         slopes.append(sledenv.Slope(rng.uniform(0.0, 0.4), 20.0, GRAVITY, zones))
         launches.append(dropped(body, *rng.normal(0.0, [0.5, 4.0, 2.0])))
-    rows = np.full((20, 3 + 5 * 8), math.nan)
+    rows = np.full((20, 3 + 7 * 8), math.nan)
     for row, slope in zip(rows, slopes, strict=True):
         row[: len(slope.row)] = slope.row
     batch = sledenv.simulate_batch(body, SNOW, slopes, launches, chosen, keep_rebounds=True)

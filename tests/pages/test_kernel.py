@@ -113,6 +113,8 @@ def _case(rng: np.random.Generator) -> tuple[Body, ContactLaw, Slope, State, Set
     law = ContactLaw(10.0 ** rng.uniform(4.0, 7.5), rng.uniform(0.0, 0.95), friction, arm)
     edges = np.sort(rng.uniform(0.0, 8.0, 4)).tolist()
     zones = [Zone(*edges[2 * k : 2 * k + 2], rng.uniform(0.0, 0.6), arm) for k in range(rng.integers(3))]
+    own = {"restitution": rng.uniform(0.1, 1.0), "stiffness": 10.0 ** rng.uniform(4.0, 7.5)}
+    zones = [zone._replace(**own) if k == 0 else zone for k, zone in enumerate(zones)]
     slope = Slope(rng.uniform(-0.1, 0.5), rng.uniform(8.0, 15.0), zones=zones)
     phi = rng.uniform(-math.pi, math.pi)
     height = support_height(body, phi) + rng.uniform(0.01, 1.0)

@@ -564,6 +564,23 @@ def test_the_shipped_names_are_those_of_the_folder() -> None:
     assert {"sled_snow", "talus", "disc", "paper_impact"} <= set(SHIPPED)
 
 
+def test_a_zone_may_have_its_own_restitution_and_stiffness() -> None:
+    """Oracle: the zone and the row of the slope; those of the contact unless given, and then the hash is as without."""
+    zone = {"begin_m": 2, "friction": 0.1}
+    one = Scenario.model_validate(changed() | {"zones": [zone | {"restitution": 0.2, "stiffness_n_m": 1e5}]})
+    plain = Scenario.model_validate(changed() | {"zones": [zone]})
+    assert plain.hash == "d07a5ff190026ad2"
+    assert one.hash != plain.hash
+    for scenario, own in ((one, (0.2, 1e5)), (plain, (None, None))):
+        context = scenario.sample(np.random.default_rng(1))
+        (found,) = scenario.slope(context).zones
+        assert (found.restitution, found.stiffness) == own
+        np.testing.assert_array_equal(scenario.slopes(np.array([context]))[0], scenario.slope(context).row)
+    wrong = "\n".join(problems(changed() | {"zones": [zone | {"restitution": 0, "stiffness_n_m": -1}]}))
+    assert "zones.0.restitution = 0: must be a number in (0, 1]" in wrong
+    assert "zones.0.stiffness_n_m = -1: must be a number in (0, inf) N/m" in wrong
+
+
 def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
     """Oracle: the settings; a part that the body does not have is named. The rule counts in the hash if it is given."""
     content = changed(body={"kind": "sled"}) | {"ends": {"touching": "rider"}}

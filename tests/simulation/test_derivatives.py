@@ -461,6 +461,20 @@ def test_the_time_of_a_wheel_that_rolls_into_a_zone_by_begin_and_rolling_arm() -
     assert found.of_end("t", "zone_1_rolling_arm") == pytest.approx(-press / (1.5 * radius) * by_gain, rel=1e-9)
 
 
+def test_the_restitution_of_a_zone_counts_as_that_of_the_law_does() -> None:
+    """Oracle: the descent without a zone, under a law with that restitution; what a zone has not is no parameter."""
+    zone, settings = Zone(-9.0, math.inf, 0.1, 0.0, restitution=0.4), Settings(solver="rigid", max_time=3.0)
+    launch = State(0.0, 1.0, 0.3, 1.0)
+    found = sensitivity(DISC, law_of(0.8, 0.1), Slope(0.1, zones=[zone]), launch, settings, rebounds=3)
+    plain = sensitivity(DISC, law_of(0.4, 0.1), Slope(0.1), launch, settings, rebounds=3)
+    for quantity in ("t", "v_after", "omega_after"):
+        of_zone, of_law = found.of_rebounds(quantity, "zone_1_restitution"), plain.of_rebounds(quantity, "restitution")
+        np.testing.assert_allclose(of_zone, of_law, rtol=1e-6, atol=1e-9)
+    assert np.abs(of_zone).max() > 0.1
+    assert found.of_end("t", "restitution") == 0.0
+    assert "zone_1_stiffness" not in found.parameters
+
+
 def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None:
     """Oracle: tan(0.1) < 0.9: it rests at once; nothing but its place depends on anything."""
     launch = State(0.0, support_height(SEGMENT, math.pi), math.pi)

@@ -24,7 +24,15 @@ GOOD: dict[Any, dict[str, float]] = {
         "corner_rolling_arm": 0.0,
     },
     Slope: {"angle": 0.1, "length": 10.0, "gravity": 9.81},
-    Zone: {"begin": 1.0, "end": 2.0, "friction": 0.1, "rolling_arm": 1e-3, "corner_rolling_arm": 0.0},
+    Zone: {
+        "begin": 1.0,
+        "end": 2.0,
+        "friction": 0.1,
+        "rolling_arm": 1e-3,
+        "corner_rolling_arm": 0.0,
+        "restitution": 0.5,
+        "stiffness": 1e6,
+    },
     State: {"x": 0.0, "y": 1.0, "phi": 0.5, "u": 1.0, "v": -1.0, "omega": 2.0},
 }
 BELOW_ZERO = -1e-300
@@ -42,6 +50,8 @@ OUT_OF_RANGE = [
     (Zone, "friction", [BELOW_ZERO], "[0, inf)"),
     (Zone, "rolling_arm", [BELOW_ZERO], "[0, inf)"),
     (Zone, "corner_rolling_arm", [BELOW_ZERO], "[0, inf)"),
+    (Zone, "restitution", [0.0, -0.5, 1.0 + 1e-15], "(0, 1]"),
+    (Zone, "stiffness", [0.0, -1.0], "(0, inf)"),
     *((State, field, [], "a finite number") for field in State._fields),
 ]
 MAY_BE_INFINITE = {(Slope, "length"), (Zone, "end")}
@@ -76,11 +86,12 @@ def test_what_is_not_a_number_is_refused(value: Any) -> None:
 def test_the_ends_of_the_ranges_are_accepted() -> None:
     """Oracle: the ranges in the docstrings: no losses, no gravity, a slope without end."""
     assert ContactLaw(1e6, 0.0, 0.0, 0.0).corner_rolling_arm == 0.0
-    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, ())
-    assert Slope(0.1) == (0.1, math.inf, 9.81, ())
-    assert Zone(-1.0, math.inf, 0.0, 0.0) == (-1.0, math.inf, 0.0, 0.0, 0.0)
+    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, (), ())
+    assert Slope(0.1) == (0.1, math.inf, 9.81, (), ())
+    assert Zone(-1.0, math.inf, 0.0, 0.0) == (-1.0, math.inf, 0.0, 0.0, 0.0, None, None)
+    assert Zone(0.0, 1.0, 0.0, 0.0, restitution=1.0).restitution == 1.0
     assert Slope(0.1, 5.0, 9.81, [Zone(-1.0, 2.0, 0.1, 0.0), (2.0, 5.0, 0.0, 0.0, 0.0)]).zones[1].begin == 2.0
-    assert len(Slope(0.1, zones=[Zone(k, k + 1, 0.1, 0.0) for k in range(8)]).row) == 43
+    assert len(Slope(0.1, zones=[Zone(k, k + 1, 0.1, 0.0) for k in range(8)]).row) == 59
 
 
 PATCH = Zone(1.0, 2.0, 0.1, 0.0)
@@ -108,6 +119,15 @@ def test_bad_zones_are_named(zones: Any, error: type[Exception], message: str) -
     with pytest.raises(error) as caught:
         Slope(0.1, 10.0)._replace(zones=zones)
     assert message in str(caught.value)
+
+
+def test_a_row_has_nan_where_a_zone_has_nothing_of_its_own() -> None:
+    """Oracle: the fields, by hand; what is given by name leaves the others out."""
+    zone = Zone(1.0, 2.0, 0.1, 0.2, 0.3, stiffness=1e5)
+    np.testing.assert_array_equal(zone.row, [1.0, 2.0, 0.1, 0.2, 0.3, math.nan, 1e5])
+    np.testing.assert_array_equal(Slope(0.1, zones=[zone]).row, [0.1, math.inf, 9.81, *zone.row])
+    assert list(zone.given()) == ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm", "stiffness"]
+    assert eval(repr(zone)) == zone  # as one types it
 
 
 @pytest.mark.parametrize("end", [1.0, 0.5])
@@ -181,3 +201,125 @@ def test_a_restitution_outside_its_range_is_refused_by_name(value: float) -> Non
 def test_the_smallest_restitution_is_accepted() -> None:
     """Oracle: the documented range (0, 1]."""
     assert ContactLaw.from_restitution(1e-9, stiffness=1e6, friction=0.1, rolling_arm=0.0).restitution < 1e-8
+
+
+HILL = ((-1.0, 0.0), (0.0, 1.0), (2.0, 0.5))
+
+
+@pytest.mark.parametrize("given", [HILL, [list(vertex) for vertex in HILL], np.array(HILL), list(map(np.array, HILL))])
+def test_a_profile_is_pairs_of_floats_however_it_is_given(given: Any) -> None:
+    """Oracle: the pairs; equality, hash, pickle, repr and a changed field go with them."""
+    slope = Slope(0.1, 50.0, profile=given)
+    assert slope.profile == HILL
+    assert {type(number) for vertex in slope.profile for number in vertex} == {float}
+    assert slope == Slope(0.1, 50.0, profile=HILL)
+    assert hash(slope) == hash(Slope(0.1, 50.0, profile=HILL))
+    assert slope != Slope(0.1, 50.0)
+    assert slope._replace(angle=0.2).profile == HILL
+    assert eval(repr(slope)) == slope  # as one types it
+    again = pickle.loads(pickle.dumps(slope))
+    assert type(again) is Slope
+    assert again == slope
+    assert slope.row == (0.1, 50.0, 9.81)
+    assert slope.vertices.dtype == float
+    assert slope.vertices.flags.c_contiguous
+    np.testing.assert_array_equal(slope.vertices, HILL)
+
+
+def test_a_plane_has_no_vertices() -> None:
+    """Oracle: the shape that kernels take; heights of 0."""
+    for slope in (Slope(0.1), Slope(0.1, profile=[]), Slope(0.1, profile=np.empty((0, 2)))):
+        assert slope.profile == ()
+        assert slope.vertices.shape == (0, 2)
+        np.testing.assert_array_equal(slope.height_at([[1.0, 2.0]]), [[0.0, 0.0]])
+
+
+def test_heights_go_straight_from_vertex_to_vertex_and_level_beyond() -> None:
+    """Oracle: by hand."""
+    slope = Slope(0.1, profile=HILL)
+    np.testing.assert_allclose(
+        slope.height_at([-9.0, -1.0, -0.25, 0.0, 1.0, 2.0, 9.0]), [0, 0, 0.75, 1, 0.75, 0.5, 0.5]
+    )
+    assert slope.height_at(1.0).shape == ()
+
+
+BAD_PROFILES = [
+    (3.0, TypeError, "Slope.profile = 3.0: must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"),
+    ("hill", TypeError, "Slope.profile = 'hill': must be a sequence of pairs"),
+    (None, TypeError, "Slope.profile = None: must be a sequence of pairs"),
+    ({0.0: 1.0}, TypeError, "Slope.profile = {0.0: 1.0}: must be a sequence of pairs"),
+    ([(0.0, 0.0), 1.0], TypeError, "Slope.profile[1] = 1.0: must be a pair (x, y) of numbers"),
+    ([(0.0, 0.0), (1.0, 2.0, 3.0)], TypeError, "Slope.profile[1] = (1.0, 2.0, 3.0): must be a pair"),
+    ([(0.0, 0.0), (1.0, "high")], TypeError, "Slope.profile[1].y = 'high': must be a number"),
+    ([(0.0, 0.0), (1.0, True)], TypeError, "Slope.profile[1].y = True: must be a number"),
+    (np.zeros((2, 2), bool), TypeError, "Slope.profile holds bool: must hold numbers, columns x, y"),
+    (np.array([["a", "b"], ["c", "d"]]), TypeError, "Slope.profile holds <U1: must hold numbers"),
+    (np.ma.masked_array(np.array(HILL), np.zeros((3, 2), bool)), TypeError, "Slope.profile is a masked array"),
+    ([(0.0, 0.0), np.ma.masked_array([1.0, 2.0])], TypeError, "Slope.profile[1] is a masked array"),
+    (np.zeros(4), ValueError, "Slope.profile has shape (4,): must be (n, 2), columns x, y"),
+    (np.zeros((4, 3)), ValueError, "Slope.profile has shape (4, 3): must be (n, 2)"),
+    (
+        np.array([[0.0, 0.0], [1.0, np.nan]]),
+        ValueError,
+        "Slope.profile[1].y = nan: must be a finite number",
+    ),
+    ([(0.0, 0.0), (math.inf, 1.0)], ValueError, "Slope.profile[1].x = inf: must be a finite number"),
+    ([(0.0, 0.0)], ValueError, "Slope.profile holds 1: must hold no vertex, or 2 to 16384"),
+    (np.zeros((16385, 2)), ValueError, "Slope.profile holds 16385: must hold no vertex, or 2 to 16384"),
+    ([(0.0, 0.0), (0.0, 1.0)], ValueError, "Slope.profile[1].x = 0.0: must be > that of the vertex before, 0.0 m"),
+    ([(0.0, 0.0), (2.0, 1.0), (1.0, 0.0)], ValueError, "Slope.profile[2].x = 1.0: must be > that of the vertex before"),
+    ([(0.0, 0.0), (1.0, 5.7)], ValueError, "Slope.profile[1].y = 5.7: must be in [-5.67"),
+    ([(0.0, 0.0), (1.0, -5.7)], ValueError, "at most 80 degrees steep to the plane"),
+]
+
+
+@pytest.mark.parametrize(("profile", "error", "message"), BAD_PROFILES, ids=lambda value: str(value)[:40])
+def test_a_bad_profile_is_named(profile: Any, error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    with pytest.raises(error) as caught:
+        Slope(0.1, profile=profile)
+    assert message in str(caught.value)
+    with pytest.raises(error):
+        Slope(0.1)._replace(profile=profile)
+
+
+def test_the_limits_of_a_profile_are_accepted() -> None:
+    """Oracle: the ranges in the docstring; places so far apart that their squares overflow are numbers too."""
+    assert len(Slope(0.1, profile=np.column_stack([np.arange(16384), np.arange(16384) % 2])).profile) == 16384
+    assert len(Slope(0.1, profile=[(0.0, 0.0), (1.0, 5.67)]).profile) == 2
+    assert len(Slope(0.1, profile=[(-1e300, 0.0), (0.0, 1e300), (1e300, 0.0)]).profile) == 3
+
+
+def test_vertices_without_a_turn_are_left_out() -> None:
+    """Oracle: by hand: in the middle, at a level end, and all of them."""
+    assert Slope(0.1, profile=[(0, 0), (1, 0), (2, 1), (2.5, 1.5), (3, 2), (5, 2)]).profile == ((1.0, 0.0), (3.0, 2.0))
+    assert Slope(0.1, profile=[(0, 0), (1, 0), (2, 0)]).profile == ()
+    assert Slope(0.1, profile=[(0, -0.0), (1, 0)]) == Slope(0.1)
+    assert Slope(0.1, profile=[(0, 2), (1, 2), (2, 2)]).profile == ((0.0, 2.0), (2.0, 2.0))
+    assert len(Slope(0.1, profile=[(0, 0), (1, 0), (2, 2e-13), (3, 2e-13)]).profile) == 2
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.05, 5.0), st.integers(-13, 13)), min_size=1, max_size=6),
+    st.lists(st.floats(0.0, 1.0), max_size=40),
+)
+def test_how_straight_pieces_are_cut_changes_no_bit(pieces: list[tuple[float, int]], cuts: list[float]) -> None:
+    """Oracle: the profile that is not cut; what is made of a profile that was made is that profile."""
+    lengths, angles = np.array(pieces).T
+    x, y = np.r_[0.0, np.cumsum(lengths)], np.r_[0.0, np.cumsum(lengths * np.tan(0.1 * angles))]
+    whole = Slope(0.1, profile=np.column_stack([x, y]))
+    assert Slope(0.1, profile=whole.profile) == whole
+    places = np.unique(np.r_[x, -1.0 + (x[-1] + 2.0) * np.array(cuts)])
+    places = places[np.isin(places, x) | (np.abs(places[:, np.newaxis] - x).min(axis=1) > 1e-3)]
+    places = places[np.isin(places, x) | np.r_[True, np.diff(places) > 1e-3]]
+    cut = Slope(0.1, profile=np.column_stack([places, np.interp(places, x, y)]))
+    assert cut.profile == whole.profile
+
+
+def test_small_turns_add_up() -> None:
+    """Oracle: a circle whose 2,000 vertices turn by 1e-14 each: what is left out lies less than that off the rest."""
+    x = np.linspace(0.0, 1000.0, 2001)
+    arc = np.column_stack([x, 0.5e-14 * (x**2 - 1000.0 * x)])
+    slope = Slope(0.1, profile=arc)
+    assert 2 <= len(slope.profile) < 2001
+    assert np.abs(slope.height_at(x) - arc[:, 1]).max() < 2e-11

@@ -74,6 +74,7 @@ slopes = st.builds(
     st.sampled_from([math.inf, 2.0]),
     st.sampled_from([9.81, 9.81, 0.0]),
     st.just(()),
+    st.just(()),
 )
 velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
 spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
@@ -917,27 +918,41 @@ BAD_BATCHES = [
     ({"slope": [INCLINE, 3]}, TypeError, "slope holds object: must hold numbers, columns angle, length, gravity"),
     ({"slope": [INCLINE, tuple(INCLINE)]}, TypeError, "slope holds object: must hold numbers"),
     ({"slope": np.zeros((2, 4))}, ValueError, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
-    ({"slope": np.zeros((2, 9))}, ValueError, "slope has shape (2, 9): must be (N, 8), columns angle, length, gravity"),
-    ({"slope": np.tile([0.1, 10.0, 9.81] + [math.nan] * 45, (2, 1))}, ValueError, "slope has columns of 9 zones"),
     (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, -0.1, 0.0, 0.0)]},
+        {"slope": np.zeros((2, 11))},
+        ValueError,
+        "slope has shape (2, 11): must be (N, 10), columns angle, length, gravity",
+    ),
+    ({"slope": np.tile([0.1, 10.0, 9.81] + [math.nan] * 63, (2, 1))}, ValueError, "slope has columns of 9 zones"),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, -0.1, 0.0, 0.0, math.nan, math.nan)]},
         ValueError,
         "slope[1].zones[0].friction = -0.1: must be in [0, inf)",
     ),
     (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, math.nan, 0.0, 0.0)]},
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, math.nan, 0.0, 0.0, 0.5, 1e6)]},
         ValueError,
         "slope[1].zones[0].friction = nan: must be in [0, inf)",
     ),
     (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 2.0, 1.0, 0.1, 0.0, 0.0)]},
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 2.0, 1.0, 0.1, 0.0, 0.0, 0.5, 1e6)]},
         ValueError,
         "slope[1].zones[0].end = 1.0: must be > its begin",
     ),
     (
-        {"slope": [(0.1, 10.0, 9.81, 1.0, 3.0, 0.1, 0.0, 0.0, 2.0, 4.0, 0.1, 0.0, 0.0), INCLINE]},
+        {"slope": [(0.1, 10.0, 9.81, 1.0, 3.0, 0.1, 0.0, 0.0, 0.5, 1e6, 2.0, 4.0, 0.1, 0.0, 0.0, 0.5, 1e6), INCLINE]},
         ValueError,
         "slope[0].zones[1].begin = 2.0: must be >= the end of the zone before",
+    ),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, 1.5, 1e6)]},
+        ValueError,
+        "slope[1].zones[0].restitution = 1.5: must be in (0, 1]",
+    ),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, math.nan, 0.0)]},
+        ValueError,
+        "slope[1].zones[0].stiffness = 0.0: must be in (0, inf)",
     ),
     ({"body": [DISC] * 3}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
     ({"body": np.array([DISC_ROW] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),

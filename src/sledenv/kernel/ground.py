@@ -1,4 +1,4 @@
-"""The ground along a slope: friction and rolling arms, and zones that have their own; docs/physics.md, section 11."""
+"""The surface along a slope: that of the law, and zones that have their own; docs/physics.md, section 11."""
 
 from __future__ import annotations
 
@@ -23,17 +23,22 @@ GROUND: Final = np.dtype(
         ("corner_arm", "f8", (PIECES,)),  # [m] and of corners
         ("closing", "f8", (PIECES,)),  # [N/m] stiffness of compliant surfaces while a gap closes
         ("opening", "f8", (PIECES,)),  # [N/m] and while it opens
+        # Of a contact that begins on it; NaN where they are those of the law.
+        ("restitution", "f8", (PIECES,)),  # [-]
+        ("stiffness", "f8", (PIECES,)),  # [N/m]
     ]
 )
 
 
 @kernel
-def _lay(ground: np.void, begin: float, friction: float, arc_arm: float, corner_arm: float) -> None:
-    """Add a piece."""
+def _lay(ground: np.void, begin: float, friction: float, arc_arm: float, corner_arm: float) -> int:
+    """Add a piece, whose restitution and stiffness are those of the law, and return its number."""
     piece = int(ground["count"])
     ground["begin"][piece], ground["friction"][piece] = begin, friction
     ground["arc_arm"][piece], ground["corner_arm"][piece] = arc_arm, corner_arm
+    ground["restitution"][piece] = ground["stiffness"][piece] = math.nan
     ground["count"] += 1.0
+    return piece
 
 
 @kernel
@@ -46,7 +51,8 @@ def lay_ground(law: Any, slope: np.ndarray, ground: np.void) -> None:
             continue
         if begin > reached:
             _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
-        _lay(ground, begin, slope[k + 2], slope[k + 3], slope[k + 4])
+        piece = _lay(ground, begin, slope[k + 2], slope[k + 3], slope[k + 4])
+        ground["restitution"][piece], ground["stiffness"][piece] = slope[k + 5], slope[k + 6]
         reached = end
     if reached < math.inf:
         _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
@@ -57,8 +63,15 @@ def lay_ground(law: Any, slope: np.ndarray, ground: np.void) -> None:
 def lay_springs(law: Any, ground: np.void) -> None:
     """Write how stiff the compliant surfaces are in each piece of a ground that has been laid."""
     for piece in range(int(ground["count"])):
-        ground["closing"][piece] = law.stiffness * (1.0 + law.asymmetry)
-        ground["opening"][piece] = law.stiffness * (1.0 - law.asymmetry)
+        stiffness, restitution = ground["stiffness"][piece], ground["restitution"][piece]
+        asymmetry = law.asymmetry
+        if not math.isnan(restitution):
+            square = restitution * restitution
+            asymmetry = (1.0 - square) / (1.0 + square)
+        if math.isnan(stiffness):
+            stiffness = law.stiffness
+        ground["closing"][piece] = stiffness * (1.0 + asymmetry)
+        ground["opening"][piece] = stiffness * (1.0 - asymmetry)
 
 
 @kernel
@@ -68,6 +81,13 @@ def piece_at(ground: np.void, x: float) -> int:
     while piece > 0 and x < ground["begin"][piece]:
         piece -= 1
     return piece
+
+
+@kernel
+def restitution_on(ground: np.void, piece: int, elsewhere: float) -> float:
+    """Restitution [-] of a contact that begins on a piece of the ground; ``elsewhere`` is that of the law."""
+    own = float(ground["restitution"][piece])
+    return elsewhere if math.isnan(own) else own
 
 
 @kernel

@@ -46,17 +46,20 @@ class Slope(NamedTuple):
 
 
 class Zone(NamedTuple):
-    """A part of a slope with friction and rolling arms of its own: docs/physics.md, section 11."""
+    """A part of a slope with a surface of its own: docs/physics.md, section 11."""
 
     begin: float  # [m] of the places x of the contact point,
     end: float  # [m] and where the zone ends; may be inf
     friction: float  # [-] f, Coulomb
     rolling_arm: float  # [m] delta of an arc
     corner_rolling_arm: float  # [m] delta of a corner
+    # Of a contact that begins in the zone; None, and NaN in a row, where they are those of the law.
+    restitution: float | None  # [-] energetic
+    stiffness: float | None  # [N/m] c
 
 
 # A row of a table of slopes has the fields of a slope, then those of its zones in their order. Where it has fewer zones
-# than another row, the rest is NaN.
+# than another row, the rest is NaN. A profile is not in it: all lanes of a batch have the same.
 SLOPE_FIELDS, ZONE_FIELDS = len(Slope._fields), len(Zone._fields)
 
 

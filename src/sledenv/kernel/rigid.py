@@ -11,7 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.compiler.trace import scalar, straight
 from sledenv.kernel import normal
 from sledenv.kernel.flat import ENDS, Side, hit_flat
-from sledenv.kernel.ground import arm_on, piece_at
+from sledenv.kernel.ground import arm_on, piece_at, restitution_on
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
 from sledenv.kernel.outline import whole_turns, within
 from sledenv.kernel.params import Incline, RigidLaw
@@ -112,12 +112,14 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
     there = v - a_2 * omega
     ends[0], ends[1], ends[2], ends[3], ends[4], ends[5] = 0.0, 0.0, point["v_n"], there, point["v_t"], omega
     settles = pressing > 0.0 and max(abs(point["v_n"]), abs(there)) < law.settle_speed
-    restitution = 0.0 if settles else law.restitution
+    ground = space["ground"]
+    piece_1, piece_2 = int(point["piece"]), piece_at(ground, contact["x"] - a_2)
+    # Ends in two zones have the larger one, so that the mirror image agrees.
+    bouncing = max(restitution_on(ground, piece_1, law.restitution), restitution_on(ground, piece_2, law.restitution))
+    restitution = 0.0 if settles else bouncing
     if settles and a_1 * a_2 < 0.0:
         _lie_down(body, v, b, space)
     elif min(point["v_n"], there) < 0.0:
-        ground = space["ground"]
-        piece_1, piece_2 = int(point["piece"]), piece_at(ground, contact["x"] - a_2)
         side = Side(
             body["mass"],
             1.0 / body["inertia"],
@@ -142,7 +144,7 @@ def _strike_flat(body: np.void, law: RigidLaw, pressing: float, other: int, flat
             contact["count"] = 2.0
         else:
             change_point(body, other, contact, point)
-            point["piece"], point["v_n"] = piece_at(space["ground"], contact["x"] - a_2), 0.0
+            point["piece"], point["v_n"] = piece_2, 0.0
     return RUNNING if point["v_n"] == 0.0 else SEPARATED
 
 
@@ -177,7 +179,8 @@ def _strike_once(body: np.void, law: RigidLaw, slope: Incline, a: float, b: floa
         if flat:  # neither end lies below the slope
             contact["phi"] += (body["high"][arc] if rises else body["low"][arc]) - _local(body, contact, arc)
         return _strike_flat(body, law, pressing, other, flat, space)
-    restitution = softened(law.restitution, law.settle_speed, point["v_n"], pressing)
+    bouncing = restitution_on(space["ground"], int(point["piece"]), law.restitution)
+    restitution = softened(bouncing, law.settle_speed, point["v_n"], pressing)
     if _hit(body, a, b, restitution, space) > MOST_PHASES:
         return STEP_BUDGET
     return SEPARATED if point["v_n"] > 0.0 else RUNNING

@@ -18,8 +18,8 @@ def plain_setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[
 
 
 def plain_slope(slope: Slope) -> dict[str, Any]:
-    """Return the fields of a slope, zones as dicts."""
-    return slope._asdict() | {"zones": [zone._asdict() for zone in slope.zones]}
+    """Return the fields of a slope, zones as dicts of what each has."""
+    return slope._asdict() | {"zones": [zone.given() for zone in slope.zones]}
 
 
 def _plain_body(body: Body) -> dict[str, Any]:

@@ -107,21 +107,21 @@ def descent_input(
     Returns
     -------
     dict
-        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, ``slope`` with its ``zones``, ``launch``,
-        ``limits``, ``solver``.
+        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, ``slope`` with its ``zones`` and ``profile``,
+        ``launch``, ``limits``, ``solver``.
 
     Raises
     ------
     TypeError, ValueError
         As :func:`sledenv.simulate`.
     """
-    body, law, slope, launch, touching = checked_descent(body, law, slope, launch, settings)
+    body, law, slope, launch, touching, _ = checked_descent(body, law, slope, launch, settings)
     record = body.record[0]
     arcs = [{name: float(record[name][k]) for name in GIVEN} for k in range(int(record["count"]))]
     given = {
         "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
         "law": touching._asdict(),
-        "slope": {**dict(zip(Slope._fields, slope, strict=False)), "zones": [zone._asdict() for zone in slope.zones]},
+        "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
         "launch": launch._asdict(),
         "limits": limits_of(body, settings)._asdict(),
         "solver": settings.solver,

@@ -212,7 +212,7 @@ def told_setting(
         "body": body,
         "values": values,
         "law": law._asdict(),
-        "slope": slope._asdict() | {"zones": [zone._asdict() for zone in slope.zones]},
+        "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
         "launch": launch._asdict(),
         "marks": [mark._asdict() for mark in marks],
     }

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from sledenv.kernel.records import Mode
 from sledenv.pages.tables import aligned
 from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import AnyLaw, Slope, State, Zone
-from sledenv.simulation.support import support_height
+from sledenv.simulation.support import within_a_turn
 
 
 def part_name(body: Body, code: int) -> str:
@@ -46,7 +49,8 @@ def quantity(value: float, unit: str) -> str:
 
 def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
-    clearance = launch.y - support_height(body, launch.phi)
+    place, phi = np.array([launch.x]), within_a_turn(np.array([launch.phi]))
+    clearance = launch.y - float(resting_heights(body.record, place, phi, slope.vertices)[0])
     arm = f"rolling arm {law.rolling_arm:.4g} m"
     if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
@@ -56,15 +60,26 @@ def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
         f"body: {_body_words(body)}\n"
         f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
         f"friction {law.friction:.3f}, {arm}\n"
-        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2\n{zones}"
+        f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2"
+        f"{_profile_words(slope)}\n{zones}"
         f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
         f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
     )
 
 
+def _profile_words(slope: Slope) -> str:
+    if not slope.profile:
+        return ""
+    x, y = slope.vertices.T
+    return f", profile of {len(x)} vertices from {x[0]:.4g} to {x[-1]:.4g} m, heights {y.min():.4g} to {y.max():.4g} m"
+
+
 def _zone_words(zone: Zone) -> str:
     end = f"to {zone.end:.4g} m" if math.isfinite(zone.end) else "on"
-    return f"zone: from {zone.begin:.4g} m {end}, friction {zone.friction:.3g}, rolling arm {zone.rolling_arm:.4g} m"
+    words = f"zone: from {zone.begin:.4g} m {end}, friction {zone.friction:.3g}, rolling arm {zone.rolling_arm:.4g} m"
+    if zone.restitution is not None:
+        words += f", restitution {zone.restitution:.3f}"
+    return words if zone.stiffness is None else f"{words}, stiffness {quantity(zone.stiffness, 'N/m')}"
 
 
 def _has_corners(body: Body) -> bool:

@@ -153,12 +153,15 @@ class Scenario(Document):
     def hash(self) -> str:
         """Identity of what is simulated, 16 hex digits: words about it, such as title, sources and tags, do not count.
 
-        Neither does a section, or a key of ``control``, that is not given, nor a rule of ``ends`` that is off.
+        Neither does a section, a key of ``control``, or a restitution or stiffness of a zone that is not given, nor a
+        rule of ``ends`` that is off.
         """
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
         content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
-        content["zones"] = content["zones"] or None
+        own = "restitution", "stiffness_n_m"
+        zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
+        content["zones"] = list(zones) or None
         content["slope"] = {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
@@ -300,7 +303,7 @@ class Scenario(Document):
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the slopes of contexts of shape (N, 11): columns are the fields of Slope, then those of each zone."""
         begin, friction = contexts[:, _ZONE], contexts[:, _ZONE + 1]
-        zones = [field for zone in self._zones(begin, friction) for field in zone]
+        zones = [math.nan if field is None else field for zone in self._zones(begin, friction) for field in zone]
         return _rows(len(contexts), (*self._slope(contexts[:, 0]), *zones))
 
     def _zones(self, begin: Any, friction: Any) -> list[tuple[Any, ...]]:
@@ -316,6 +319,8 @@ class Scenario(Document):
                     friction if drawn else zone.friction[0],
                     arm if zone.rolling_arm_m is None else zone.rolling_arm_m,
                     corner_arm if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m,
+                    zone.restitution,
+                    zone.stiffness_n_m,
                 )
             )
         return zones

@@ -191,13 +191,15 @@ class SlopeSection(Section):
 
 
 class ZoneSection(Section):
-    """A part of the slope with friction and rolling arms of its own, along the places of the contact point."""
+    """A part of the slope with a surface of its own, along the places of the contact point."""
 
     begin_m: Annotated[Pair, Range("[0, inf) m")]
     end_m: Annotated[float | None, Quantity("(0, inf) m")] = None  # without one it goes on in the run-out
     friction: Annotated[Pair, Range("[0, inf)")]
     rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # that of the contact by default
     corner_rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None
+    restitution: Annotated[float | None, Quantity("(0, 1]")] = None  # of contacts that begin in the zone
+    stiffness_n_m: Annotated[float | None, Quantity("(0, inf) N/m")] = None
 
     @field_validator("end_m")
     @classmethod

@@ -14,14 +14,16 @@ from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import SLOPE_FIELDS, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
-from sledenv.simulation.rules import checked_rows, made
-from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, State, Zone, kind_of, restitution_of
+from sledenv.simulation.clearance import resting_heights
+from sledenv.simulation.profiles import crests, level_at, vertices_of
+from sledenv.simulation.rules import checked_rows, made, or_absent
+from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, SlopeTable, State, Zone, kind_of, restitution_of
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.support import support_height, support_heights, within_a_turn
+from sledenv.simulation.support import within_a_turn
 
 Bodies = Body | Sequence[Body] | np.ndarray
 Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
-Slopes = Slope | Sequence[Slope] | np.ndarray
+Slopes = Slope | Sequence[Slope] | np.ndarray | SlopeTable
 
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
@@ -35,6 +37,7 @@ class CheckedDescent(NamedTuple):
     slope: Slope
     launch: State
     touching: Law  # as the kernel follows it
+    vertices: np.ndarray  # of the profile, shape (n, 2)
 
 
 def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settings: Settings) -> CheckedDescent:
@@ -46,12 +49,14 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
         Naming the argument or its field, the value and the allowed range.
     """
     body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
-    launch = _admitted(body, slope, made("launch", State, launch))
+    launch, vertices = made("launch", State, launch), slope.vertices
     _check_solver(type(law), settings.solver)
+    _check_ground("body", "Slope", body.record, np.array([slope.length]), vertices, settings.solver)
+    launch = _admitted(body, slope, launch, vertices)
     touching: Law = law
     if settings.solver == "rigid":
         touching = RigidLaw._make(map(float, _stiff_limit(body.size, law, slope, settings.settle_speed)))
-    return CheckedDescent(body, law, slope, launch, touching)
+    return CheckedDescent(body, law, slope, launch, touching, vertices)
 
 
 def limits_of(body: Bodies, settings: Settings) -> Limits:
@@ -90,6 +95,7 @@ class CheckedLanes(NamedTuple):
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
+    vertices: np.ndarray  # of the profile that all of them have, shape (n, 2)
 
     def like(self) -> Law:
         """Return any law of the kind."""
@@ -115,14 +121,15 @@ def checked_lanes(
     _check_solver(kind, settings.solver)
     bodies = records_of(body, len(launches))
     laws = _rows("law", kind, law, len(launches))
-    slopes = _rows_of_slopes(slope, len(launches))
+    slopes, vertices = _rows_of_slopes(slope, len(launches)), _vertices_of_all(slope)
     rigid = settings.solver == "rigid"
     if rigid:
         columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T[:SLOPE_FIELDS])
         laws = np.stack(np.broadcast_arrays(*_stiff_limit(bodies["size"], *columns, settings.settle_speed)), axis=-1)
     checked_rows("launches[{lane}]", State, launches)
-    _admit("launches[{lane}]", bodies, slopes, launches)
-    return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches)
+    _check_ground("body[{lane}]", "slope[{lane}]", bodies, slopes[:, 1], vertices, settings.solver)
+    _admit("launches[{lane}]", bodies, slopes, launches, vertices)
+    return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches, vertices)
 
 
 def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
@@ -182,9 +189,11 @@ def _has_flag(given: Any) -> bool:
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
-    """Rows of one or of N slopes with their zones, shape (1 or N, 3 + 5 zones); see :mod:`sledenv.kernel.params`."""
+    """Rows of one or of N slopes with their zones, shape (1 or N, 3 + 7 zones); see :mod:`sledenv.kernel.params`."""
     if isinstance(given, Slope):
         return np.array([given.row])
+    if isinstance(given, SlopeTable):
+        given = given.rows
     _check_rows("slope", Slope, given, lanes)
     fields = params.Slope._fields
     if isinstance(given, np.ndarray):
@@ -203,9 +212,28 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     return rows
 
 
+def _vertices_of_all(given: Slopes) -> np.ndarray:
+    """Vertices of the profile of one or of N slopes, which must have the same."""
+    if isinstance(given, Slope):
+        return given.vertices
+    if isinstance(given, SlopeTable):
+        return given.over.vertices
+    profiles = [] if isinstance(given, np.ndarray) else [one.profile if isinstance(one, Slope) else () for one in given]
+    for lane, profile in enumerate(profiles):
+        if profile is not profiles[0] and profile != profiles[0]:
+            raise ValueError(f"slope[{lane}].profile: must be that of slope[0], as all lanes have one profile")
+    return vertices_of(profiles[0] if profiles else ())
+
+
 def _width(row: Any) -> int:
     """Columns of a row of numbers; 0 of anything else."""
     return len(row) if isinstance(row, tuple | list) or (isinstance(row, np.ndarray) and row.ndim == 1) else 0
+
+
+class _ZoneOfTable(params.Zone):
+    """A zone as rows have it: NaN for None."""
+
+    rules = (*Zone.rules, *map(or_absent, Zone.optional_rules))
 
 
 def _check_zones(zones: np.ndarray) -> None:
@@ -214,8 +242,8 @@ def _check_zones(zones: np.ndarray) -> None:
     for k in range(zones.shape[1]):
         absent = np.isnan(zones[:, k]).all(axis=-1)
         begin, end, *_ = zones[:, k].T
-        given = np.where(absent[:, np.newaxis], (0.0, 1.0, 0.0, 0.0, 0.0), zones[:, k])
-        checked_rows(f"slope[{{lane}}].zones[{k}]", Zone, given)
+        given = np.where(absent[:, np.newaxis], (0.0, 1.0, 0.0, 0.0, 0.0, np.nan, np.nan), zones[:, k])
+        checked_rows(f"slope[{{lane}}].zones[{k}]", _ZoneOfTable, given)
         for wrong, field, what in (
             (begin < reached, 0, "must be >= the end of the zone before"),
             (end <= begin, 1, "must be > its begin"),
@@ -241,16 +269,52 @@ def _stiff_limit(size: Any, law: Any, slope: Any, settle_speed: float | None) ->
     )
 
 
-def _admitted(body: Body, slope: Slope, launch: State) -> State:
+def _check_ground(
+    body: str, slope: str, bodies: np.ndarray, lengths: np.ndarray, vertices: np.ndarray, solver: str
+) -> None:
+    """Refuse what cannot be simulated over a profile, of one or of N bodies and lengths [m] of slopes.
+
+    Raises
+    ------
+    ValueError
+        For rigid surfaces, for a body with a sharp corner where there are crests, and where the finish lies within the
+        size of the body of a piece that is not level; ``{lane}`` in ``body`` and ``slope`` becomes the number.
+    """
+    if not len(vertices):
+        return
+    if solver != "compliant":
+        raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
+    if crests(vertices).any():
+        listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
+        # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
+        sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
+        if sharp.any():
+            raise ValueError(
+                f"{body.format(lane=int(np.argmax(sharp)))} has a sharp corner: all arcs must have a radius > 0 where "
+                "the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
+            )
+    sizes, lengths = np.broadcast_arrays(bodies["size"], lengths)
+    sloping, level = level_at(lengths, sizes, vertices)
+    if not level.all():
+        lane = int(np.argmin(level))
+        begin, end = vertices[sloping[lane] : sloping[lane] + 2, 0].tolist()
+        raise ValueError(
+            f"{slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from where the "
+            f"profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, {float(sizes[lane])!r} m: "
+            "the speed along the plane says little there"
+        )
+
+
+def _admitted(body: Body, slope: Slope, launch: State, vertices: np.ndarray) -> State:
     """Return one launch as :func:`_admit` does many."""
     if not math.isfinite(sum(launch)):  # as that of an outcome may be
         launch = State(*launch)
     x, y, phi, *rates = launch
     if abs(phi) > math.pi:
         phi = float(within_a_turn(np.array(phi)))
-    lowest = support_height(body, phi)
+    lowest = float(resting_heights(body.record, np.array([x]), np.array([phi]), vertices)[0])
     if y - lowest < -_SURFACE * body.size:
-        raise _below("State", y, phi, lowest)
+        raise _below("State", x, y, phi, lowest)
     if x >= slope.length:
         raise _beyond("State", x, slope.length)
     if y >= lowest and phi == launch.phi:
@@ -258,7 +322,7 @@ def _admitted(body: Body, slope: Slope, launch: State) -> State:
     return State(x, y if y >= lowest else lowest, phi, *rates)
 
 
-def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndarray) -> None:
+def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndarray, vertices: np.ndarray) -> None:
     """Take whole turns off launches, shape (N, 6), in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.
@@ -271,11 +335,11 @@ def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndar
     x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
     if (np.abs(phi) > np.pi).any():
         phi[:] = within_a_turn(phi)
-    lowest = support_heights(bodies, phi)
+    lowest = resting_heights(bodies, x, phi, vertices)
     below = y - lowest < -_SURFACE * bodies["size"]
     if below.any():
         i = int(np.argmax(below))
-        raise _below(owner.format(lane=i), float(y[i]), float(phi[i]), float(lowest[i]))
+        raise _below(owner.format(lane=i), float(x[i]), float(y[i]), float(phi[i]), float(lowest[i]))
     beyond = x >= slopes[:, 1]
     if beyond.any():
         i = int(np.argmax(beyond))
@@ -283,10 +347,10 @@ def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndar
     y[:] = np.where(y >= lowest, y, lowest)
 
 
-def _below(owner: str, y: float, phi: float, lowest: float) -> ValueError:
+def _below(owner: str, x: float, y: float, phi: float, lowest: float) -> ValueError:
     return ValueError(
-        f"{owner}.y = {y!r}: the launch lies below the surface; at phi = {phi!r} rad the mass centre must be at "
-        f"y >= {lowest!r} m"
+        f"{owner}.y = {y!r}: the launch lies below the surface; at x = {x!r} m and phi = {phi!r} rad the mass centre "
+        f"must be at y >= {lowest!r} m"
     )
 
 

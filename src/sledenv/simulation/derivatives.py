@@ -19,7 +19,7 @@ from sledenv.simulation.scene import Slope, State, Zone
 Floats = NDArray[np.float64]
 
 LAUNCH: Final = State._fields
-OF_ZONE: Final = dict(zip(Zone._fields, ("m", "m", "", "m", "m"), strict=True))
+OF_ZONE: Final = dict(zip(Zone._fields, ("m", "m", "", "m", "m", "", "N/m"), strict=True))
 PARAMETERS: Final = {
     **dict(zip(LAUNCH, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True)),
     "restitution": "",

@@ -37,6 +37,7 @@ class Tables(NamedTuple):
     laws: Any
     slopes: Any
     launches: Any
+    vertices: np.ndarray  # of the profile, shape (n, 2), the same for all
 
 
 def num_threads() -> int:
@@ -66,7 +67,8 @@ def follower(
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
     space, logs = new(SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
-    run, lane = run_lanes(tables.like).prepared(*tables, trims, flights, logs, trajectory, space), space["lane"]
+    *given, _ = tables  # the last one, the vertices of the profile, is not given to the kernel yet
+    run, lane = run_lanes(tables.like).prepared(*given, trims, flights, logs, trajectory, space), space["lane"]
 
     def follow(first: int, last: int) -> None:
         lane[0] = first

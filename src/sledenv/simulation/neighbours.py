@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
 from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, segment, segment_records
+from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.derivatives import (
     END_QUANTITIES,
     LAUNCH,
@@ -20,11 +21,12 @@ from sledenv.simulation.derivatives import (
     natural_units,
 )
 from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.profiles import level_at
 from sledenv.simulation.rules import RESTITUTION
-from sledenv.simulation.scene import ContactLaw, Slope, asymmetry_of, zones_allowed
+from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, asymmetry_of, zones_allowed
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate_blocks
-from sledenv.simulation.support import support_heights, within_a_turn
+from sledenv.simulation.support import within_a_turn
 
 SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: changes that are looked at
@@ -101,13 +103,15 @@ class Neighbours:
         natural = natural_units(descent.body, descent.slope, descent.launch)
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
         zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
-        halves = ("stiffness", "length", "gravity", "mass", "inertia")
+        zones = [(f"zone_{k}_{name}", scale) for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()]
+        halves = ["stiffness", "length", "gravity", "mass", "inertia"]
+        halves += [f"zone_{k}_stiffness" for k in range(1, MOST_ZONES + 1)]
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
             **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
             **dict.fromkeys(("rolling_arm", "corner_rolling_arm", "radius", "eccentricity"), natural[0]),
+            **dict(zones),
             **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
-            **{f"zone_{k}_{name}": scale for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()},
         }
 
     def rounded(self, steps: Floats) -> Floats:
@@ -142,8 +146,11 @@ class Neighbours:
         if segments:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
-        heights = support_heights(self.records(bodies[found]), within_a_turn(launches[found, 2]))
+        records, vertices = self.records(bodies[found]), self.descent.slope.vertices
+        heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), vertices)
         fine[found] = launches[found, 1] >= heights
+        if len(vertices):
+            fine[found] &= level_at(slopes[found, 1], records["size"], vertices)[1]
         return fine
 
     def room(self) -> Floats:
@@ -162,7 +169,8 @@ class Neighbours:
         """Simulate descents that differ by a change of one parameter each."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        blocks = simulate_blocks(self.bodies(bodies), laws, slopes, launches, self.settings, block=block)
+        table = SlopeTable(slopes, self.descent.slope)
+        blocks = simulate_blocks(self.bodies(bodies), laws, table, launches, self.settings, block=block)
         parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         turned = launches[:, 2] - within_a_turn(launches[:, 2])  # whole turns that simulations take off

@@ -68,7 +68,7 @@ class Ride:
         self.settings = checked_settings(settings)
         checked_choice("record", record, RECORDS)
         given = checked_descent(body, law, slope, launch, self.settings)
-        self.body, self.law, self.slope, self.launch, self._touching = given
+        self.body, self.law, self.slope, self.launch, self._touching, self._vertices = given
         self._limits = limits_of(self.body, self.settings)
         self.rotor_inertia = None
         if rotor_inertia is not None:
@@ -160,7 +160,7 @@ class Ride:
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
         law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch)
+        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch, self._vertices)
         trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
         follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
@@ -210,7 +210,7 @@ class RideBatch:
         lanes = len(given.launches)
         self._like, self._bodies = given.like(), given.bodies.copy()  # one for all lanes, or one a lane
         self._laws = np.empty((lanes, given.laws.shape[1]))
-        self._slopes = np.empty((lanes, 0))
+        self._slopes, self._vertices = np.empty((lanes, 0)), given.vertices
         self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
@@ -232,7 +232,7 @@ class RideBatch:
         lanes : ndarray of int, shape (n,)
             In which lanes, in [0, N), no two alike.
         law, slope, launches
-            As for :func:`sledenv.simulate_batch`, of n descents.
+            As for :func:`sledenv.simulate_batch`, of n descents. The profile is that of the other lanes.
         body : optional
             As there; those that the lanes had by default.
 
@@ -275,7 +275,8 @@ class RideBatch:
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        tables = Tables(self._like, self._limits, self._bodies, self._laws, self._slopes, self._launches)
+        rows = self._bodies, self._laws, self._slopes, self._launches
+        tables = Tables(self._like, self._limits, *rows, self._vertices)
         trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
         follow_all(tables, trimmed, self._flights, self._touched[:, np.newaxis])
         if before is not None:
@@ -326,6 +327,8 @@ class RideBatch:
     def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
         if given.kind is not type(self._like):
             raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
+        if not np.array_equal(given.vertices, self._vertices):
+            raise ValueError("slope.profile: must be that of the rides, as all lanes have one profile")
         more = given.slopes.shape[1] - self._slopes.shape[1]  # some slope has more zones than any before
         if more > 0:
             self._slopes = np.pad(self._slopes, ((0, 0), (0, more)), constant_values=np.nan)

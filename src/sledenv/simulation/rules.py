@@ -22,6 +22,12 @@ CLOSED_FRACTION: Rule = (lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
 POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
 
 
+def or_absent(rule: Rule) -> Rule:
+    """Rule of the entries of an array that may be NaN, where there is none."""
+    accepts, allowed = rule
+    return lambda v: accepts(v) | np.isnan(v), allowed
+
+
 def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     """Return ``value`` as a float, or raise an error that names field, value and allowed range.
 
@@ -88,13 +94,13 @@ def made(name: str, kind: type[_T], value: Any) -> _T:
 
 
 def checked_fields(kind: type[Any], *values: Any) -> tuple[float, ...]:
-    """Return the fields of a named tuple of floats with ``rules``, each checked."""
+    """Return the fields of a named tuple that have ``rules``, floats, each checked."""
     for value, (accepts, _) in zip(values, kind.rules, strict=True):
         if type(value) is not float or not accepts(value):
             break
     else:
         return values
-    columns = zip(kind._fields, values, kind.rules, strict=True)
+    columns = zip(ruled(kind), values, kind.rules, strict=True)
     return tuple(checked(kind.__name__, field, value, rule) for field, value, rule in columns)
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
+from sledenv.simulation.profiles import Profile, checked_profile, vertices_of
 from sledenv.simulation.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -21,6 +23,7 @@ from sledenv.simulation.rules import (
     checked,
     checked_fields,
     made,
+    or_absent,
 )
 
 _FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
@@ -108,7 +111,7 @@ def kind_of(law: Any) -> type[AnyLaw]:
 
 
 class Zone(Checked, params.Zone):
-    """A part of a slope with friction and rolling arms of its own: docs/physics.md, section 11.
+    """A part of a slope with a surface of its own: docs/physics.md, section 11.
 
     Parameters
     ----------
@@ -120,6 +123,12 @@ class Zone(Checked, params.Zone):
         Arm delta of the rolling resistance of an arc [m], >= 0.
     corner_rolling_arm : float
         The same for a corner [m], >= 0; 0 by default.
+    restitution : float, optional
+        Energetic coefficient of restitution e [-] in (0, 1] of contacts that begin in the zone; that of the contact law
+        by default.
+    stiffness : float, optional
+        Mean normal stiffness c [N/m], > 0, of contacts that begin in the zone; that of the contact law by default.
+        Surfaces of the rigid solver have none.
 
     Raises
     ------
@@ -129,14 +138,36 @@ class Zone(Checked, params.Zone):
 
     __slots__ = ()
     rules: ClassVar[tuple[Rule, ...]] = (FINITE, _PLACE, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
+    optional_rules: ClassVar[tuple[Rule, ...]] = (RESTITUTION, POSITIVE)  # of the other fields, which may be None
 
     def __new__(
-        cls, begin: float, end: float, friction: float, rolling_arm: float, corner_rolling_arm: float = 0.0
+        cls,
+        begin: float,
+        end: float,
+        friction: float,
+        rolling_arm: float,
+        corner_rolling_arm: float = 0.0,
+        restitution: float | None = None,
+        stiffness: float | None = None,
     ) -> Self:
-        values = checked_fields(cls, begin, end, friction, rolling_arm, corner_rolling_arm)
-        if not values[0] < values[1]:
-            raise ValueError(f"Zone.end = {values[1]!r}: must be > Zone.begin = {values[0]!r} m")
-        return super().__new__(cls, *values)
+        given = checked_fields(cls, begin, end, friction, rolling_arm, corner_rolling_arm)
+        begin, end, friction, rolling_arm, corner_rolling_arm = given
+        if not begin < end:
+            raise ValueError(f"Zone.end = {end!r}: must be > Zone.begin = {begin!r} m")
+        if restitution is not None:
+            restitution = checked("Zone", "restitution", restitution, RESTITUTION)
+        if stiffness is not None:
+            stiffness = checked("Zone", "stiffness", stiffness, POSITIVE)
+        return super().__new__(cls, begin, end, friction, rolling_arm, corner_rolling_arm, restitution, stiffness)
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """The fields as they are in a row of a table of slopes: NaN for None."""
+        return tuple(math.nan if field is None else field for field in self)
+
+    def given(self) -> dict[str, float]:
+        """Return the fields by name, without those that are None."""
+        return {name: field for name, field in self._asdict().items() if field is not None}
 
 
 class _SlopeFields(NamedTuple):
@@ -144,10 +175,11 @@ class _SlopeFields(NamedTuple):
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
     zones: tuple[Zone, ...]
+    profile: Profile
 
 
 class Slope(Checked, _SlopeFields):
-    """A straight incline: docs/physics.md, section 1.
+    """A straight incline, or the ground along one: docs/physics.md, section 1.
 
     Parameters
     ----------
@@ -158,8 +190,13 @@ class Slope(Checked, _SlopeFields):
     gravity : float
         Gravitational acceleration [m/s^2], >= 0.
     zones : sequence of Zone
-        Up to 8 parts with friction and rolling arms of their own, one behind the other along the slope; elsewhere
-        those of the contact law hold, and stiffness and restitution are its own everywhere. None by default.
+        Up to 8 parts with surfaces of their own, one behind the other along the slope; elsewhere that of the contact
+        law holds. None by default.
+    profile : sequence of pairs, or ndarray of shape (n, 2)
+        Vertices (x, y) [m] of the ground: y is its height over the plane of the slope, along whose outward normal it is
+        measured. From 2 to 16384, x strictly increasing, no piece between two of them steeper to the plane than 80
+        degrees. Before the first and behind the last one the ground goes on parallel to the plane. A vertex without a
+        turn is left out, so that how a straight piece is cut changes nothing. The plane itself by default.
 
     Raises
     ------
@@ -171,17 +208,36 @@ class Slope(Checked, _SlopeFields):
     __slots__ = ()
     rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
 
-    def __new__(cls, angle: float, length: float = math.inf, gravity: float = 9.81, zones: Iterable[Zone] = ()) -> Self:
+    def __new__(
+        cls,
+        angle: float,
+        length: float = math.inf,
+        gravity: float = 9.81,
+        zones: Iterable[Zone] = (),
+        profile: Sequence[Sequence[float]] | np.ndarray = (),
+    ) -> Self:
         angle, length, gravity = (
             checked("Slope", name, value, rule)
             for name, value, rule in zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
         )
-        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length))
+        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length), checked_profile(profile))
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes."""
-        return (*self[:3], *(number for zone in self.zones for number in zone))
+        """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes, without profile."""
+        return (*self[:3], *(number for zone in self.zones for number in zone.row))
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Vertices x, y [m] of the profile, a new array of shape (n, 2); (0, 2) without one."""
+        return vertices_of(self.profile)
+
+    def height_at(self, x: ArrayLike) -> np.ndarray:
+        """Height [m] of the ground over the plane of the slope at places ``x`` [m] along it, same shape."""
+        places = np.asarray(x, float)
+        if not self.profile:
+            return np.zeros(places.shape)
+        return np.asarray(np.interp(places, *self.vertices.T))
 
     def friction_at(self, x: np.ndarray, elsewhere: float) -> np.ndarray:
         """Friction [-] at places ``x`` [m] along the slope, same shape; ``elsewhere`` is that outside of the zones."""
@@ -189,6 +245,13 @@ class Slope(Checked, _SlopeFields):
         for zone in self.zones:
             friction[(x >= zone.begin) & (x < zone.end)] = zone.friction
         return friction
+
+
+class SlopeTable(NamedTuple):
+    """Many slopes that have one profile."""
+
+    rows: np.ndarray  # angle, length and gravity, then the fields of zones: see :mod:`sledenv.kernel.params`
+    over: Slope  # whose profile they have
 
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
@@ -216,7 +279,8 @@ def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
 def zones_allowed(zones: np.ndarray) -> np.ndarray:
     """Whether zones of slopes, shape (N, K, fields), are allowed behind those before them: shape (N, K)."""
     fine = np.ones(zones.shape[:2], bool)
-    for column, (accepts, _) in zip(np.moveaxis(zones, 2, 0), Zone.rules, strict=True):
+    rules = (*Zone.rules, *map(or_absent, Zone.optional_rules))
+    for column, (accepts, _) in zip(np.moveaxis(zones, 2, 0), rules, strict=True):
         fine &= accepts(column)
     fine &= zones[:, :, 0] < zones[:, :, 1]
     fine[:, 1:] &= zones[:, 1:, 0] >= zones[:, :-1, 1]

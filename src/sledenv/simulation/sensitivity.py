@@ -103,7 +103,7 @@ def _differentiated(neighbours: Neighbours, kept: int) -> Sensitivity:
 
 def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, solver: str) -> tuple[str, ...]:
     """Names of parameters, those that play a part by default."""
-    idle = {"stiffness"} if solver == "rigid" else set()
+    idle = {name for name in PARAMETERS if name.endswith("stiffness")} if solver == "rigid" else set()
     if len(body.arcs) == 1:
         idle |= {"corner_rolling_arm", "half_angle"}
     foreign = () if isinstance(body, Segment) else _OF_SEGMENTS
@@ -112,7 +112,7 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         idle.add("length")
     absent = {name for name in PARAMETERS if name.startswith("zone_")}
     for k, zone in enumerate(slope.zones, 1):
-        absent -= {f"zone_{k}_{name}" for name, value in zone._asdict().items() if math.isfinite(value)}
+        absent -= {f"zone_{k}_{name}" for name, value in zone.given().items() if math.isfinite(value)}
     idle |= absent
     if given is None:
         return tuple(name for name in PARAMETERS if name not in idle)

@@ -97,7 +97,7 @@ def simulate(
     }
     settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
     checked_choice("record", record, RECORDS)
-    body, law, slope, launch, touching = checked_descent(body, law, slope, launch, settings)
+    body, law, slope, launch, touching, vertices = checked_descent(body, law, slope, launch, settings)
     limits = limits_of(body, settings)
     rebounds = new_log(settings.max_rebounds)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
@@ -112,7 +112,7 @@ def simulate(
                 go_on()
         else:
             put_at_launch(outcomes, launch)
-            tables = Tables(touching, limits, body.record, touching, slope.row, launch)
+            tables = Tables(touching, limits, body.record, touching, slope.row, launch, vertices)
             follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         return outcome
 
@@ -146,8 +146,9 @@ class _Lanes(NamedTuple):
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
-        like, limits, *rows = self.tables
-        tables = Tables(like, limits, *(table[part] if len(table) > 1 else table for table in rows))
+        rows = {name: getattr(self.tables, name) for name in ("bodies", "laws", "slopes", "launches")}
+        own = {name: table[part] for name, table in rows.items() if len(table) > 1}  # others are of all lanes
+        tables = self.tables._replace(**own)
         put_at_launch(outcomes, tables.launches)
         follow_all(tables, ALL_HOPS, outcomes, rebounds)
         return descent_jam(outcomes, tables.bodies["mass"], tables.slopes[:, 1])
@@ -158,7 +159,7 @@ def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings
     settings = checked_settings(settings)
     given = checked_lanes(body, law, slope, launches, settings)
     limits = limits_of(body, settings)
-    return _Lanes(Tables(given.like(), limits, given.bodies, given.laws, given.slopes, given.launches))
+    return _Lanes(Tables(given.like(), limits, *given[1:]))
 
 
 def simulate_batch(
@@ -179,7 +180,9 @@ def simulate_batch(
     ----------
     body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them
         One for all lanes or one a lane. An array has the fields of a segment, of a law or of a slope in its columns:
-        shapes (N, 5), (N, 5) and (N, 3), or (N, 3 + 5 K) with the fields of K zones, NaN where a slope has fewer.
+        shapes (N, 5), (N, 5) and (N, 3), or (N, 3 + 7 K) with the fields of K zones, NaN where a slope has fewer and
+        where a zone has no restitution or stiffness of its own. All slopes must have the same profile; an array has
+        none.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
     settings : Settings, optional

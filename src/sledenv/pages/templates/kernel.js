@@ -63,7 +63,7 @@ class Kernel {
     const touching = this.#fields(kind, law, "law");
     const ends = this.#fields("Limits", most, "limits");
     const start = this.#fields("State", launch, "launch");
-    const zones = (slope.zones ?? []).flatMap((zone) => this.#fields("Zone", zone, "zone"));
+    const zones = (slope.zones ?? []).flatMap((zone) => this.#zone(zone));
     const bodies = this.#body(body);
     const slopes = this.#row([...this.#fields("Slope", slope, "slope"), ...zones]);
     const flights = this.#table("OUTCOME", 1);
@@ -104,6 +104,13 @@ class Kernel {
       if (Number.isNaN(number)) throw new TypeError(`${what}.${name} = ${values[name]}: must be a number`);
       return number;
     });
+  }
+
+  /* A zone in a row: NaN where it has no restitution or stiffness of its own. */
+  #zone(zone) {
+    const own = this.layout.tuples.Zone.map((name) => zone[name]);
+    const numbers = this.#fields("Zone", { restitution: 0, stiffness: 0, ...zone }, "zone");
+    return numbers.map((number, i) => (own[i] === undefined ? NaN : number));
   }
 
   /* Room for some records, all zero. */

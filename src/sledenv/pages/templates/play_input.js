@@ -6,6 +6,7 @@ const parsed = (text) => JSON.parse(text, (_, value) => SPECIAL.get(value) ?? va
 const E = parsed(D.exact); // numbers with all digits
 const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one]));
 const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
+const OWN = ["restitution", "stiffness"]; // which a zone may have
 
 /* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones that
    are null. A launch that is kept, to compare others with it, is in SI units. */
@@ -58,6 +59,10 @@ function problemOfZones(zones, length) {
       return `${name} ends at ${zone.end} m: must end at ${length} m, the end of the slope, or have no end`;
     for (const field of chosen.zones ? ZONE.slice(2) : [])
       if (!(zone[field] >= 0 && zone[field] <= 2)) return `${name}, ${field} = ${zone[field]}: must be from 0 to 2`;
+    if (zone.restitution !== undefined && !(zone.restitution > 0 && zone.restitution <= 1))
+      return `${name}, restitution = ${zone.restitution}: must be above 0 and at most 1`;
+    if (zone.stiffness !== undefined && !(zone.stiffness > 0 && zone.stiffness < Infinity))
+      return `${name}, stiffness = ${zone.stiffness}: must be above 0`;
     reached = zone.end;
   }
   return "";
@@ -98,7 +103,10 @@ const launchOf = () => Object.fromEntries(LAUNCH.map((name) => [name, valueOf(na
 const givenLaunch = () => (LAUNCH.some(isChanged) || chosen.body !== here().body ? null : here().launch);
 
 /* The address. */
-const zoneText = (zone) => ZONE.map((name) => (zone[name] === Infinity ? "" : zone[name])).join(",");
+const zoneText = (zone) =>
+  (OWN.some((name) => zone[name] !== undefined) ? [...ZONE, ...OWN] : ZONE)
+    .map((name) => (zone[name] === Infinity ? "" : zone[name]))
+    .join(",");
 
 function address() {
   const parts = new URLSearchParams();
@@ -128,7 +136,10 @@ function readZones(text) {
     .filter((one) => one !== "")
     .map((one) => {
       const numbers = one.split(",").map((part, i) => (part === "" ? (i === 1 ? Infinity : NaN) : Number(part)));
-      return Object.fromEntries(ZONE.map((name, i) => [name, numbers[i] ?? NaN]));
+      const own = OWN.map((name, i) => [name, numbers[ZONE.length + i]]).filter(
+        ([, value]) => value !== undefined && !Number.isNaN(value),
+      );
+      return Object.fromEntries([...ZONE.map((name, i) => [name, numbers[i] ?? NaN]), ...own]);
     });
 }
 

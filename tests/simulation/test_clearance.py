@@ -1,0 +1,110 @@
+"""The height at which a body touches the ground, against outlines of many points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.clearance import resting_heights
+from sledenv.simulation.outlines import directions
+from sledenv.simulation.scene import Slope
+from sledenv.simulation.shapes import circular_segment, polygon
+from sledenv.simulation.sleds import sled
+from sledenv.simulation.support import support_height
+
+Floats = NDArray[np.float64]
+
+BODIES = {
+    "disc": segment(2.0, 0.5, 0.1, 0.3),
+    "segment": circular_segment(2.0, 1.0, 1.0),
+    "polygon": polygon(3.0, [(0.0, 0.0), (2.0, 0.0), (2.2, 0.6), (1.0, 1.2), (-0.3, 0.5)], rounding=0.08),
+    "sharp": polygon(3.0, [(0.0, 0.0), (2.0, 0.0), (2.2, 0.6), (1.0, 1.2), (-0.3, 0.5)]),
+    "sled": sled(),
+}
+
+
+def outline(body: Body, phi: float, points: int = 4000) -> Floats:
+    """Points of an outline from the mass centre, in order, shape (N, 2)."""
+    record, places = body.record[0], []
+    for k in range(int(record["count"])):
+        low = record["begin"][k]
+        high = record["begin"][k + 1] if k + 1 < record["count"] else math.pi
+        sine, cosine = directions(np.linspace(low, high, points))
+        r, x, y = record["r"][k], -record["across"][k], record["along"][k]
+        places.append(np.column_stack([x - r * sine, y - r * cosine]))
+    sine, cosine = (of[0] for of in directions(np.array([phi])))
+    turned: Floats = np.concatenate(places) @ np.array([[cosine, sine], [-sine, cosine]])
+    return turned
+
+
+def sampled_height(body: Body, x: float, phi: float, slope: Slope) -> float:
+    """Largest height of the ground over a point of the outline, or of a vertex over the outline."""
+    places = outline(body, phi)
+    found = [float((slope.height_at(x + places[:, 0]) - places[:, 1]).max())]
+    here, there = places, np.roll(places, -1, axis=0)
+    for px, py in slope.profile:
+        over = (np.minimum(here[:, 0], there[:, 0]) <= px - x) & (np.maximum(here[:, 0], there[:, 0]) >= px - x)
+        for (x1, y1), (x2, y2) in zip(here[over], there[over], strict=True):
+            part = (px - x - x1) / (x2 - x1) if x1 != x2 else 0.5
+            found.append(py - (y1 + part * (y2 - y1)))
+    return max(found)
+
+
+@st.composite
+def slopes(draw: st.DrawFn) -> Slope:
+    """A slope with a rough profile."""
+    count = draw(st.integers(2, 12))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    pieces = 10.0 ** rng.uniform(-1.5, 0.5, count)
+    steep = np.tan(rng.uniform(-1.0, 1.0, count) * draw(st.sampled_from([0.1, 0.8, 1.39])))
+    x = np.cumsum(pieces) - 0.5 * pieces.sum()
+    return Slope(0.1, profile=np.column_stack([x, np.cumsum(steep * pieces)]))
+
+
+@settings(max_examples=300, deadline=None)
+@given(slopes(), st.sampled_from(sorted(BODIES)), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
+def test_a_body_rests_where_its_sampled_outline_does(slope: Slope, name: str, x: float, phi: float) -> None:
+    """Oracle: 4,000 points on each arc and the chords between them; nothing is missed but their bulge."""
+    body = BODIES[name]
+    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), slope.vertices)
+    assert found == pytest.approx(sampled_height(body, x, phi, slope), abs=2e-5 * body.size)
+
+
+@pytest.mark.parametrize("name", sorted(BODIES))
+@pytest.mark.parametrize("height", [0.0, -2.0, 0.7])
+def test_level_ground_carries_a_body_at_its_support_height(name: str, height: float) -> None:
+    """Oracle: the support height on a plane, and the height of the ground under the body."""
+    body, phi = BODIES[name], np.linspace(-3.1, 3.1, 41)
+    slope = Slope(0.1, profile=[(-50.0, height), (-40.0, height - 1.0), (-30.0, height)])
+    found = resting_heights(body.record, np.full(41, 3.0), phi, slope.vertices)
+    expected = [support_height(body, angle) + height for angle in phi.tolist()]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-16 * (body.size + abs(height)))
+
+
+def test_a_disc_in_a_dip_and_on_a_crest_rests_where_geometry_says() -> None:
+    """Oracle: r/cos(theta) over a dip of two slopes +-theta, r over a crest, for a disc in the middle."""
+    disc, theta = segment(2.0, 0.5, 0.0, 0.3), 0.4
+    rise = 10.0 * math.tan(theta)
+    dip, crest = (Slope(0.0, profile=[(-10.0, s * rise), (0.0, 0.0), (10.0, s * rise)]).vertices for s in (1.0, -1.0))
+    where = np.zeros(1), np.zeros(1)
+    assert resting_heights(disc.record, *where, dip)[0] == pytest.approx(0.5 / math.cos(theta), rel=1e-14)
+    assert resting_heights(disc.record, *where, crest)[0] == pytest.approx(0.5, rel=1e-14)
+
+
+def test_many_bodies_rest_where_each_alone_does() -> None:
+    """Oracle: one at a time, bit for bit, through more pairs than one block holds."""
+    x, rng = np.linspace(-20.0, 20.0, 400), np.random.default_rng(3)
+    slope = Slope(0.1, profile=np.column_stack([x, 0.3 * np.sin(x) + 0.01 * rng.uniform(size=400)]))
+    names = sorted(BODIES)
+    records = np.concatenate([BODIES[names[i % len(names)]].record for i in range(3000)])
+    places, phi = rng.uniform(-25.0, 25.0, 3000), rng.uniform(-math.pi, math.pi, 3000)
+    found = resting_heights(records, places, phi, slope.vertices)
+    for i in range(0, 3000, 7):
+        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], slope.vertices)
+        assert alone[0] == found[i]

@@ -1,0 +1,145 @@
+"""What descents over a profile are refused for, before anything is simulated."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sledenv.kernel.params import ZONE_FIELDS
+from sledenv.simulation.bodies import segment
+from sledenv.simulation.checks import Slopes, checked_descent, checked_lanes
+from sledenv.simulation.clearance import resting_heights
+from sledenv.simulation.ride import RideBatch
+from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.shapes import circular_segment, polygon
+from sledenv.simulation.simulate import simulate, simulate_batch
+
+LAW = ContactLaw(1e6, 0.5, 0.3, 0.0)
+DISC = segment(2.0, 0.5, 0.1, 0.3)
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+SHARP, ROUND = polygon(2.0, SQUARE), polygon(2.0, SQUARE, rounding=0.05)
+HILL = Slope(0.1, 20.0, profile=[(2.0, 0.0), (3.0, 0.5), (5.0, 0.0)])
+LAUNCH = State(0.0, 3.0, 0.0)
+
+
+def test_what_is_checked_has_the_vertices() -> None:
+    """Oracle: those of the slope; an array of shape (0, 2) on a plane."""
+    np.testing.assert_array_equal(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).vertices, HILL.profile)
+    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).vertices.shape == (0, 2)
+    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), HILL)]
+    for slopes in ways:
+        lanes = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
+        np.testing.assert_array_equal(lanes.vertices, HILL.profile)
+        assert lanes.slopes.shape[1] == 3
+    mixed: Any = [Slope(0.1), (0.2, 5.0, 9.81)]
+    for plane in (Slope(0.1), mixed, np.array([[0.1, 5.0, 9.81]] * 2)):
+        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).vertices.shape == (0, 2)
+
+
+@pytest.mark.parametrize("solver", ["rigid", "euler"])
+def test_a_profile_needs_compliant_surfaces(solver: Any) -> None:
+    """Oracle: the message, in one line."""
+    with pytest.raises(ValueError, match=rf"^solver = '{solver}': must be 'compliant' on a slope with a profile$"):
+        simulate(DISC, LAW, HILL, LAUNCH, solver=solver)
+    if solver == "rigid":
+        with pytest.raises(ValueError, match="solver = 'rigid': must be 'compliant' on a slope with a profile"):
+            simulate_batch(DISC, LAW, HILL, [LAUNCH], Settings("rigid"))
+
+
+@pytest.mark.parametrize("body", [SHARP, circular_segment(2.0, 1.0, 1.2)], ids=["square", "cap"])
+def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
+    """Oracle: the message, which names the remedy; nothing of a dip is refused."""
+    with pytest.raises(ValueError, match=r"^body has a sharp corner: .*polygon\(\.\.\., rounding=\.\.\.\)"):
+        checked_descent(body, LAW, HILL, LAUNCH, Settings())
+    with pytest.raises(ValueError, match=r"^body\[1\] has a sharp corner"):
+        checked_lanes([ROUND, body], LAW, HILL, [LAUNCH] * 2, Settings())
+    dip = Slope(0.1, profile=[(0.0, 2.0), (1.0, 1.0), (2.0, 2.0)])
+    with pytest.raises(ValueError, match="sharp corner"):  # whose ends are crests
+        checked_descent(body, LAW, dip, LAUNCH._replace(y=9.0), Settings())
+    level = Slope(0.1, profile=[(0.0, 2.0), (1.0, 2.0)])
+    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).vertices.shape == (2, 2)
+
+
+def test_round_corners_are_accepted() -> None:
+    """Oracle: the documented remedy; a disc that is cut straight keeps its corners at the ends of the side."""
+    for body in (ROUND, DISC):
+        checked_descent(body, LAW, HILL, LAUNCH, Settings())
+
+
+@pytest.mark.parametrize(("length", "fine"), [(1.3, True), (1.5, False), (4.0, False), (5.5, False), (5.7, True)])
+def test_the_finish_must_be_on_the_level(length: float, fine: bool) -> None:
+    """Oracle: the disc's size of .6 m from the pieces between 2 and 5 m."""
+    slope = HILL._replace(length=length)
+    if fine:
+        checked_descent(DISC, LAW, slope, LAUNCH, Settings())
+        checked_lanes(DISC, LAW, [HILL, slope], [LAUNCH] * 2, Settings())
+        return
+    with pytest.raises(ValueError, match=rf"^Slope\.length = {length}: the finish must be as far from where .* 0\.6 m"):
+        checked_descent(DISC, LAW, slope, LAUNCH, Settings())
+    with pytest.raises(ValueError, match=rf"^slope\[1\]\.length = {length}: the finish must be as far"):
+        checked_lanes(DISC, LAW, [HILL, slope], [LAUNCH] * 2, Settings())
+
+
+@pytest.mark.parametrize("other", [Slope(0.1), HILL._replace(profile=HILL.profile[:2]), (0.1, 20.0, 9.81)])
+def test_lanes_have_one_profile(other: Any) -> None:
+    """Oracle: the message, which names the lane."""
+    with pytest.raises(ValueError, match=r"^slope\[2\]\.profile: must be that of slope\[0\]"):
+        simulate_batch(DISC, LAW, [HILL, HILL, other], [LAUNCH] * 3)
+    with pytest.raises(ValueError, match=r"^slope\[2\]\.profile: must be that of slope\[0\]"):
+        RideBatch(DISC, LAW, [HILL, HILL, other], [LAUNCH] * 3)
+    rides = RideBatch(DISC, LAW, HILL, [LAUNCH] * 3)
+    with pytest.raises(ValueError, match=r"^slope\.profile: must be that of the rides"):
+        rides.launch(np.array([1]), LAW, [other], [LAUNCH])
+    rides.launch(np.array([1]), LAW, [HILL._replace(angle=0.2)], [LAUNCH])
+
+
+@pytest.mark.parametrize("x", [-3.0, 1.7, 2.5, 3.0, 4.9])
+def test_a_launch_must_not_lie_below_the_ground(x: float) -> None:
+    """Oracle: the height at which the body rests; what lies below it by rounding is lifted there."""
+    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), HILL.vertices).tolist()
+    launch = State(x, lowest, 0.0)
+    assert checked_descent(DISC, LAW, HILL, launch, Settings()).launch == launch
+    rounded = launch._replace(y=lowest - 5e-10 * DISC.size)
+    assert checked_descent(DISC, LAW, HILL, rounded, Settings()).launch == launch
+    assert checked_lanes(DISC, LAW, HILL, [rounded], Settings()).launches[0, 1] == lowest
+    below = launch._replace(y=lowest - 2e-9 * DISC.size)
+    with pytest.raises(ValueError, match=rf"^State\.y = .* lies below the surface; at x = {x} m and phi = 0\.0 rad"):
+        checked_descent(DISC, LAW, HILL, below, Settings())
+    with pytest.raises(ValueError, match=rf"^launches\[1\]\.y = .* must be at y >= {lowest} m"):
+        checked_lanes(DISC, LAW, HILL, [launch, below], Settings())
+
+
+@pytest.mark.parametrize("zones", [0, 1, 3])
+def test_rows_of_zones_hold_seven_numbers(zones: int) -> None:
+    """Oracle: the rows of the slopes; NaN for None and where a slope has fewer zones."""
+    slopes = [
+        Slope(0.1, zones=[Zone(k, k + 1.0, 0.1, 0.0, restitution=0.5) for k in range(zones)]),
+        Slope(0.1, zones=[Zone(0.0, 1.0, 0.2, 0.0, stiffness=1e5)][:zones]),
+    ]
+    rows = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings()).slopes
+    assert rows.shape == (2, 3 + ZONE_FIELDS * zones)
+    for row, slope in zip(rows, slopes, strict=True):
+        np.testing.assert_array_equal(row[: len(slope.row)], slope.row)
+        assert np.isnan(row[len(slope.row) :]).all()
+
+
+@pytest.mark.jit_only
+@pytest.mark.parametrize("body", [DISC, SHARP], ids=["disc", "flat square"])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_rigid_surfaces_have_the_restitution_of_their_zone(body: Any, angle: float) -> None:
+    """Oracle: the same descent under a law with that restitution, and without friction the approach times e."""
+    launch = State(0.0, body.size + 1.0, 0.0, 1.0)
+    smooth = ContactLaw.from_restitution(0.8, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    bouncy = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    zone = Zone(-100.0, math.inf, 0.0, 0.0, restitution=0.3)
+    options: dict[str, Any] = {"solver": "rigid", "max_time": 5.0, "max_rebounds": 8}
+    found = simulate(body, smooth, Slope(angle, zones=[zone]), launch, **options)
+    expected = simulate(body, bouncy, Slope(angle), launch, **options)
+    without = simulate(body, smooth, Slope(angle), launch, **options)
+    for name in ("t", "v_after", "omega_after"):
+        np.testing.assert_allclose(found.rebounds[name], expected.rebounds[name], rtol=1e-12, atol=1e-12)
+    assert found.rebounds["v_after"][0] != without.rebounds["v_after"][0]
