@@ -37,7 +37,7 @@ def test_columns_hold_the_fields_that_they_are_named_after() -> None:
         (rebound_columns(one), one.rebounds, REBOUND_COLUMNS),
     ):
         for field, name in names.items():
-            if field not in ("feature", "mode"):
+            if field not in ("feature", "ground", "mode"):
                 assert columns[name] == rows[field].tolist()
 
 

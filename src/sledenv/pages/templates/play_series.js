@@ -203,12 +203,12 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
   const each = (value) => rows.t.map((_, i) => value(i));
   const heights = each((i) => rows.y[i] * cosine - rows.x[i] * sine);
   const lowest = heights.reduce((low, one) => Math.min(low, one), Infinity);
-  const squeezed = (i) => (rows.feature[i] ? Math.max(rows.heights[i] - rows.y[i], 0) : 0);
+  const squeezed = (i) => rows.touches[i].reduce((sum, { depth }) => sum + depth ** 2, 0);
   const layers = {
     translation: each((i) => 0.5 * mass * (rows.u[i] ** 2 + rows.v[i] ** 2)),
     rotation: each((i) => 0.5 * inertia * rows.omega[i] ** 2),
     potential: heights.map((height) => mass * slope.gravity * (height - lowest)),
-    "stored in the contact": each((i) => 0.5 * law.stiffness * (1 + law.asymmetry) * squeezed(i) ** 2),
+    "stored in the contact": each((i) => 0.5 * law.stiffness * (1 + law.asymmetry) * squeezed(i)),
   };
   const moving = each((i) => layers.translation[i] + layers.rotation[i]);
   const lost = lossesOf(rows, rebounds, moving);
@@ -220,10 +220,10 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
 /* The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost in
    an impact of rigid surfaces, where the kinetic energy falls. */
 function lossesOf(rows, rebounds, moving) {
-  const arm = (i) => rows.x[i] - rows.places[i];
+  const sum = (i, power) => rows.touches[i].reduce((all, one) => all + power(one), 0);
   const powers = [
-    (i) => rows.normal[i] * Math.max(rows.v[i] - arm(i) * rows.omega[i], 0), // lost while the gap opens
-    (i) => Math.abs(rows.tangential[i] * (rows.u[i] + rows.heights[i] * rows.omega[i])),
+    (i) => sum(i, (one) => one.normal * Math.max(one.gap_rate, 0)), // lost while the gap opens
+    (i) => sum(i, (one) => Math.abs(one.tangential * one.slip_velocity)),
     (i) => Math.abs(rows.rolling[i] * rows.omega[i]),
   ];
   const found = D.losses.map(() => rows.t.map(() => 0));
@@ -267,7 +267,8 @@ function drawForces(i) {
   }
   const inside = rows.t.map((_, k) => k).filter((k) => rows.t[k] >= begin && rows.t[k] <= end && rows.feature[k]);
   const [times, normal, tangential] = ["t", "normal", "tangential"].map((name) => inside.map((k) => rows[name][k]));
-  const most = inside.map((k) => frictionAt(rows.places[k], given) * rows.normal[k]);
+  const boundOf = (touches) => touches.reduce((sum, one) => sum + frictionAt(one.x, given) * one.normal, 0);
+  const most = inside.map((k) => boundOf(rows.touches[k]));
   const short = end - begin < 0.5;
   const width = clamp($("forces").clientWidth, 240, 420);
   const axes = (height, label, range, bottom) =>
@@ -323,8 +324,9 @@ function tellNow(t) {
     $("contact").textContent = t >= rows.t[rows.t.length - 1] ? `the end: ${status.replace("_", " ")}` : "in flight";
     return;
   }
-  const { i, row, part, friction, normal, tangential } = push;
-  const most = friction * normal;
+  const { i, row, part, touches } = push;
+  const [normal, tangential] = ["normal", "tangential"].map((name) => touches.reduce((sum, one) => sum + one[name], 0));
+  const most = touches.reduce((sum, one) => sum + one.friction * one.normal, 0);
   const signs = row === undefined || !rows.feature[row] ? "" : motionWords(rows.slip[row], rows.spin[row]);
   const grip = most > 0 ? `, grip ${Math.min(Math.abs(tangential) / most, 1).toFixed(2)}` : "";
   const much = rebounds.duration[i] > 0 ? `force ${quantity(normal, "N")}` : `impulse ${quantity(normal, "N s")}`;
