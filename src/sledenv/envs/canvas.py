@@ -201,7 +201,7 @@ class Canvas:
                     across = 0.45 * np.array([-along[1], along[0]])
                     head = np.array([tip + 0.4 * along, tip - along + across, tip - along - across])
                     pygame.draw.polygon(self.surface, FORCE, self.points(head))
-            self.dot(*foot.tolist(), FORCE, broad)
+            self.dot(touch["x"], touch["y"], FORCE, broad)
 
     def note(self, *lines: str) -> None:
         """Write lines in the upper right corner, where the slope leaves room."""

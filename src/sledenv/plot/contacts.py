@@ -48,8 +48,8 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
     Returns
     -------
     Figure
-        Normal force, tangential force, total moment about the mass centre, kinetic energy. Where there are contacts of
-        several parts of the body, or of one with several parts of a profile, forces of each are drawn beside their sums.
+        Normal force, tangential force, total moment about the mass centre, kinetic energy. Where several parts of the
+        body touch, or one does a profile at several places, the forces of each are drawn beside their sums.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
                     ax.plot(scale * rows["t"], values, color=colour, lw=1.2)
             keys = zip(cycle(_SEVERAL), normal, strict=False)
             handles += [Line2D([], [], color=colour, lw=1.2, label=label) for colour, label in keys]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
     return figure
 
 
@@ -109,8 +109,8 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     Returns
     -------
     Figure
-        Slip velocity of each contact; friction force over its bound, F/(f N) in [-1, 1], -1 or 1 where it slips. Their
-        legend names them if they are contacts of several parts of the body or of a profile.
+        Slip velocity of each contact; friction force over its bound, F/(f N) in [-1, 1], -1 or 1 where it slips. Where
+        several parts of the body touch, or one does a profile at several places, each has its line.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
         handles: list[Artist] = [Patch(color=colour, alpha=0.18, label=label) for colour, label, _ in kinds]
         if len(curves[0]) > 1:
             handles += axes[0].get_legend_handles_labels()[0]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
         figure.align_ylabels(axes)
     return figure
 

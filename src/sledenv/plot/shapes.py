@@ -307,11 +307,10 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
     paths = []
     for rebound in begun:
         within = rows_of(rebound, rows, until)
-        touched = within["contacts"][:, 0] if len(within) else np.zeros(0)
-        if len(touched) == 0:  # without duration, or between two rows
+        if len(within) == 0:  # without duration, or between two rows
             paths.append(np.array([(rebound["x_contact"], 0.0)]))
             continue
-        path = np.stack([touched["x"], touched["y"]], axis=-1)
+        path = np.stack([within["contacts"]["x"][:, 0], within["contacts"]["y"][:, 0]], axis=-1)
         if until < rebound["t"]:
             now = touches_at(rows, until)[0]
             path = np.append(path, [(now["x"], now["y"])], axis=0)

@@ -67,6 +67,14 @@ class Axes {
     return `<polyline points="${this.points(times, values).join(" ")}" fill="none" stroke="${colour}" stroke-width="1.6"/>`;
   }
 
+  /* A line with gaps, where values are null. */
+  lines(times, values, colour) {
+    const pieces = [[]];
+    values.forEach((value, i) => (value === null ? pieces.push([]) : pieces[pieces.length - 1].push(i)));
+    const drawn = pieces.map((piece) => [times, values].map((list) => piece.map((i) => list[i])));
+    return drawn.map(([t, v]) => this.line(t, v, colour)).join("");
+  }
+
   band(times, up, down, colour) {
     const points = [...this.points(times, up), ...this.points(times, down).reverse()];
     return `<polygon points="${points.join(" ")}" fill="${colour}"/>`;
@@ -251,7 +259,28 @@ function lossesOf(rows, rebounds, moving) {
   return found;
 }
 
-/* Forces of one contact over time, the friction force within the band that friction allows. */
+/* Contacts in some rows, in lists of one for each row or null, by what touches: by_label in plot/trajectories.py. */
+function contactsByName(rows, inside) {
+  const { parts } = E.bodies[shown.input.body];
+  const profile = rows.touches.some((touches) => touches.some(({ ground }) => ground > 0));
+  const found = new Map();
+  inside.forEach((k, i) => {
+    const told = [];
+    for (const one of [...rows.touches[k]].sort((a, b) => a.x - b.x)) {
+      const label = parts[one.part - 1] + (profile ? ` on ${groundName(one.ground)}` : "");
+      told.push(label);
+      const count = told.filter((other) => other === label).length;
+      const name = count > 1 ? `${label}, ${count}` : label;
+      if (!found.has(name)) found.set(name, Array(inside.length).fill(null));
+      found.get(name)[i] = one;
+    }
+  });
+  return found;
+}
+
+/* Forces of one rebound over time, the friction force within the band that friction allows; of several contacts the sums
+   and, thinner, the forces of each. */
+const SEVERAL = ["#56b4e9", "#e69f00", "#cc79a7", "#009e73"];
 let forces = [];
 
 function drawForces(i) {
@@ -298,12 +327,24 @@ function drawForces(i) {
     most.map((value) => -value),
     "var(--cone)",
   );
+  const each = [...contactsByName(rows, inside)];
+  const colourOf = (k) => SEVERAL[k % SEVERAL.length];
+  const several = (axis, name) => {
+    if (each.length < 2) return "";
+    const lines = each.map(([, list], k) => axis.lines(times, list.map((one) => one && one[name]), colourOf(k)));
+    return `<g class="each">${lines.join("")}</g>`;
+  };
   forces = [
-    above.draw(above.frame() + above.line(times, normal, "var(--blue)")),
+    above.draw(above.frame() + above.line(times, normal, "var(--blue)") + several(above, "normal")),
     below.draw(
-      band + below.frame(`${short ? "ms" : "s"} since touchdown`) + below.line(times, tangential, "var(--red)"),
+      band +
+        below.frame(`${short ? "ms" : "s"} since touchdown`) +
+        below.line(times, tangential, "var(--red)") +
+        several(below, "tangential"),
     ),
   ];
+  const keys = each.map(([name], k) => `<span><i style="background:${colourOf(k)}"></i>${escaped(name)}</span>`);
+  if (each.length > 1) $("forces").insertAdjacentHTML("beforeend", `<div class="legend">${keys.join("")}</div>`);
 }
 
 /* What the body does at a time. */
