@@ -59,7 +59,8 @@ function touchesAt(rows, t) {
   const j = Math.min(i + 1, rows.t.length - 1);
   const step = rows.t[j] - rows.t[i];
   const [now, then] = [rows.touches[i], rows.touches[j]];
-  const same = now.length === then.length && now.every((one, k) => one.part === then[k].part && one.ground === then[k].ground);
+  const same =
+    now.length === then.length && now.every((one, k) => one.part === then[k].part && one.ground === then[k].ground);
   if (!(step > 0) || !same) return now;
   return now.map((one, k) => {
     const mixed = (name) => one[name] + ((t - rows.t[i]) / step) * (then[k][name] - one[name]);
@@ -107,7 +108,9 @@ function pushAt(t) {
     ...rest,
   });
   if (rebounds.duration[i] === 0) {
-    const [tangential, normal, x] = ["tangential_impulse", "normal_impulse", "x_contact"].map((name) => rebounds[name][i]);
+    const [tangential, normal, x] = ["tangential_impulse", "normal_impulse", "x_contact"].map(
+      (name) => rebounds[name][i],
+    );
     const one = { x, y: 0, normal_x: 0, normal_y: 1, normal, tangential, part: rebounds.feature[i], ground: 0 };
     return found([one], { largest: normal });
   }

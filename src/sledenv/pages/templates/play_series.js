@@ -331,7 +331,13 @@ function drawForces(i) {
   const colourOf = (k) => SEVERAL[k % SEVERAL.length];
   const several = (axis, name) => {
     if (each.length < 2) return "";
-    const lines = each.map(([, list], k) => axis.lines(times, list.map((one) => one && one[name]), colourOf(k)));
+    const lines = each.map(([, list], k) =>
+      axis.lines(
+        times,
+        list.map((one) => one && one[name]),
+        colourOf(k),
+      ),
+    );
     return `<g class="each">${lines.join("")}</g>`;
   };
   forces = [

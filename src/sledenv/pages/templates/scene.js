@@ -248,8 +248,7 @@ class Scene {
       const edges = [-1, 1].map((side) => this.at(...place(length / norm, (side * length * friction) / norm)));
       const foot = this.at(x, y);
       cones.push(`<polygon class="cone" points="${foot} ${edges.join(" ")}" fill="#f8ee8c"/>`);
-      for (const edge of edges)
-        forces.push(`<polyline points="${foot} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`);
+      for (const edge of edges) forces.push(`<polyline points="${foot} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`);
       if (k === 0) {
         const label = this.pixel(...place((1.07 * length) / norm, 0));
         forces.push(
