@@ -384,7 +384,8 @@ def test_force_and_cone_are_drawn_in_contact_alone(renderer: DescentRenderer, de
     image = renderer.frame(descent, peak)
     rows, columns = drawn_in(image[100:PANEL], FORCE)  # below the words
     camera = renderer.camera(descent, peak)
-    foot = camera.pixels(np.array([push.place, 0.0]))
+    (touch,) = push.touches
+    foot = camera.pixels(np.array([touch["x"], touch["y"]]))
     lean = math.atan2(push.tangential, push.normal) + descent.slope.angle
     tip = foot + 0.3 * camera.height * np.array([math.sin(lean), -math.cos(lean)])
     assert [columns[rows.argmin()], 100 + rows.min()] == pytest.approx(tip, abs=6.0)

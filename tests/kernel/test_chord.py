@@ -160,11 +160,13 @@ def test_the_corners_share_the_weight_as_the_moment_balance_says(body: Segment, 
     expected = on_chord.chord_loads(body, law, slope, speed)
     descent = simulate(body, law, slope, laid(body, speed), solver=solver, record="trajectory", max_time=0.1)
     row = rows_on_chord(descent)[-1]
-    tail, nose = row["normal_tail"], row["normal_nose"]
+    assert row["touching"] == 2
+    at = dict(zip(row["contacts"]["part"].tolist(), row["contacts"], strict=True))
+    tail, nose = at[Feature.TAIL]["normal"], at[Feature.NOSE]["normal"]
     assert (tail, nose) == pytest.approx(expected, rel=1e-12 if solver == "rigid" else 1e-7)
     assert (tail > nose) == (speed > 0.0)
-    for corner in ("tail", "nose"):
-        assert row[f"tangential_{corner}"] == pytest.approx(-math.copysign(0.3, speed) * row[f"normal_{corner}"])
+    for corner in (Feature.TAIL, Feature.NOSE):
+        assert at[corner]["tangential"] == pytest.approx(-math.copysign(0.3, speed) * at[corner]["normal"])
 
 
 @SOLVERS

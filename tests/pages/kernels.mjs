@@ -16,7 +16,7 @@ if (task === "fused") {
   for (const one of JSON.parse(fs.readFileSync(input, "utf8"))) {
     const found = kernel.descend(one);
     numbers.push(...Object.values(found.outcome), found.rebounds.t.length, found.trajectory.t.length);
-    for (const table of [found.rebounds, found.trajectory])
+    for (const table of [found.rebounds, found.trajectory, found.contacts])
       for (const column of Object.values(table)) for (const number of column) numbers.push(number);
   }
 fs.writeFileSync(output, new Uint8Array(Float64Array.from(numbers).buffer));

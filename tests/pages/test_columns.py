@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,13 @@ import sledenv
 from sledenv.command.cli import main
 from sledenv.identification.rebounds import read_rebounds
 from sledenv.identification.tracks import recordings_of
-from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS, rebound_columns, trajectory_columns
+from sledenv.pages.columns import (
+    CONTACT_COLUMNS,
+    REBOUND_COLUMNS,
+    TRAJECTORY_COLUMNS,
+    rebound_columns,
+    trajectory_columns,
+)
 from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.settings import Solver
@@ -37,8 +44,35 @@ def test_columns_hold_the_fields_that_they_are_named_after() -> None:
         (rebound_columns(one), one.rebounds, REBOUND_COLUMNS),
     ):
         for field, name in names.items():
-            if field not in ("feature", "mode"):
+            if field not in ("feature", "ground", "mode"):
                 assert columns[name] == rows[field].tolist()
+
+
+def test_each_contact_of_a_trajectory_has_its_columns() -> None:
+    """Oracle: the contacts of the descent; cells are None where there is no such contact."""
+    one = descent("compliant")
+    columns, rows = trajectory_columns(one), one.trajectory
+    assert max(columns["contacts"]) == rows["touching"].max() > 0
+    assert f"contact_{rows['touching'].max() + 1}_x_m" not in columns
+    for k in range(rows["touching"].max()):
+        there = rows["touching"] > k
+        for field, name in CONTACT_COLUMNS.items():
+            cells = columns[f"contact_{k + 1}_{name}"]
+            assert [cell is not None for cell in cells] == there.tolist()
+            if field not in ("part", "ground"):
+                assert [cell for cell in cells if cell is not None] == rows["contacts"][field][there, k].tolist()
+        parts = [one.body.parts[code - 1] for code in rows["contacts"]["part"][there, k]]
+        assert [cell for cell in columns[f"contact_{k + 1}_part"] if cell] == parts
+        assert {cell for cell in columns[f"contact_{k + 1}_ground"] if cell} == {"piece 0"}
+
+
+def test_descents_with_more_and_fewer_contacts_make_one_table() -> None:
+    """Oracle: the columns of each."""
+    one = descent("compliant")
+    brief = replace(one, trajectory=one.trajectory[:2])
+    table = sledenv.recorded_poses([brief, one])
+    assert list(table) == ["recording", *trajectory_columns(one)]
+    assert table["contact_1_x_m"][:2].isna().all()
 
 
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])

@@ -130,8 +130,8 @@ def _numbers(descent: Descent) -> Iterator[Any]:
     """All numbers of a descent, in the order in which the runner writes them."""
     yield [descent.outcome[name] for name in descent.outcome.dtype.names]
     yield [len(descent.rebounds), len(descent.trajectory)]
-    for table in (descent.rebounds, descent.trajectory):
-        yield from (table[name] for name in table.dtype.names)
+    for table in (descent.rebounds, descent.trajectory, descent.contacts):
+        yield from (table[name] for name in table.dtype.names if name != "contacts")
 
 
 def _compare(way: str, count: int, seed: int, folder: Path) -> None:

@@ -212,9 +212,11 @@ def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
 def test_contacts_begin_under_the_touching_feature(slides: Descent) -> None:
     """Oracle: the arm of the arc that touches, in the first row of the trajectory in contact."""
     rows = slides.trajectory
-    spans = shapes.contact_spans(slides)
-    assert len(spans) == len(slides.rebounds) > 2
-    for rebound, (begin, _) in zip(slides.rebounds, spans, strict=True):
+    paths = shapes.contact_paths(slides)
+    assert len(paths) == len(slides.rebounds) > 2
+    for rebound, path in zip(slides.rebounds, paths, strict=True):
+        begin = path[0, 0]
+        assert (path[:, 1] == 0.0).all()
         row = rows[np.argmin(np.abs(rows["t"] - (rebound["t"] - rebound["duration"])))]
         assert row["feature"] == rebound["feature"]
         (arc,) = (arc for arc in SEGMENT.arcs if arc.part == SEGMENT.parts[rebound["feature"] - 1])
@@ -228,34 +230,21 @@ def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, sol
     descent = descent_of(name, solver)
     assert len(descent.rebounds) > 3
     assert solver == "rigid" or len(set(descent.rebounds["feature"].tolist())) > 1
-    spans = shapes.contact_spans(descent)
-    assert spans[:, 0] == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
+    begins = [path[0, 0] for path in shapes.contact_paths(descent)]
+    assert begins == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
     push = shapes.push_at(descent, float(descent.rebounds["t_touchdown"][0]))
     assert push is not None
-    assert push.place == pytest.approx(descent.rebounds["x_contact"][0], abs=1e-6)
-
-
-def test_a_part_is_touched_where_it_lies() -> None:
-    """Oracle: a flat rod touches with its nose, with its tail, or with both, which counts as the lower one of two."""
-    codes = {part: code for code, part in enumerate(LINE.parts, 1)}
-    assert LINE.parts == ("nose", "tail", "bottom", "top")
-    for phi in (-1e-16, 0.0, 1e-16, 1e-3 - 1e-3, 2.0 * math.pi):
-        assert shapes.contact_place(LINE, 5.0, phi, codes["nose"]) == pytest.approx(5.6)
-        assert shapes.contact_place(LINE, 5.0, phi, codes["tail"]) == pytest.approx(4.4)
-    for code in (0, codes["bottom"]):
-        assert shapes.contact_place(LINE, 5.0, -0.1, code) == pytest.approx(5.0 + 0.6 * math.cos(0.1))
-        assert shapes.contact_place(LINE, 5.0, 0.1, code) == pytest.approx(5.0 - 0.6 * math.cos(0.1))
-    assert shapes.contact_place(LINE, 5.0, math.pi - 0.1, codes["top"]) == pytest.approx(5.0 + 0.6 * math.cos(0.1))
+    assert push.touches["x"][0] == pytest.approx(descent.rebounds["x_contact"][0], abs=1e-6)
 
 
 def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
     second = slides.rebounds[1]
     middle = float(second["t"] - 0.5 * second["duration"])
-    spans, whole = shapes.contact_spans(slides, middle), shapes.contact_spans(slides)
-    assert len(spans) == 2
-    assert spans[0] == pytest.approx(whole[0])
-    assert whole[1, 0] <= spans[1, 1] <= whole[1, 1]
-    assert shapes.contact_spans(slides, 0.0).shape == (0, 2)
+    paths, whole = shapes.contact_paths(slides, middle), shapes.contact_paths(slides)
+    assert len(paths) == 2
+    assert paths[0] == pytest.approx(whole[0])
+    assert whole[1][0, 0] <= paths[1][-1, 0] <= whole[1][-1, 0]
+    assert shapes.contact_paths(slides, 0.0) == []
 
 
 def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:

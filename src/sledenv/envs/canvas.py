@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -147,68 +148,73 @@ class Canvas:
         """Draw the path of the mass centre."""
         self.line(points, PATH, 1.5)
 
-    def contacts(self, spans: np.ndarray) -> None:
-        """Mark where the sled touched, from touchdown to separation."""
+    def contacts(self, paths: list[np.ndarray]) -> None:
+        """Mark where the sled touched, from touchdown to separation: each a path, shape (n, 2), NaN where it jumps."""
         import pygame
 
         wide, high = 5.0 / self.camera.scale, 9.0 / self.camera.scale
         left, right = self.sight()
-        for begin, end in np.clip(spans, left, right).tolist():
-            self.line(np.array([(begin, 0.0), (end, 0.0)]), CONTACT, 4.0)
-            mark = np.array([(begin, 0.0), (begin - wide, -high), (begin + wide, -high)])
+        for path in paths:
+            seen = np.stack([np.clip(path[:, 0], left, right), path[:, 1]], axis=-1)
+            for part in np.split(seen, np.flatnonzero(np.isnan(path[:, 0]))):
+                self.line(part[~np.isnan(part[:, 0])], CONTACT, 4.0)
+            mark = seen[0] + np.array([(0.0, 0.0), (-wide, -high), (wide, -high)])
             pygame.draw.polygon(self.surface, CONTACT, self.points(mark))
 
-    def cone(self, place: float, friction: float) -> None:
-        """Draw the friction cone over the contact point, to be half covered by the sled."""
+    def cones(self, push: Push, frictions: np.ndarray) -> None:
+        """Draw the friction cone over each contact, to be half covered by the sled; ``frictions``: of each [-]."""
         import pygame
 
-        foot, edges = self.cone_edges(place, friction)
-        pygame.draw.polygon(self.surface, CONE, self.points(np.array([foot, *edges])))
+        for touch, friction in zip(push.touches[::-1], frictions[::-1].tolist(), strict=True):
+            foot, edges = self.cone_edges(touch, friction)
+            pygame.draw.polygon(self.surface, CONE, self.points(np.array([foot, *edges])))
         column, row = self.camera.pixels(foot + 1.06 * (edges.mean(axis=0) - foot)).tolist()
         self.labels.append(("friction cone", column, row))
 
-    def cone_edges(self, place: float, friction: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return apex and ends of the two edges of the friction cone, shapes (2,) and (2, 2)."""
-        foot = np.array([place, 0.0])
+    def cone_edges(self, touch: np.void, friction: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return apex and ends of the two edges of the friction cone of a contact, shapes (2,) and (2, 2)."""
         height = _CONE_HEIGHT * self.camera.height / self.camera.scale
-        return foot, foot + height * np.array([(-friction, 1.0), (friction, 1.0)]) / math.hypot(1.0, friction)
+        foot, normal, tangent = _axes(touch)
+        sides = np.array([normal - friction * tangent, normal + friction * tangent])
+        return foot, foot + height * sides / math.hypot(1.0, friction)
 
-    def push(self, push: Push, friction: float, size: float) -> None:
-        """Draw the force as an arrow from the contact point, and over the sled the edges of the cone that holds it.
+    def push(self, push: Push, frictions: np.ndarray, size: float) -> None:
+        """Draw the force of each contact as an arrow from its place, and over the sled the edges of its friction cone.
 
         A sled of small ``size`` [m] gets a fine arrow, under which it stays visible.
         """
         import pygame
 
-        foot, edges = self.cone_edges(push.place, friction)
         length = _CONE_HEIGHT * self.camera.height / self.camera.scale
         broad = min(3.0, 0.1 * size * self.camera.scale)
-        for edge in edges:
-            self.line(np.array([foot, edge]), INK, 0.5)
-        if push.largest > 0.0:
-            tip = foot + length * np.array([push.tangential, push.normal]) / push.largest
-            self.line(np.array([foot, tip]), FORCE, broad)
-            along = tip - foot
-            long = float(np.hypot(*along))
-            if long > 0.0:
-                along = along / long * min(3.5 * broad / self.camera.scale, long)
-                across = 0.45 * np.array([-along[1], along[0]])
-                head = np.array([tip + 0.4 * along, tip - along + across, tip - along - across])
-                pygame.draw.polygon(self.surface, FORCE, self.points(head))
-        self.dot(push.place, 0.0, FORCE, broad)
+        for touch, friction in zip(push.touches, frictions.tolist(), strict=True):
+            foot, edges = self.cone_edges(touch, friction)
+            for edge in edges:
+                self.line(np.array([foot, edge]), INK, 0.5)
+            if push.largest > 0.0:
+                _, normal, tangent = _axes(touch)
+                along = length * (touch["normal"] * normal + touch["tangential"] * tangent) / push.largest
+                tip, long = foot + along, float(np.hypot(*along))
+                self.line(np.array([foot, tip]), FORCE, broad)
+                if long > 0.0:
+                    along = along / long * min(3.5 * broad / self.camera.scale, long)
+                    across = 0.45 * np.array([-along[1], along[0]])
+                    head = np.array([tip + 0.4 * along, tip - along + across, tip - along - across])
+                    pygame.draw.polygon(self.surface, FORCE, self.points(head))
+            self.dot(touch["x"], touch["y"], FORCE, broad)
 
     def note(self, *lines: str) -> None:
         """Write lines in the upper right corner, where the slope leaves room."""
         self.notes = lines
 
-    def sled(self, body: Body, state: State, strength: float, feature: int = 0) -> None:
-        """Draw the sled; ``strength`` in [0, 1] fades it into the sky, and ``feature`` is the part that touches."""
+    def sled(self, body: Body, state: State, strength: float, touching: Collection[int] = ()) -> None:
+        """Draw the sled; ``strength`` in [0, 1] fades it into the sky, ``touching`` are codes of parts that touch."""
         import pygame
 
         x, y, phi = state.x, state.y, state.phi
         ink = _mix(INK, strength)
         if pieces(body):
-            self._rider(body, state, strength, feature)
+            self._rider(body, state, strength, touching)
             return
         for outline, colour in ((body_outline, SHELL), (heavy_side, HEAVY)):
             points = self.points(outline(body, x, y, phi))
@@ -218,7 +224,7 @@ class Canvas:
         self.line(spoke(body, x, y, phi), ink, 1.5)
         self.dot(x, y, ink, 3.0)
 
-    def _rider(self, body: Body, state: State, strength: float, feature: int) -> None:
+    def _rider(self, body: Body, state: State, strength: float, touching: Collection[int]) -> None:
         """Draw a sled and its rider, who lies on it."""
         import pygame
 
@@ -226,10 +232,10 @@ class Canvas:
         whole = body_outline(body, *place)
         pygame.draw.polygon(self.surface, _mix(_rgb(HULL), strength), self.points(whole))
         self.line(whole, _mix(PALE, strength), 1.0)
-        touching = body.parts[feature - 1] if feature else ""
+        touched = {body.parts[code - 1] for code in touching}
         for piece in pieces(body):
             outline = placed(piece.points, *place)
-            colour = _rgb(TOUCHED if piece.part == touching else piece.colour)
+            colour = _rgb(TOUCHED if piece.part in touched else piece.colour)
             pygame.draw.polygon(self.surface, _mix(colour, strength), self.points(outline))
             self.line(outline, ink, 0.8)
         self.line(spoke(body, *place), ink, 1.5)
@@ -288,6 +294,12 @@ def _rgb(colour: str) -> Colour:
 def _mix(colour: Colour, strength: float) -> Colour:
     red, green, blue = (round(sky + strength * (own - sky)) for own, sky in zip(colour, SKY, strict=True))
     return red, green, blue
+
+
+def _axes(touch: np.void) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return place [m], unit normal and unit tangent of a contact, slope frame, shape (2,) each."""
+    normal = np.array([touch["normal_x"], touch["normal_y"]])
+    return np.array([touch["x"], touch["y"]]), normal, np.array([normal[1], -normal[0]])
 
 
 def _write(

@@ -17,7 +17,7 @@ from sledenv.plot.grounds import frictions
 from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import (
     Push,
-    contact_spans,
+    contact_paths,
     drawable_rows,
     film_times,
     push_at,
@@ -104,13 +104,13 @@ class DescentRenderer:
         canvas.zones(descent.slope, descent.law.friction)
         past = rows[rows["t"] <= now]
         canvas.path(np.stack([np.append(past["x"], state.x), np.append(past["y"], state.y)], axis=-1))
-        canvas.contacts(contact_spans(descent, now))
+        canvas.contacts(contact_paths(descent, now))
         push = push_at(descent, now)
         if push is not None:
-            canvas.cone(push.place, _friction(descent, push))
-        canvas.sled(self.body, state, 1.0, 0 if push is None else push.feature)
+            canvas.cones(push, _frictions(descent, push))
+        canvas.sled(self.body, state, 1.0, () if push is None else set(push.touches["part"].tolist()))
         if push is not None:
-            canvas.push(push, _friction(descent, push), self._reach)
+            canvas.push(push, _frictions(descent, push), self._reach)
             canvas.note(*_push_words(descent, push))
         return canvas.picture(_numbers(descent, now, state))
 
@@ -157,7 +157,7 @@ class DescentRenderer:
         for i, state in enumerate(states.tolist(), start=1):
             canvas.sled(self.body, State.found(state), 0.25 + 0.75 * (i / len(states)) ** 2)
         canvas.path(np.stack([rows["x"], rows["y"]], axis=-1))
-        canvas.contacts(contact_spans(descent))
+        canvas.contacts(contact_paths(descent))
         return canvas.picture(_numbers(descent, descent.time, State.found(states[-1].tolist())))
 
     def launch_frame(self, slope: Slope, state: State, friction: float = 0.0) -> np.ndarray:
@@ -287,15 +287,15 @@ def _number(value: float, unit: str) -> str:
     return f"{value:z.2f}{unit}" if abs(value) < 1e4 else f"{value:.1e}{unit}"
 
 
-def _friction(descent: Descent, push: Push) -> float:
-    """Coulomb coefficient where the body touches."""
-    return float(frictions(descent.law, descent.slope, push.place))
+def _frictions(descent: Descent, push: Push) -> np.ndarray:
+    """Coulomb coefficient [-] of each contact."""
+    return frictions(descent.law, descent.slope, push.touches["x"])
 
 
 def _push_words(descent: Descent, push: Push) -> tuple[str, ...]:
     """How the contact will end, what it does now and with which force."""
     name = f"contact {push.number + 1}, {part_name(descent.body, push.feature)}: "
-    available = _friction(descent, push) * push.normal
+    available = float((_frictions(descent, push) * push.touches["normal"]).sum())
     grip = f"   grip {abs(push.tangential) / available:.2f}" if available > 0.0 else ""
     mode = mode_name(int(descent.rebounds[push.number]["mode"]))
     if push.instantaneous:

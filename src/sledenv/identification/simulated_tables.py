@@ -103,7 +103,11 @@ def _of_batch(batch: DescentBatch, body: Body | None, launches: ArrayLike | None
 
 
 def _joined(parts: list[dict[str, list[Any]]]) -> pd.DataFrame:
-    """One table of all, with the numbers of the recordings."""
+    """One table of all, with the numbers of the recordings; a column that only some have is empty in the others."""
     lengths = [len(next(iter(part.values()))) for part in parts]
-    whole = {name: [cell for part in parts for cell in part[name]] for name in parts[0]}
+    names = max(parts, key=len)
+    whole = {
+        name: [cell for part, length in zip(parts, lengths, strict=True) for cell in part.get(name, [None] * length)]
+        for name in names
+    }
     return pd.DataFrame({RECORDING: np.repeat(np.arange(len(parts)), lengths), **whole})

@@ -16,7 +16,7 @@ from sledenv.kernel.outline import arc_at, arms, incline_of, whole_turns
 from sledenv.kernel.params import ContactLaw, Incline, Limits, Slope, State, reader
 from sledenv.kernel.progress import beside_now
 from sledenv.kernel.records import FINISH, LOG_FULL, NON_FINITE, RUNNING, STEP_BUDGET, TIMEOUT, Written
-from sledenv.kernel.trajectory import next_row, write_end, write_forces, write_nose, write_slip, write_tail
+from sledenv.kernel.trajectory import next_row, write_forces, write_slip, write_touch
 
 
 class Point(NamedTuple):
@@ -151,14 +151,9 @@ def _write_contact(body: np.void, contact: np.void, lowest: Point, other: Point,
     normal, force, moment = lowest.normal + other.normal, lowest.force + other.force, lowest.moment + other.moment
     write_forces(row, normal, force, moment, part, slip, spin)
     write_slip(row, lowest.v_t, lowest.bound + other.bound)
-    if not other.gap < 0.0:
-        write_end(row, body, lowest.arc, lowest.normal, lowest.force)
-    elif lowest.a < other.a:
-        write_tail(row, lowest.normal, lowest.force)
-        write_nose(row, other.normal, other.force)
-    else:
-        write_tail(row, other.normal, other.force)
-        write_nose(row, lowest.normal, lowest.force)
+    write_touch(row, row["x"] - lowest.a, int(body["part"][lowest.arc]), lowest.normal, lowest.force)
+    if other.gap < 0.0:
+        write_touch(row, row["x"] - other.a, int(body["part"][other.arc]), other.normal, other.force)
 
 
 @kernel

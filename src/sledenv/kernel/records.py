@@ -119,7 +119,7 @@ REBOUND = np.dtype(
         ("x_contact", "f8"),  # [m] where it began: the point that touched
         ("duration", "f8"),  # [s] of the contact
         ("feature", "i4"),  # code of the part of the body that touched first, or of the side that lay on the slope
-        ("ground", "i4"),
+        ("ground", "i4"),  # code of what was touched first of the ground, as in CONTACT_FORCES
         ("mode", "i4"),  # Mode
         ("normal_impulse", "f8"),  # [N s]
         ("tangential_impulse", "f8"),  # [N s]
@@ -150,18 +150,20 @@ PHASE = np.dtype(
     align=True,
 )
 
-MOST_CONTACTS: Final = 8
+MOST_CONTACTS: Final = 8  # that a row of a trajectory has room for
 
+# Where a body touches the slope, and the force on it there. Codes of the ground, in their order along x: 2 k of piece k
+# of its profile, 2 k + 1 of vertex k, which ends piece k; a plane is piece 0.
 CONTACT_FORCES = np.dtype(
     [
-        ("x", "f8"),  # [m] place of the touching point
+        ("x", "f8"),  # [m] place of the touching point, slope frame
         ("y", "f8"),
-        ("normal_x", "f8"),  # [-] unit normal, out of the ground
+        ("normal_x", "f8"),  # [-] unit normal there, out of the ground
         ("normal_y", "f8"),
-        ("normal", "f8"),  # [N]
-        ("tangential", "f8"),  # [N]
-        ("part", "i4"),
-        ("ground", "i4"),
+        ("normal", "f8"),  # [N] force along the normal,
+        ("tangential", "f8"),  # [N] and along the tangent (normal_y, -normal_x)
+        ("part", "i4"),  # code of the part of the body that touches
+        ("ground", "i4"),  # code of what it touches
     ],
     align=True,
 )
@@ -176,22 +178,19 @@ TRAJECTORY = np.dtype(
         ("u", "f8"),  # [m/s]
         ("v", "f8"),  # [m/s]
         ("omega", "f8"),  # [rad/s]
-        ("normal", "f8"),  # [N] contact force along the outward normal
-        ("tangential", "f8"),  # [N] contact force along the slope
-        ("rolling", "f8"),  # [N m] rolling moment
+        # Of all contacts together.
+        ("normal", "f8"),  # [N] normal forces
+        ("tangential", "f8"),  # [N] tangential forces
+        ("rolling", "f8"),  # [N m] rolling moments
         # Of what is in contact, 0 in flight: the slip velocity, and the tangential force over its largest value f N.
         ("slip_velocity", "f8"),  # [m/s]
         ("friction_ratio", "f8"),  # [-]
         ("feature", "i4"),  # code of the part of the body in contact, 0 in flight
         ("slip", "i4"),  # sign of the slip velocity, 0 sticking (and in flight)
         ("spin", "i4"),  # sign of the angular velocity, 0 locked (and in flight)
-        ("normal_tail", "f8"),  # [N] normal and tangential force
-        ("tangential_tail", "f8"),
-        ("normal_nose", "f8"),
-        ("tangential_nose", "f8"),
-        ("touching", "i4"),  # number of contacts
-        ("contacts", CONTACT_FORCES, (MOST_CONTACTS,)),
         *((name, "f8") for name in FLIGHT_LOSSES),  # [J] since the launch
+        ("touching", "i4"),  # number of contacts, 0 in flight: the first so many of
+        ("contacts", CONTACT_FORCES, MOST_CONTACTS),  # these; the others are zero
     ],
     align=True,
 )

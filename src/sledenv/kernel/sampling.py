@@ -12,12 +12,10 @@ from sledenv.kernel.trajectory import (
     CONTACT_ROWS,
     next_row,
     rows_to_write,
-    write_end,
     write_forces,
     write_motion,
-    write_nose,
     write_slip,
-    write_tail,
+    write_touch,
 )
 
 
@@ -47,16 +45,25 @@ def _forces(spin: float, point: np.void, step: np.void, t: float) -> tuple[float
 
 
 @kernel
+def _write_point(
+    body: np.void, point: np.void, step: np.void, t: float, row: np.void, normal: float, tangential: float
+) -> None:
+    """Add a point to the contacts of a row, in which the place of the mass centre is."""
+    sine, _ = sine_and_cosine(horner(step["phi"], t) + point["shift"])
+    write_touch(row, row["x"] - point["h"] * sine, int(body["part"][int(point["arc"])]), normal, tangential)
+
+
+@kernel
 def write_contact(body: np.void, space: np.void, t: float, row: np.void) -> None:
-    """Fill the forces of a row at a time of the step."""
+    """Fill the forces of a row, whose motion is known, at a time of the step."""
     contact, points, steps = space["contact"], space["points"], space["steps"]
     one, two = points[0], points[1]
-    arc, slip, spin = int(one["arc"]), int(one["slip"]), int(contact["spin"])
+    slip, spin = int(one["slip"]), int(contact["spin"])
     push, force, moment = _forces(contact["spin"], one, steps[0], t)
     bound = one["friction"] * push
     if contact["count"] == 1.0:
-        write_forces(row, push, force, moment, int(body["part"][arc]), slip, spin)
-        write_end(row, body, arc, push, force)
+        write_forces(row, push, force, moment, int(body["part"][int(one["arc"])]), slip, spin)
+        _write_point(body, one, steps[0], t, row, push, force)
     else:
         push_2, force_2, moment_2 = _forces(contact["spin"], two, steps[1], t)
         bound_2 = two["friction"] * push_2
@@ -66,12 +73,8 @@ def write_contact(body: np.void, space: np.void, t: float, row: np.void) -> None
         bound += bound_2
         moment = held_part(moment + moment_2, one["arm"] * push + two["arm"] * push_2)
         write_forces(row, push + push_2, force + force_2, moment, int(contact["side_touched"]), slip, spin)
-        if one["h"] * steps[0]["sine"] < two["h"] * steps[1]["sine"]:
-            write_tail(row, push, force)
-            write_nose(row, push_2, force_2)
-        else:
-            write_tail(row, push_2, force_2)
-            write_nose(row, push, force)
+        _write_point(body, one, steps[0], t, row, push, force)
+        _write_point(body, two, steps[0], t, row, push_2, force_2)
     write_slip(row, horner(steps[0]["v_t"], t), bound)
 
 

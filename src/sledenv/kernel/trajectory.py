@@ -18,6 +18,16 @@ _write_flight = straight(lambda flight, row: copy(flight, row, (*MOTION, *FLIGHT
 
 
 @kernel
+def _clear_touches(row: np.void) -> None:
+    """Let nothing touch in a row, which may have been written before."""
+    for i in range(row["touching"]):
+        one = row["contacts"][i]
+        one["x"] = one["y"] = one["normal_x"] = one["normal_y"] = one["normal"] = one["tangential"] = 0.0
+        one["part"] = one["ground"] = 0
+    row["touching"] = 0
+
+
+@kernel
 def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     """Count a row and return it, that of a flight as it is; where there is no room left, one that nobody will read.
 
@@ -27,6 +37,7 @@ def next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     flight["samples"] += 1
     _write_flight(flight, row)
     write_forces(row, 0.0, 0.0, 0.0, 0, 0, 0)
+    _clear_touches(row)
     return row
 
 
@@ -54,7 +65,6 @@ def write_forces(
     row["normal"], row["tangential"], row["rolling"] = normal, tangential, rolling
     row["feature"], row["slip"], row["spin"] = feature, slip, spin
     row["slip_velocity"] = row["friction_ratio"] = 0.0
-    row["normal_tail"] = row["tangential_tail"] = row["normal_nose"] = row["tangential_nose"] = 0.0
 
 
 @kernel
@@ -65,22 +75,9 @@ def write_slip(row: np.void, slip_velocity: float, bound: float) -> None:
 
 
 @kernel
-def write_tail(row: np.void, normal: float, tangential: float) -> None:
-    """Fill the forces [N] of the end of a straight side that lies downhill while the body lies on it."""
-    row["normal_tail"], row["tangential_tail"] = normal, tangential
-
-
-@kernel
-def write_nose(row: np.void, normal: float, tangential: float) -> None:
-    """Fill the forces [N] of its other end."""
-    row["normal_nose"], row["tangential_nose"] = normal, tangential
-
-
-@kernel
-def write_end(row: np.void, body: np.void, arc: int, normal: float, tangential: float) -> None:
-    """Fill the forces [N] of a point that touches alone, if it is an end of one straight side, not of none or two."""
-    ends, begins = body["side"][int(body["previous"][arc])] > 0.0, body["side"][arc] > 0.0
-    if begins and not ends:
-        write_tail(row, normal, tangential)
-    elif ends and not begins:
-        write_nose(row, normal, tangential)
+def write_touch(row: np.void, x: float, part: int, normal: float, tangential: float) -> None:
+    """Add a contact with the plane to a row: its place along it [m], the part that touches, its forces [N]."""
+    one = row["contacts"][row["touching"]]
+    one["x"], one["y"], one["normal_x"], one["normal_y"] = x, 0.0, 0.0, 1.0
+    one["normal"], one["tangential"], one["part"], one["ground"] = normal, tangential, part, 0
+    row["touching"] += 1

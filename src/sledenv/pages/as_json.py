@@ -7,7 +7,7 @@ from typing import Any
 from sledenv.pages.words import mode_name, part_name
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
-from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outcomes import Descent, ground_name
 from sledenv.simulation.scene import AnyLaw, Slope, State
 
 
@@ -36,7 +36,11 @@ def plain_descent(descent: Descent) -> dict[str, Any]:
     rebounds = []
     for i, row in enumerate(descent.rebounds.tolist()):
         fields = dict(zip(names, row, strict=True))
-        words = {"feature": part_name(descent.body, fields["feature"]), "mode": mode_name(fields["mode"])}
+        words = {
+            "feature": part_name(descent.body, fields["feature"]),
+            "ground": ground_name(fields["ground"]),
+            "mode": mode_name(fields["mode"]),
+        }
         rebounds.append(fields | words | {name: values[i].item() for name, values in jam.items()})
     return {
         **plain_setting(descent.body, descent.law, descent.slope, descent.launch),

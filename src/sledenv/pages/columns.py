@@ -9,7 +9,7 @@ import numpy as np
 from sledenv.kernel.records import CONTACT_LOSSES
 from sledenv.pages.words import mode_name, part_name
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outcomes import Descent, ground_name
 
 # Fields of TRAJECTORY and how a table calls them; parts of the body are written as words.
 TRAJECTORY_COLUMNS: Final = {
@@ -26,6 +26,18 @@ TRAJECTORY_COLUMNS: Final = {
     "feature": "feature",
     "slip": "slip_sign",
     "spin": "spin_sign",
+    "touching": "contacts",
+}
+# Of CONTACT_FORCES, a column for the first contact of a row, one for the second and so on, see trajectory_columns.
+CONTACT_COLUMNS: Final = {
+    "x": "x_m",
+    "y": "y_m",
+    "normal_x": "normal_x",
+    "normal_y": "normal_y",
+    "normal": "normal_n",
+    "tangential": "tangential_n",
+    "part": "part",
+    "ground": "ground",
 }
 # Of REBOUND; ``phi_rad`` is not among them, see rebound_columns.
 REBOUND_COLUMNS: Final = {
@@ -42,6 +54,7 @@ REBOUND_COLUMNS: Final = {
     "phi": "phi_end_rad",
     "duration": "duration_s",
     "feature": "feature",
+    "ground": "ground",
     "mode": "mode",
     "normal_impulse": "normal_impulse_n_s",
     "tangential_impulse": "tangential_impulse_n_s",
@@ -55,6 +68,9 @@ REBOUND_COLUMNS: Final = {
 def trajectory_columns(descent: Descent) -> dict[str, list[Any]]:
     """Return the table of a trajectory: the cells of each column by its name, in SI units.
 
+    Where as many as two contacts touch at once, there are columns of a first and of a second one, ``contact_1_x_m`` to
+    ``contact_2_ground``; so for any number. Cells are None where there is no such contact.
+
     Parameters
     ----------
     descent : Descent
@@ -62,7 +78,19 @@ def trajectory_columns(descent: Descent) -> dict[str, list[Any]]:
     """
     columns = {name: descent.trajectory[field].tolist() for field, name in TRAJECTORY_COLUMNS.items()}
     columns["feature"] = [part_name(descent.body, code) for code in columns["feature"]]
+    for k in range(max(columns["contacts"], default=0)):
+        there, one = descent.trajectory["touching"] > k, descent.trajectory["contacts"][:, k]
+        for field, name in CONTACT_COLUMNS.items():
+            cells: list[Any] = [None] * len(there)
+            for i in np.flatnonzero(there).tolist():
+                cells[i] = _word(descent.body, field, one[field][i].item())
+            columns[f"contact_{k + 1}_{name}"] = cells
     return columns
+
+
+def _word(body: Body, field: str, cell: Any) -> Any:
+    """Return what a table says for a number of CONTACT_FORCES."""
+    return part_name(body, cell) if field == "part" else ground_name(cell) if field == "ground" else cell
 
 
 def rebound_columns(descent: Descent) -> dict[str, list[Any]]:
@@ -78,6 +106,7 @@ def rebound_rows(rows: np.ndarray, body: Body, phi: float) -> dict[str, list[Any
     """Return :func:`rebound_columns` of a log of rebounds, of a body and its orientation at the launch [rad]."""
     columns = {name: rows[field].tolist() for field, name in REBOUND_COLUMNS.items()}
     columns["feature"] = [part_name(body, code) for code in columns["feature"]]
+    columns["ground"] = [ground_name(code) for code in columns["ground"]]
     columns["mode"] = [mode_name(code) for code in columns["mode"]]
     since, begun = np.append(0.0, rows["t"])[:-1], np.append(phi, rows["phi"])[:-1]
     landed = begun + rows["omega_before"] * (rows["t_touchdown"] - since)

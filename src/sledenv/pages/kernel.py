@@ -24,7 +24,7 @@ from sledenv.kernel.descend import SPACE
 from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.outline import BODY, GIVEN
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, Zone
-from sledenv.kernel.records import OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY
+from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent, limits_of
 from sledenv.simulation.scene import AnyLaw
@@ -36,7 +36,14 @@ KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
 _EXPORTS, _CODE = 7, 10  # numbers of sections
 _ENTRIES: Final = ("descend_lanes_compliant", "descend_lanes_rigid", "descend_euler", "complete", "lowest")
-_RECORDS: Final = {"BODY": BODY, "OUTCOME": OUTCOME, "REBOUND": REBOUND, "SPACE": SPACE, "TRAJECTORY": TRAJECTORY}
+_RECORDS: Final = {
+    "BODY": BODY,
+    "CONTACT_FORCES": CONTACT_FORCES,
+    "OUTCOME": OUTCOME,
+    "REBOUND": REBOUND,
+    "SPACE": SPACE,
+    "TRAJECTORY": TRAJECTORY,
+}
 _TUPLES: Final = (ContactLaw, RigidLaw, Slope, Zone, State, Limits)
 _FUSED: Final = ("fused.f64", "fused.v2f64")  # the script gives them other bodies: see templates/kernel.js
 _STACK: Final = 1 << 18  # bytes
@@ -52,10 +59,10 @@ def layout() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``records``: of each its ``size`` in bytes, and of each field its kind (i4, i8, f8), its offset in bytes and how
-        many numbers it has. ``tuples``: names of the fields. ``entries``: kinds of the arguments, names of tuples,
-        {"table": dimensions}, "float" or "int". ``arc``: what is given of each arc of a body. ``status``: names of the
-        codes. ``limits``: those of the default settings.
+        ``records``: of each its ``size`` in bytes, and of each field its kind (i4, i8, f8, or the name of another one
+        of the records), its offset in bytes and how many numbers or records it has. ``tuples``: names of the fields.
+        ``entries``: kinds of the arguments, names of tuples, {"table": dimensions}, "float" or "int". ``arc``: what is
+        given of each arc of a body. ``status``: names of the codes. ``limits``: those of the default settings.
     """
     return {
         "fingerprint": LIBRARY.fingerprint,
@@ -69,11 +76,13 @@ def layout() -> dict[str, Any]:
 
 
 def _record(dtype: np.dtype) -> dict[str, Any]:
-    """Return size and fields of a record, of those that hold numbers."""
+    """Return size and fields of a record, of those that hold numbers or records that a script knows."""
+    known = {record: name for name, record in _RECORDS.items()}
     fields = {}
     for name, (of, offset, *_) in (dtype.fields or {}).items():
-        if not of.base.names:
-            fields[name] = [of.base.str[1:], offset, math.prod(of.shape)]
+        kind = known.get(of.base) if of.base.names else of.base.str[1:]
+        if kind:
+            fields[name] = [kind, offset, math.prod(of.shape)]
     return {"size": dtype.itemsize, "fields": fields}
 
 

@@ -7,11 +7,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.records import FLIGHT_LOSSES
+from sledenv.kernel.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.machine.files import replacing
 from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
 from sledenv.pages.words import setting
-from sledenv.plot.shapes import contact_arms, drawable_rows
+from sledenv.plot.shapes import drawable_rows
+from sledenv.plot.trajectories import touches_in
 from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import State
@@ -108,17 +109,23 @@ def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> 
 def _recorded(descent: Descent) -> str:
     """What the worker of the page finds of other descents, as JSON."""
     rows = drawable_rows(descent)
-    arms = contact_arms(descent.body, rows["phi"], rows["feature"])
     found: dict[str, Any] = {
         "status": str(descent.status),
         "outcome": {name: descent.outcome[name].item() for name in descent.outcome.dtype.names or ()},
         "jam": {name: float(value) for name, value in descent.jam._asdict().items()},
         "launch": descent.launch._asdict(),
         "rebounds": {name: descent.rebounds[name].tolist() for name in descent.rebounds.dtype.names or ()},
-        "rows": {
-            **{name: rows[name].tolist() for name in _COLUMNS},
-            "places": (rows["x"] - arms[:, 0]).tolist(),
-            "heights": arms[:, 1].tolist(),
-        },
+        "rows": {**{name: rows[name].tolist() for name in _COLUMNS}, "touches": _touches(descent, rows)},
     }
     return exact_text(found)
+
+
+def _touches(descent: Descent, rows: np.ndarray) -> list[list[dict[str, Any]]]:
+    """Contacts of each row, and how the body moves there."""
+    touches = touches_in(descent.body, rows)
+    columns = {name: touches.forces[name].tolist() for name in CONTACT_FORCES.names or ()}
+    columns |= {name: getattr(touches, name).tolist() for name in ("depth", "gap_rate", "slip_velocity")}
+    found: list[list[dict[str, Any]]] = [[] for _ in rows]
+    for row, *cells in zip(touches.forces["row"].tolist(), *columns.values(), strict=True):
+        found[row].append(dict(zip(columns, cells, strict=True)))
+    return found

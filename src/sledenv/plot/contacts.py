@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from itertools import cycle
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sledenv.plot.grounds import frictions
-from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, RED, WIDTH, contact_key, shade_contacts, styled
-from sledenv.plot.trajectories import (
-    contact_rows,
-    gap_rate,
-    kinetic,
-    penetration,
-    rows_between,
-    slip_velocity,
-    touching_arms,
+from sledenv.plot.style import (
+    BLUE,
+    DASHES,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    RED,
+    SKY,
+    WIDTH,
+    contact_key,
+    shade_contacts,
+    styled,
 )
+from sledenv.plot.trajectories import by_label, contact_rows, kinetic, rows_between, touches_in
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_FORCES: Final = ("normal", "tangential")
+_SEVERAL: Final = (SKY, ORANGE, PURPLE, GREEN, RED, BLUE)  # contacts, where there is not one alone
 
 
 def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) -> Figure:
@@ -38,7 +48,8 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
     Returns
     -------
     Figure
-        Normal force, tangential force, total moment about the mass centre, kinetic energy.
+        Normal force, tangential force, total moment about the mass centre, kinetic energy. Where several parts of the
+        body touch, or one does a profile at several places, the forces of each are drawn beside their sums.
 
     Raises
     ------
@@ -48,8 +59,9 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
         If the trajectory is missing or has fewer than two rows in the interval.
     """
     rows = rows_between(descent, start, stop)
-    a, b = touching_arms(descent, rows)
-    moment = -a * rows["normal"] + b * rows["tangential"] + rows["rolling"]
+    touches = touches_in(descent.body, rows)
+    moment = touches.by_row(touches.moment, rows) + rows["rolling"]
+    normal, tangential = (by_label(descent, touches.forces, touches.forces[of], len(rows)) for of in _FORCES)
     translation, rotation = kinetic(descent, rows)
     panels = (
         ("N [N]\nnormal force", rows["normal"], BLUE),
@@ -60,6 +72,7 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
     scale, unit = _time_scale(rows)
     with styled():
         from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
 
         figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
         grid = figure.subplots(2, 2, sharex=True)
@@ -72,7 +85,14 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
         for ax in grid[1]:
             ax.set_xlabel(f"time [{unit}]")
         figure.align_ylabels(grid)
-        figure.legend(handles=[contact_key()], loc="outside lower center")
+        handles = [contact_key()]
+        if len(normal) > 1:
+            for ax, parts in zip(grid[0], (normal, tangential), strict=True):
+                for colour, values in zip(cycle(_SEVERAL), parts.values(), strict=False):
+                    ax.plot(scale * rows["t"], values, color=colour, lw=1.2)
+            keys = zip(cycle(_SEVERAL), normal, strict=False)
+            handles += [Line2D([], [], color=colour, lw=1.2, label=label) for colour, label in keys]
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
     return figure
 
 
@@ -89,8 +109,8 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     Returns
     -------
     Figure
-        Velocity of the touching point along the slope; friction force over its bound, F/(f N) in [-1, 1], -1 or 1 where
-        the body slips.
+        Slip velocity of each contact; friction force over its bound, F/(f N) in [-1, 1], -1 or 1 where it slips. Where
+        several parts of the body touch, or one does a profile at several places, each has its line.
 
     Raises
     ------
@@ -100,15 +120,15 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
         If the trajectory is missing, has fewer than two rows in the interval, or none in contact there.
     """
     rows = rows_between(descent, start, stop)
-    touching = rows["feature"] > 0
+    touching = rows["touching"] > 0
     if not touching.any():
         raise ValueError(f"start = {start!r}, stop = {stop!r}: the body flies all the time")
     scale, unit = _time_scale(rows)
-    places = rows["x"] - touching_arms(descent, rows)[0]
-    bound = frictions(descent.law, descent.slope, places) * rows["normal"]
-    loaded = touching & (bound > 0.0)
-    used = np.divide(rows["tangential"], bound, out=np.full(len(rows), np.nan), where=loaded)
-    slip = np.where(touching, slip_velocity(descent, rows), np.nan)
+    touches = touches_in(descent.body, rows)
+    forces = touches.forces
+    bound = frictions(descent.law, descent.slope, forces["x"]) * forces["normal"]
+    used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=bound > 0.0)
+    curves = [by_label(descent, forces, values, len(rows)) for values in (touches.slip_velocity, used)]
     t = scale * rows["t"]
     # A step of a contact has one mode from its first row to its last.
     lasting = touching[:-1] & touching[1:] & (np.diff(rows["t"]) > 0.0)
@@ -126,16 +146,19 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
                     ax.axvspan(t[first], t[last], color=colour, alpha=0.18, lw=0.0, zorder=0)
             ax.axhline(0.0, color=INK, lw=0.6)
             ax.set_xlim(t[0], t[-1])
-        axes[0].plot(t, slip, color=BLUE)
+        for ax, colour, parts in zip(axes, (BLUE, RED), curves, strict=True):
+            for own, (label, values) in zip(cycle(_SEVERAL[2:]), parts.items(), strict=False):
+                ax.plot(t, values, color=own if len(parts) > 1 else colour, label=label)
         axes[0].set_ylabel("slip velocity $v_t$ [m/s]")
-        axes[1].plot(t, used, color=RED)
         for level in (-1.0, 1.0):
             axes[1].axhline(level, color=INK, lw=0.8, ls=DASHES)
         axes[1].set_ylim(-1.15, 1.15)
         axes[1].set_ylabel("friction used $F/(fN)$ [-]")
         axes[1].set_xlabel(f"time [{unit}]")
-        handles = [Patch(color=colour, alpha=0.18, label=label) for colour, label, _ in kinds]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+        handles: list[Artist] = [Patch(color=colour, alpha=0.18, label=label) for colour, label, _ in kinds]
+        if len(curves[0]) > 1:
+            handles += axes[0].get_legend_handles_labels()[0]
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
         figure.align_ylabels(axes)
     return figure
 
@@ -153,7 +176,8 @@ def plot_penetration(descent: Descent, number: int = 0) -> Figure:
     Returns
     -------
     Figure
-        Penetration over time; the loop of the normal force, whose area is lost by hysteresis.
+        Penetration over time; the loop of the normal force, whose area is lost by hysteresis. Where several parts of
+        the body touch, or one does a profile at several places, each has its line.
 
     Raises
     ------
@@ -163,24 +187,31 @@ def plot_penetration(descent: Descent, number: int = 0) -> Figure:
         If the trajectory is missing, or there is no such contact or it takes no time.
     """
     rows = contact_rows(descent, number)
-    depth = penetration(descent, rows)
+    touches = touches_in(descent.body, rows)
+    depth, normal = touches.depth, touches.forces["normal"]
+    depths, loads = (by_label(descent, touches.forces, values, len(rows)) for values in (depth, normal))
     scale, unit = _time_scale(rows)
     length, lengths = (1e6, "µm") if depth.max() < 1e-4 else (1e3, "mm")
-    force, forces = (1e-3, "kN") if rows["normal"].max() > 1e4 else (1.0, "N")
-    opening = gap_rate(descent, rows) > 0.0
+    force, forces = (1e-3, "kN") if normal.max() > 1e4 else (1.0, "N")
+    opening = touches.gap_rate > 0.0
     with styled():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(WIDTH, 4.0), layout="constrained")
         left, right = figure.subplots(1, 2)
-        left.plot(scale * (rows["t"] - rows["t"][0]), length * depth, color=BLUE)
+        for colour, (label, values) in zip(cycle(_SEVERAL), depths.items(), strict=False):
+            drawn = colour if len(depths) > 1 else BLUE
+            left.plot(scale * (rows["t"] - rows["t"][0]), length * values, color=drawn, label=label)
+        if len(depths) > 1:
+            left.legend()
         left.set_xlabel(f"time since the touchdown [{unit}]")
         left.set_ylabel(f"penetration [{lengths}]")
         left.set_title(f"contact {number + 1}, at {rows['t'][0]:.4g} s", loc="left")
         loss = float(descent.rebounds["loss_hysteresis"][number])
-        right.plot(length * depth, force * rows["normal"], color=INK, lw=0.6)
+        for label, values in depths.items():
+            right.plot(length * values, force * loads[label], color=INK, lw=0.6)
         for mask, colour, label in ((~opening, BLUE, "gap closes or rests"), (opening, RED, "gap opens")):
-            right.plot(length * depth[mask], force * rows["normal"][mask], ".", ms=4.0, color=colour, label=label)
+            right.plot(length * depth[mask], force * normal[mask], ".", ms=4.0, color=colour, label=label)
         right.set_xlabel(f"penetration [{lengths}]")
         right.set_ylabel(f"normal force N [{forces}]")
         right.set_title(f"lost by hysteresis: {loss:.4g} J", loc="left")

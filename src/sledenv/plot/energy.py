@@ -23,7 +23,7 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
-from sledenv.plot.trajectories import kinetic, penetration, touching_arms
+from sledenv.plot.trajectories import kinetic, touches_in
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -83,8 +83,9 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     translation, rotation = kinetic(descent, rows)
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
-    squeezed = penetration(descent, rows)
-    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * np.square(squeezed)
+    touches = touches_in(descent.body, rows)
+    squeezed = touches.by_row(np.square(touches.depth), rows)
+    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * squeezed
     lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
     return {
         "translation": translation,
@@ -102,11 +103,13 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     in an impact of rigid surfaces, where the kinetic energy falls.
     """
     falls = -np.diff(sum(kinetic(descent, rows)))
-    a, b = touching_arms(descent, rows)
+    touches = touches_in(descent.body, rows)
+    forces = touches.forces
     power = np.stack(
         [
-            rows["normal"] * np.maximum(rows["v"] - a * rows["omega"], 0.0),  # lost while the gap opens
-            np.abs(rows["tangential"] * (rows["u"] + b * rows["omega"])),
+            # lost while the gap opens
+            touches.by_row(forces["normal"] * np.maximum(touches.gap_rate, 0.0), rows),
+            touches.by_row(np.abs(forces["tangential"] * touches.slip_velocity), rows),
             np.abs(rows["rolling"] * rows["omega"]),
         ]
     )

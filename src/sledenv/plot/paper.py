@@ -23,7 +23,7 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
-from sledenv.plot.trajectories import contact_rows, gap_rate
+from sledenv.plot.trajectories import contact_rows, opening
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def plot_impact_phases(descent: Descent, *, note: str = "") -> Figure:
         If the trajectory is missing or has no contact that takes time.
     """
     rows = contact_rows(descent)
-    turn = int(np.argmax(gap_rate(descent, rows) >= 0.0))
+    turn = opening(descent, rows)
     begin, middle, end = (1e3 * float(rows["t"][i]) for i in (0, turn, -1))
     with styled():
         from matplotlib.figure import Figure
@@ -270,7 +270,7 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
             lower.fill_between(t, -bound, bound, color=SHADE, lw=0.0, label="$|F| \\leq f P$")
             lower.plot(t, rows["tangential"], color=RED, label="F(t)")
             lower.axhline(0.0, color=INK, lw=0.6)
-            turn = float(t[np.argmax(gap_rate(descent, rows) >= 0.0)])
+            turn = float(t[opening(descent, rows)])
             for ax in (upper, lower):
                 ax.axvline(turn, color=INK, lw=0.8, ls=DASHES, label="end of the first phase")
                 ax.set_xlim(t[0], t[-1])

@@ -9,16 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.outline import arms
-from sledenv.kernel.records import Status
+from sledenv.kernel.records import CONTACT_FORCES, Status
 from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import State
-from sledenv.simulation.support import lowest_arms, whole_turns
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
+_LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
 HOLD = 0.6  # [s] that an impact stays on the screen at least
 HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
@@ -27,15 +26,25 @@ HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold 
 class Push(NamedTuple):
     """What the slope does to the body at one time."""
 
-    number: int  # of the contact, from 0: row of the rebounds
-    place: float  # [m] along the slope where it touches
-    feature: int  # code of the part that touches: its place in body.parts, from 1
+    number: int  # of the rebound, from 0: its row
+    touches: np.ndarray  # of CONTACT_FORCES, one or more; impulses [N s] instead of forces if instantaneous
+    feature: (
+        int  # code of the part that touches, or of the side that lies on the slope: its place in body.parts, from 1
+    )
     slip: int  # sign of the slip velocity, 0 for an impact, which may run through several
     spin: int  # sign of the angular velocity, likewise
-    tangential: float  # [N] force, or impulse [N s] if instantaneous
-    normal: float  # [N] or [N s]
-    largest: float  # [N] or [N s] largest normal force of the contact
-    instantaneous: bool  # whether the contact has no duration: an impact of rigid surfaces
+    largest: float  # [N] or [N s] largest normal force of the rebound
+    instantaneous: bool  # whether the rebound has no duration: an impact of rigid surfaces
+
+    @property
+    def normal(self) -> float:
+        """Normal forces [N] of all contacts, or impulses [N s]."""
+        return float(self.touches["normal"].sum())
+
+    @property
+    def tangential(self) -> float:
+        """Tangential forces [N] of all contacts, or impulses [N s]."""
+        return float(self.touches["tangential"].sum())
 
 
 def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
@@ -277,27 +286,67 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float
     return states[kept[::-1]]
 
 
-def contact_spans(descent: Descent, until: float = math.inf) -> np.ndarray:
-    """Return where on the slope each contact began and ended.
+def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]:
+    """Return where on the slope each rebound touched, from its touchdown to its separation.
 
     Parameters
     ----------
     descent : Descent
         With its trajectory.
     until : float
-        Time [s]; later contacts are left out and the current one ends here.
+        Time [s]; later rebounds are left out and the current one ends here.
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        Place of the contact point along the slope [m] at touchdown and at separation.
+    list of ndarray, shape (n, 2)
+        One of each rebound: places x, y [m] of what touched first among the contacts at a time, slope frame, n >= 1. A
+        row of NaN lies between two places without a way from one to the other: another contact went on alone.
     """
     rows = drawable_rows(descent)
     begun = descent.rebounds[descent.rebounds["t"] - descent.rebounds["duration"] <= until]
-    ends = np.stack([begun["t"] - begun["duration"], np.minimum(begun["t"], until)], axis=-1)
-    states = states_at(rows, ends.ravel())
-    places: np.ndarray = states[:, 0] - contact_arms(descent.body, states[:, 2])[:, 0]
-    return places.reshape(-1, 2)
+    paths = []
+    for rebound in begun:
+        within = rows_of(rebound, rows, until)
+        if len(within) == 0:  # without duration, or between two rows
+            paths.append(np.array([(rebound["x_contact"], 0.0)]))
+            continue
+        path = np.stack([within["contacts"]["x"][:, 0], within["contacts"]["y"][:, 0]], axis=-1)
+        if until < rebound["t"]:
+            now = touches_at(rows, until)[0]
+            path = np.append(path, [(now["x"], now["y"])], axis=0)
+        jumps = np.hypot(*np.diff(path[: len(within)], axis=0).T) > _SAME * reach(descent.body)
+        paths.append(np.insert(path, np.flatnonzero(jumps & (np.diff(within["t"]) == 0.0)) + 1, np.nan, axis=0))
+    return paths
+
+
+def rows_of(rebound: np.void, rows: np.ndarray, until: float = math.inf) -> np.ndarray:
+    """Return the rows of a rebound in which something touches."""
+    begin, end = rebound["t"] - rebound["duration"], min(rebound["t"], until)
+    first, last = np.searchsorted(rows["t"], begin - _LATE), np.searchsorted(rows["t"], end, side="right")
+    found: np.ndarray = rows[first:last]
+    return found[found["touching"] > 0]
+
+
+def touches_at(rows: np.ndarray, time: float) -> np.ndarray:
+    """Return the contacts that there are at ``time`` [s], of CONTACT_FORCES, interpolated between two rows.
+
+    Parameters
+    ----------
+    rows : ndarray of TRAJECTORY, shape (m,)
+        At least one row.
+    time : float
+        Within them.
+    """
+    i = max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)
+    j = min(i + 1, len(rows) - 1)
+    now: np.ndarray = rows["contacts"][i, : rows["touching"][i]].copy()
+    then = rows["contacts"][j, : rows["touching"][j]]
+    step = float(rows["t"][j] - rows["t"][i])
+    if step > 0.0 and len(now) == len(then) and (now[["part", "ground"]] == then[["part", "ground"]]).all():
+        share = (time - float(rows["t"][i])) / step
+        for name in ("x", "y", "normal_x", "normal_y", "normal", "tangential"):
+            now[name] += share * (then[name] - now[name])
+    return now
 
 
 def push_at(descent: Descent, time: float) -> Push | None:
@@ -315,21 +364,18 @@ def push_at(descent: Descent, time: float) -> Push | None:
     if i < 0 or time > log["t"][i]:
         return None
     rebound = log[i]
-    rows = drawable_rows(descent)
-    state = State.found(states_at(rows, [time])[0].tolist())
     if rebound["duration"] == 0.0:
-        impulses = (float(rebound["tangential_impulse"]), float(rebound["normal_impulse"]))
-        place = contact_place(descent.body, state.x, state.phi, int(rebound["feature"]))
-        return Push(i, place, int(rebound["feature"]), 0, 0, *impulses, impulses[1], True)
-    within = (rows["t"] >= rebound["t"] - rebound["duration"]) & (rows["t"] <= rebound["t"])
-    rows = rows[within & (rows["feature"] > 0)]
+        touch = np.zeros(1, CONTACT_FORCES)
+        touch["x"], touch["normal_y"] = rebound["x_contact"], 1.0
+        touch["part"], touch["ground"] = rebound["feature"], rebound["ground"]
+        touch["normal"], touch["tangential"] = rebound["normal_impulse"], rebound["tangential_impulse"]
+        return Push(i, touch, int(rebound["feature"]), 0, 0, float(rebound["normal_impulse"]), True)
+    rows = rows_of(rebound, drawable_rows(descent))
     if len(rows) == 0:
         return None
     row = rows[max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)]
-    tangential, normal = (float(np.interp(time, rows["t"], rows[name])) for name in ("tangential", "normal"))
-    place = contact_place(descent.body, state.x, state.phi, int(row["feature"]))
     signs = int(row["slip"]), int(row["spin"])
-    return Push(i, place, int(row["feature"]), *signs, tangential, normal, float(rows["normal"].max()), False)
+    return Push(i, touches_at(rows, time), int(row["feature"]), *signs, float(rows["normal"].max()), False)
 
 
 def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
@@ -386,52 +432,3 @@ def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: floa
     if descent.status != Status.RUNNING and seen < film[-1] and shown[-1:] != film[-1:]:
         found = np.append(found, times[-1])
     return found
-
-
-def contact_arms(body: Body, phi: np.ndarray, features: ArrayLike = 0) -> np.ndarray:
-    """Return the arms a, b [m] of what touches: it lies at (-a, -b) from the mass centre.
-
-    In flight it is the lowest point of the body, and so it is where two points touch, which the code of a straight side
-    tells. Otherwise it is the lowest point of the part.
-
-    Parameters
-    ----------
-    body : Body
-        Its shape.
-    phi : ndarray, shape (n,)
-        Orientations [rad].
-    features : array_like of int, shape (n,) or ()
-        Codes of the parts that touch, 0 in flight.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-    """
-    record = body.record[0]
-    arcs, found = lowest_arms(body.record, phi)
-    parts, sides = record["part"][: int(record["count"])], record["side"]
-    features = np.broadcast_to(features, len(phi))
-    alone = np.isin(features, parts) & ~np.isin(features, sides)
-    other = alone & (features != parts[arcs])  # at an end of an arc, where rounding chose the next one
-    for i in np.flatnonzero(other).tolist():
-        local = float(phi[i]) - whole_turns(float(phi[i]))
-        same = np.flatnonzero(parts == features[i]).tolist()
-        found[i] = max((arms(record, k, local) for k in same), key=lambda one: one[1])
-    return found
-
-
-def contact_place(body: Body, x: float, phi: float, feature: int = 0) -> float:
-    """Return where along the slope [m] a part touches; the lowest point of the body in flight and for two points.
-
-    Parameters
-    ----------
-    body : Body
-        Its shape.
-    x : float
-        Mass centre [m].
-    phi : float
-        Orientation [rad].
-    feature : int
-        Code of the part, 0 in flight.
-    """
-    return x - float(contact_arms(body, np.array([phi]), feature)[0, 0])

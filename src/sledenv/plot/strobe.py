@@ -12,7 +12,7 @@ from sledenv.plot.grounds import LINE, bands
 from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, strobe_poses
 from sledenv.plot.shapes import (
     body_outline,
-    contact_spans,
+    contact_paths,
     drawable_rows,
     heavy_side,
     placed,
@@ -199,13 +199,12 @@ def _touchdowns(descent: Descent) -> list[tuple[str, np.ndarray, str]]:
 
 
 def _draw_contacts(ax: Axes, descent: Descent) -> None:
-    spans = contact_spans(descent)
-    segments = np.stack([spans, np.zeros_like(spans)], axis=-1)
-    world = to_world(segments, descent.slope.angle)
-    for begin_end in world:
-        ax.plot(*begin_end.T, color=RED, lw=4.0, solid_capstyle="butt", zorder=10)
+    paths = [to_world(path, descent.slope.angle) for path in contact_paths(descent)]
+    for path in paths:
+        ax.plot(*path.T, color=RED, lw=4.0, solid_capstyle="butt", zorder=10)
     for colour, rows, _ in _touchdowns(descent):  # 6: a triangle that points at its place
-        ax.plot(*world[rows, 0].T, color=colour, marker=6, ms=7.0, ls="", zorder=10)
+        begins = np.array([path[0] for path, marked in zip(paths, rows, strict=True) if marked])
+        ax.plot(*begins.reshape(-1, 2).T, color=colour, marker=6, ms=7.0, ls="", zorder=10)
 
 
 def _draw_poses(ax: Axes, descent: Descent, rows: np.ndarray, interval: float, speed: ScalarMappable) -> None:

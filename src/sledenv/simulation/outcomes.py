@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
-from sledenv.kernel.records import OUTCOME, STATUS_OF_CODE, Energy, Status
+from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, STATUS_OF_CODE, Energy, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.simulation.scene import AnyLaw, Slope, State
@@ -25,6 +25,32 @@ _NAMES = list(OUTCOME.names or ())
 
 _STATUS, _TIME, _REBOUNDS, _SAMPLES = map(_NAMES.index, ("status", "t", "rebounds", "samples"))
 _STATE, _ENERGY = (itemgetter(*map(_NAMES.index, names)) for names in (State._fields, Energy._fields))
+
+
+CONTACTS: Final = np.dtype(
+    [
+        ("t", "f8"),  # [s]
+        ("row", "i8"),  # of the trajectory
+        *((name, of) for name, (of, *_) in (CONTACT_FORCES.fields or {}).items()),
+    ]
+)
+"""Contacts of a trajectory, one after the other: :attr:`Descent.contacts`."""
+
+
+def ground_name(code: int) -> str:
+    """Return what is touched of the ground, from its code in records: "piece 2" or "vertex 1" of the profile."""
+    return f"{'vertex' if code % 2 else 'piece'} {code // 2}"
+
+
+def contacts_in(rows: np.ndarray) -> np.ndarray:
+    """Return the contacts in rows of a trajectory, a record of ``CONTACTS`` for each row and each contact there is."""
+    there = np.arange(rows["contacts"].shape[1]) < rows["touching"][:, np.newaxis]
+    row, _ = np.nonzero(there)
+    forces, found = rows["contacts"][there], np.zeros(len(row), CONTACTS)
+    found["t"], found["row"] = rows["t"][row], row
+    for name in CONTACT_FORCES.names or ():
+        found[name] = forces[name]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +70,8 @@ class Descent:
     trajectory : ndarray of TRAJECTORY, shape (m,)
         Empty unless simulated with ``record="trajectory"``. Times never decrease; two rows share one where forces may
         jump.
+    contacts : ndarray of CONTACTS, shape (k,)
+        What touches what in the trajectory: one row for each of its rows and each contact there is, in this order.
     energy : Energy
         The ledger.
     body, law, slope, launch
@@ -64,6 +92,19 @@ class Descent:
     energy: Energy
     outcome: np.void = field(repr=False)
     settings: Settings | None = field(repr=False)
+
+    @cached_property
+    def contacts(self) -> np.ndarray:
+        """Contacts of the trajectory as one table, without records in records.
+
+        Returns
+        -------
+        ndarray of CONTACTS, shape (k,)
+            ``t`` [s] and ``row`` of the trajectory; place ``x``, ``y`` [m] of the touching point and unit normal
+            ``normal_x``, ``normal_y`` there, slope frame; forces ``normal`` and ``tangential`` [N], the latter along
+            (normal_y, -normal_x); codes of ``part`` of the body and of ``ground``.
+        """
+        return contacts_in(self.trajectory)
 
     @property
     def on_chord(self) -> tuple[float, float] | None:

@@ -31,9 +31,10 @@ class Kernel {
      zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant", "rigid"
      or "euler". Limits that are missing are those of the default settings. With rows: false there is no trajectory.
 
-     Returns { status, outcome, rebounds, trajectory }: the name of the status; an object of numbers, with the ledger;
-     and tables as objects of columns, arrays of numbers with the names, units and order of REBOUND and TRAJECTORY in
-     kernel/records.py. */
+     Returns { status, outcome, rebounds, trajectory, contacts }: the name of the status; an object of numbers, with the
+     ledger; and tables as objects of columns, arrays of numbers with the names, units and order of REBOUND, TRAJECTORY
+     and CONTACT_FORCES in kernel/records.py. Of contacts there is one for each row of the trajectory and each contact
+     there, in this order, with t and row, that of the trajectory. */
   descend(given) {
     let room = given.rows === false ? 0 : 4096;
     for (;;) {
@@ -90,6 +91,7 @@ class Kernel {
       outcome,
       rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
       trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
+      contacts: this.#contacts(rows.place, Math.min(outcome.samples, room)),
     };
   }
 
@@ -177,11 +179,12 @@ class Kernel {
     new DataView(this.memory.buffer).setFloat64(place + offset + 8 * i, Number(value), true);
   }
 
-  /* Copy a table of records without series, column by column. */
+  /* Copy a table of records without series, column by column, but for the records in them. */
   #columns(record, place, count) {
     const { size, fields } = this.layout.records[record];
     const columns = {};
     for (const [name, [kind, offset]] of Object.entries(fields)) {
+      if (kind in this.layout.records) continue;
       const wide = kind === "f8";
       const of = wide ? Float64Array : Int32Array;
       const numbers = new of(this.memory.buffer, place, (count * size) / of.BYTES_PER_ELEMENT);
@@ -189,6 +192,26 @@ class Kernel {
       const step = size / of.BYTES_PER_ELEMENT;
       for (let i = 0, k = offset / of.BYTES_PER_ELEMENT; i < count; i++, k += step) column[i] = numbers[k];
       columns[name] = column;
+    }
+    return columns;
+  }
+
+  /* Copy the contacts of all rows of a trajectory into one table. */
+  #contacts(place, count) {
+    const { size, fields } = this.layout.records.TRAJECTORY;
+    const [record, first] = fields.contacts;
+    const { size: step, fields: parts } = this.layout.records[record];
+    const [t, row, places] = [[], [], []];
+    for (let i = 0, there = place; i < count; i++, there += size)
+      for (let k = 0; k < this.#get("TRAJECTORY", "touching", there); k++) {
+        t.push(this.#get("TRAJECTORY", "t", there));
+        row.push(i);
+        places.push(there + first + k * step);
+      }
+    const columns = { t: Float64Array.from(t), row: Int32Array.from(row) };
+    for (const [name, [kind]] of Object.entries(parts)) {
+      const of = kind === "f8" ? Float64Array : Int32Array;
+      columns[name] = of.from(places, (one) => this.#get(record, name, one));
     }
     return columns;
   }

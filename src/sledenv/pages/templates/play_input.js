@@ -212,10 +212,17 @@ function pythonOf({ scene, launch, input }) {
   ].join("\n");
 }
 
+/* What is touched of the ground: ground_name in simulation/outcomes.py. */
+const groundName = (code) => `${code % 2 ? "vertex" : "piece"} ${Math.floor(code / 2)}`;
+
 /* The table of rebounds that rebound_columns in pages/columns.py gives. */
 function csvOf({ rebounds, launch, input }) {
   const { parts } = E.bodies[input.body];
-  const words = { feature: (code) => (code ? parts[code - 1] : "none"), mode: (code) => D.modes[code] };
+  const words = {
+    feature: (code) => (code ? parts[code - 1] : "none"),
+    ground: groundName,
+    mode: (code) => D.modes[code],
+  };
   const names = Object.keys(D.columns);
   const [first, ...others] = Object.values(D.columns);
   const lines = [[first, "phi_rad", ...others]];

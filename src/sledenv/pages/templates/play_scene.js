@@ -26,24 +26,47 @@ function frictionAt(place, { law, slope }) {
 }
 
 /* Rows to draw: an impact without duration has the state before it and the state after. */
-function drawable({ trajectory, rebounds, places, heights }) {
+function drawable({ trajectory, rebounds, contacts }) {
   const names = ["t", "x", "y", "phi", "u", "v", "omega", "normal", "tangential", "rolling", "feature", "slip", "spin"];
   names.push(...D.flight_losses);
-  const rows = Object.fromEntries([...names, "places", "heights"].map((name) => [name, []]));
+  const rows = Object.fromEntries([...names, "touches"].map((name) => [name, []]));
+  const touches = touchesOf(contacts, trajectory.t.length);
   for (let i = 0, k = 0; i < trajectory.t.length; i++) {
     while (k < rebounds.t.length && (rebounds.duration[k] > 0 || rebounds.t[k] < trajectory.t[i])) k++;
     if (k < rebounds.t.length && rebounds.t[k] === trajectory.t[i]) {
       for (const name of names) rows[name].push(rebounds[`${name}_before`]?.[k] ?? trajectory[name][i]);
       rows.normal[rows.normal.length - 1] = rows.tangential[rows.tangential.length - 1] = 0;
-      rows.places.push(places[i]);
-      rows.heights.push(heights[i]);
+      rows.touches.push([]);
       k++;
     }
     for (const name of names) rows[name].push(trajectory[name][i]);
-    rows.places.push(places[i]);
-    rows.heights.push(heights[i]);
+    rows.touches.push(touches[i]);
   }
   return rows;
+}
+
+/* Contacts of each row, out of their table. */
+function touchesOf(contacts, count) {
+  const found = Array.from({ length: count }, () => []);
+  const names = Object.keys(contacts);
+  contacts.row.forEach((row, k) => found[row].push(Object.fromEntries(names.map((name) => [name, contacts[name][k]]))));
+  return found;
+}
+
+/* Contacts at a time, interpolated between two rows: touches_at in plot/shapes.py. */
+function touchesAt(rows, t) {
+  const i = before(rows.t, t);
+  const j = Math.min(i + 1, rows.t.length - 1);
+  const step = rows.t[j] - rows.t[i];
+  const [now, then] = [rows.touches[i], rows.touches[j]];
+  const same =
+    now.length === then.length && now.every((one, k) => one.part === then[k].part && one.ground === then[k].ground);
+  if (!(step > 0) || !same) return now;
+  return now.map((one, k) => {
+    const mixed = (name) => one[name] + ((t - rows.t[i]) / step) * (then[k][name] - one[name]);
+    const numbers = ["x", "y", "normal_x", "normal_y", "normal", "tangential"].map((name) => [name, mixed(name)]);
+    return { ...one, ...Object.fromEntries(numbers) };
+  });
 }
 
 /* Position in the film and time [s], linear in between: pace in plot/shapes.py. */
@@ -77,21 +100,26 @@ function pushAt(t) {
   if (i < 0) return null;
   const partOf = (code) => E.bodies[shown.input.body].parts[code - 1];
   const part = partOf(rebounds.feature[i]);
+  const found = (touches, rest) => ({
+    i,
+    part,
+    parts: touches.map((one) => partOf(one.part)),
+    touches: touches.map((one) => ({ ...one, friction: frictionAt(one.x, given) })),
+    ...rest,
+  });
   if (rebounds.duration[i] === 0) {
-    const [tangential, normal, place] = [
-      rebounds.tangential_impulse[i],
-      rebounds.normal_impulse[i],
-      rebounds.x_contact[i],
-    ];
-    return { i, part, place, friction: frictionAt(place, given), tangential, normal, largest: normal };
+    const [tangential, normal, x] = ["tangential_impulse", "normal_impulse", "x_contact"].map(
+      (name) => rebounds[name][i],
+    );
+    const one = { x, y: 0, normal_x: 0, normal_y: 1, normal, tangential, part: rebounds.feature[i], ground: 0 };
+    return found([one], { largest: normal });
   }
-  const [place, normal, tangential] = ["places", "normal", "tangential"].map((name) => between(rows.t, rows[name], t));
   const row = before(rows.t, t);
   let largest = 0;
   const begin = before(rows.t, rebounds.t[i] - rebounds.duration[i]);
   for (let k = begin; k < rows.t.length && rows.t[k] <= rebounds.t[i]; k++) largest = Math.max(largest, rows.normal[k]);
   const touching = rows.feature[row] ? partOf(rows.feature[row]) : part;
-  return { i, row, part: touching, place, friction: frictionAt(place, given), tangential, normal, largest };
+  return found(touchesAt(rows, t), { row, part: touching, largest });
 }
 
 /* Some points of a path, enough to say where it goes: a function takes no more arguments than some ten thousand. */
@@ -161,15 +189,28 @@ function drawPath() {
     $("land").innerHTML = scene.ground(...extent(rows.x));
   }
   $("trace").innerHTML =
-    [...rebounds.t].map((end, i) => contactOf(end, rebounds.duration[i])).join("") +
+    [...rebounds.t].map((_, i) => scene.contact(contactPaths(i))).join("") +
     (grabbed ? "" : strobe(shown).map(poseAt).join("")) +
     (shown.kept ? scene.path(visible(shown.kept.rows), KEPT) : "") +
     scene.path(visible(rows));
 }
 
-function contactOf(end, duration) {
-  const { rows } = shown;
-  return scene.contact(...[end - duration, end].map((t) => between(rows.t, rows.places, t)));
+/* Where a rebound touched, from touchdown to separation; in pieces where another contact went on alone: contact_paths in
+   plot/shapes.py. */
+function contactPaths(i) {
+  const { rows, rebounds } = shown;
+  const [begin, end] = [rebounds.t[i] - rebounds.duration[i], rebounds.t[i]];
+  const paths = [];
+  let last = null;
+  for (let k = before(rows.t, begin - 1e-9); k < rows.t.length && rows.t[k] <= end; k++) {
+    if (rows.t[k] < begin - 1e-9 || !rows.touches[k].length) continue;
+    const { x, y } = rows.touches[k][0];
+    const jumped = last && rows.t[k] === last.t && Math.hypot(x - last.x, y - last.y) > 1e-9 * scene.size;
+    if (!last || jumped) paths.push([]);
+    paths[paths.length - 1].push([x, y]);
+    last = { t: rows.t[k], x, y };
+  }
+  return paths.length ? paths : [[[rebounds.x_contact[i], 0]]];
 }
 
 /* A recorded motion: the outline of its last frame, and where its mass centre was in each. */
@@ -231,7 +272,7 @@ function drawMoment(t) {
   const state = stateAt(shown.rows, t);
   const push = pushAt(t);
   const { cone, force } = push ? scene.push(push) : { cone: "", force: "" };
-  const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.part);
+  const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.parts);
   const grips = t > 0 || D.recorded ? "" : handles(state);
   $("live").innerHTML = cone + keptAt(t) + sled + ghostAt(t) + force + grips;
   $("world").setAttribute("transform", scene.shift(state.x, state.y));

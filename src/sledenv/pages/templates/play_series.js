@@ -67,6 +67,14 @@ class Axes {
     return `<polyline points="${this.points(times, values).join(" ")}" fill="none" stroke="${colour}" stroke-width="1.6"/>`;
   }
 
+  /* A line with gaps, where values are null. */
+  lines(times, values, colour) {
+    const pieces = [[]];
+    values.forEach((value, i) => (value === null ? pieces.push([]) : pieces[pieces.length - 1].push(i)));
+    const drawn = pieces.map((piece) => [times, values].map((list) => piece.map((i) => list[i])));
+    return drawn.map(([t, v]) => this.line(t, v, colour)).join("");
+  }
+
   band(times, up, down, colour) {
     const points = [...this.points(times, up), ...this.points(times, down).reverse()];
     return `<polygon points="${points.join(" ")}" fill="${colour}"/>`;
@@ -203,12 +211,12 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
   const each = (value) => rows.t.map((_, i) => value(i));
   const heights = each((i) => rows.y[i] * cosine - rows.x[i] * sine);
   const lowest = heights.reduce((low, one) => Math.min(low, one), Infinity);
-  const squeezed = (i) => (rows.feature[i] ? Math.max(rows.heights[i] - rows.y[i], 0) : 0);
+  const squeezed = (i) => rows.touches[i].reduce((sum, { depth }) => sum + depth ** 2, 0);
   const layers = {
     translation: each((i) => 0.5 * mass * (rows.u[i] ** 2 + rows.v[i] ** 2)),
     rotation: each((i) => 0.5 * inertia * rows.omega[i] ** 2),
     potential: heights.map((height) => mass * slope.gravity * (height - lowest)),
-    "stored in the contact": each((i) => 0.5 * law.stiffness * (1 + law.asymmetry) * squeezed(i) ** 2),
+    "stored in the contact": each((i) => 0.5 * law.stiffness * (1 + law.asymmetry) * squeezed(i)),
   };
   const moving = each((i) => layers.translation[i] + layers.rotation[i]);
   const lost = lossesOf(rows, rebounds, moving);
@@ -220,10 +228,10 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
 /* The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost in
    an impact of rigid surfaces, where the kinetic energy falls. */
 function lossesOf(rows, rebounds, moving) {
-  const arm = (i) => rows.x[i] - rows.places[i];
+  const sum = (i, power) => rows.touches[i].reduce((all, one) => all + power(one), 0);
   const powers = [
-    (i) => rows.normal[i] * Math.max(rows.v[i] - arm(i) * rows.omega[i], 0), // lost while the gap opens
-    (i) => Math.abs(rows.tangential[i] * (rows.u[i] + rows.heights[i] * rows.omega[i])),
+    (i) => sum(i, (one) => one.normal * Math.max(one.gap_rate, 0)), // lost while the gap opens
+    (i) => sum(i, (one) => Math.abs(one.tangential * one.slip_velocity)),
     (i) => Math.abs(rows.rolling[i] * rows.omega[i]),
   ];
   const found = D.losses.map(() => rows.t.map(() => 0));
@@ -251,7 +259,28 @@ function lossesOf(rows, rebounds, moving) {
   return found;
 }
 
-/* Forces of one contact over time, the friction force within the band that friction allows. */
+/* Contacts in some rows, in lists of one for each row or null, by what touches: by_label in plot/trajectories.py. */
+function contactsByName(rows, inside) {
+  const { parts } = E.bodies[shown.input.body];
+  const profile = rows.touches.some((touches) => touches.some(({ ground }) => ground > 0));
+  const found = new Map();
+  inside.forEach((k, i) => {
+    const told = [];
+    for (const one of [...rows.touches[k]].sort((a, b) => a.x - b.x)) {
+      const label = parts[one.part - 1] + (profile ? ` on ${groundName(one.ground)}` : "");
+      told.push(label);
+      const count = told.filter((other) => other === label).length;
+      const name = count > 1 ? `${label}, ${count}` : label;
+      if (!found.has(name)) found.set(name, Array(inside.length).fill(null));
+      found.get(name)[i] = one;
+    }
+  });
+  return found;
+}
+
+/* Forces of one rebound over time, the friction force within the band that friction allows; of several contacts the sums
+   and, thinner, the forces of each. */
+const SEVERAL = ["#56b4e9", "#e69f00", "#cc79a7", "#009e73"];
 let forces = [];
 
 function drawForces(i) {
@@ -267,7 +296,8 @@ function drawForces(i) {
   }
   const inside = rows.t.map((_, k) => k).filter((k) => rows.t[k] >= begin && rows.t[k] <= end && rows.feature[k]);
   const [times, normal, tangential] = ["t", "normal", "tangential"].map((name) => inside.map((k) => rows[name][k]));
-  const most = inside.map((k) => frictionAt(rows.places[k], given) * rows.normal[k]);
+  const boundOf = (touches) => touches.reduce((sum, one) => sum + frictionAt(one.x, given) * one.normal, 0);
+  const most = inside.map((k) => boundOf(rows.touches[k]));
   const short = end - begin < 0.5;
   const width = clamp($("forces").clientWidth, 240, 420);
   const axes = (height, label, range, bottom) =>
@@ -297,12 +327,30 @@ function drawForces(i) {
     most.map((value) => -value),
     "var(--cone)",
   );
+  const each = [...contactsByName(rows, inside)];
+  const colourOf = (k) => SEVERAL[k % SEVERAL.length];
+  const several = (axis, name) => {
+    if (each.length < 2) return "";
+    const lines = each.map(([, list], k) =>
+      axis.lines(
+        times,
+        list.map((one) => one && one[name]),
+        colourOf(k),
+      ),
+    );
+    return `<g class="each">${lines.join("")}</g>`;
+  };
   forces = [
-    above.draw(above.frame() + above.line(times, normal, "var(--blue)")),
+    above.draw(above.frame() + above.line(times, normal, "var(--blue)") + several(above, "normal")),
     below.draw(
-      band + below.frame(`${short ? "ms" : "s"} since touchdown`) + below.line(times, tangential, "var(--red)"),
+      band +
+        below.frame(`${short ? "ms" : "s"} since touchdown`) +
+        below.line(times, tangential, "var(--red)") +
+        several(below, "tangential"),
     ),
   ];
+  const keys = each.map(([name], k) => `<span><i style="background:${colourOf(k)}"></i>${escaped(name)}</span>`);
+  if (each.length > 1) $("forces").insertAdjacentHTML("beforeend", `<div class="legend">${keys.join("")}</div>`);
 }
 
 /* What the body does at a time. */
@@ -323,8 +371,9 @@ function tellNow(t) {
     $("contact").textContent = t >= rows.t[rows.t.length - 1] ? `the end: ${status.replace("_", " ")}` : "in flight";
     return;
   }
-  const { i, row, part, friction, normal, tangential } = push;
-  const most = friction * normal;
+  const { i, row, part, touches } = push;
+  const [normal, tangential] = ["normal", "tangential"].map((name) => touches.reduce((sum, one) => sum + one[name], 0));
+  const most = touches.reduce((sum, one) => sum + one.friction * one.normal, 0);
   const signs = row === undefined || !rows.feature[row] ? "" : motionWords(rows.slip[row], rows.spin[row]);
   const grip = most > 0 ? `, grip ${Math.min(Math.abs(tangential) / most, 1).toFixed(2)}` : "";
   const much = rebounds.duration[i] > 0 ? `force ${quantity(normal, "N")}` : `impulse ${quantity(normal, "N s")}`;

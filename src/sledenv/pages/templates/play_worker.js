@@ -51,19 +51,42 @@ function path({ x, y }) {
   return Float32Array.from(points);
 }
 
+/* Of each contact the depth [m] of the body in the ground, gap rate and slip velocity [m/s]: touches_in in
+   plot/trajectories.py. */
+function motions({ trajectory, contacts }, body) {
+  const tilt = (k) => Math.atan2(-contacts.normal_x[k], contacts.normal_y[k]);
+  const turned = Float64Array.from(contacts.row, (row, k) => trajectory.phi[row] - tilt(k));
+  const { b: lowest } = kernel.arms(body, turned);
+  const size = Math.max(...body.arcs.map(({ across, along, r }) => Math.hypot(across, along) + r));
+  const found = { depth: [], gap_rate: [], slip_velocity: [] };
+  contacts.row.forEach((row, k) => {
+    const [n_x, n_y] = [contacts.normal_x[k], contacts.normal_y[k]];
+    const [across, up] = [trajectory.x[row] - contacts.x[k], trajectory.y[row] - contacts.y[k]];
+    const [u, v, omega] = ["u", "v", "omega"].map((name) => trajectory[name][row]);
+    const a = n_y * across - n_x * up;
+    const [cosine, sine] = [Math.cos(turned[k]), Math.sin(turned[k])];
+    let [nearest, b] = [1e-6 * size, lowest[k]];
+    for (const arc of body.arcs) {
+      const apart = Math.abs(arc.across * cosine + arc.along * sine - a);
+      if (apart < nearest) [nearest, b] = [apart, arc.r + arc.across * sine - arc.along * cosine];
+    }
+    found.depth.push(Math.max(b - (n_x * across + n_y * up), 0));
+    found.gap_rate.push(n_x * u + n_y * v - a * omega);
+    found.slip_velocity.push(n_y * u - n_x * v + b * omega);
+  });
+  return found;
+}
+
 const TASKS = {
   async load({ bytes }) {
     kernel = await Kernel.load(bytes);
   },
 
-  /* One descent with its trajectory; of the point that is lowest in each row its place [m], and how far below the mass
-     centre it is [m]. With a state given, that is the launch. */
+  /* One descent with its trajectory, and how the body moves in its contacts. With a state given, that is the launch. */
   descend({ scene, launch, state: given }) {
     const state = given ?? states(scene, [launch])[0];
     const found = descend(scene, state);
-    const { x, phi } = found.trajectory;
-    const { a, b } = kernel.arms(scene.body, phi);
-    return { ...found, scene, places: x.map((one, i) => one - a[i]), heights: b };
+    return { ...found, scene, contacts: { ...found.contacts, ...motions(found, scene.body) } };
   },
 
   rewards({ scene, launches }) {

@@ -117,8 +117,8 @@ class Scene {
     return shape.map(([a, b]) => this.at(x + a * c - b * s, y + a * s + b * c)).join(" ");
   }
 
-  sled(x, y, phi, attributes, touching = "") {
-    // touching: the part of a sled with its rider that is marked
+  sled(x, y, phi, attributes, touching = []) {
+    // touching: parts of a sled with its rider that are marked
     const [column, row] = this.pixel(x, y);
     const whole = this.outline(this.body.outline, x, y, phi);
     if (this.body.pieces) {
@@ -127,7 +127,7 @@ class Scene {
       const inside = pieces.map(
         ({ part, colour, points }) =>
           `<polygon data-part="${escaped(part)}" points="${this.outline(points, x, y, phi)}" ` +
-          `fill="${part === touching ? touched : colour}" stroke="#2d343c" stroke-width="${fine}" stroke-linejoin="round"/>`,
+          `fill="${touching.includes(part) ? touched : colour}" stroke="#2d343c" stroke-width="${fine}" stroke-linejoin="round"/>`,
       );
       return (
         `<g ${attributes}><polygon points="${whole}" fill="${hull}" stroke="#62707e" stroke-width="${fine}"/>${inside.join("")}` +
@@ -210,12 +210,16 @@ class Scene {
     return parts;
   }
 
-  contact(from, to) {
+  contact(paths) {
+    // where a rebound touched: places of the slope frame, in pieces
     const [w, h] = [5 / this.scale, 9 / this.scale];
-    return (
-      `<polyline points="${this.at(from, 0)} ${this.at(to, 0)}" stroke="#009e73" stroke-width="4"/>` +
-      `<polygon points="${this.at(from, 0)} ${this.at(from - w, -h)} ${this.at(from + w, -h)}" fill="#009e73"/>`
-    );
+    const [[[x, y]]] = paths;
+    const lines = paths.map((path) => {
+      const points = path.length > 1 ? path : [path[0], path[0]];
+      return `<polyline points="${points.map((one) => this.at(...one)).join(" ")}" fill="none" stroke="#009e73" stroke-width="4"/>`;
+    });
+    const mark = `${this.at(x, y)} ${this.at(x - w, y - h)} ${this.at(x + w, y - h)}`;
+    return `${lines.join("")}<polygon points="${mark}" fill="#009e73"/>`;
   }
 
   arrow(foot, tip, attributes) {
@@ -233,23 +237,29 @@ class Scene {
     );
   }
 
-  push({ place, friction, tangential, normal, largest }) {
-    // what a contact does to the body: the friction cone, which lies below it, and what lies above it
+  push({ touches, largest }) {
+    // what contacts do to the body: the friction cones, which lie below it, and what lies above it
     const length = (0.3 * this.H) / this.scale;
-    const norm = Math.hypot(1, friction);
-    const edges = [-1, 1].map((side) => this.at(place + (side * length * friction) / norm, length / norm));
-    const label = this.pixel(place, (1.07 * length) / norm);
-    const cone = `<polygon id="cone" points="${this.at(place, 0)} ${edges.join(" ")}" fill="#f8ee8c"/>`;
-    let force =
-      edges
-        .map((edge) => `<polyline points="${this.at(place, 0)} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`)
-        .join("") +
-      `<text x="${far(label[0])}" y="${far(label[1])}" text-anchor="middle" fill="var(--pale)">friction cone</text>`;
-    if (largest > 0) {
-      const tip = this.pixel(place + (length * tangential) / largest, (length * normal) / largest);
-      force += `<g id="force">${this.arrow(this.pixel(place, 0), tip, 'fill="#a01e6e" stroke="#a01e6e"')}</g>`;
-    }
-    return { cone, force };
+    const cones = [];
+    const forces = [];
+    touches.forEach(({ x, y, normal_x, normal_y, friction, normal, tangential }, k) => {
+      const place = (up, along) => [x + up * normal_x + along * normal_y, y + up * normal_y - along * normal_x];
+      const norm = Math.hypot(1, friction);
+      const edges = [-1, 1].map((side) => this.at(...place(length / norm, (side * length * friction) / norm)));
+      const foot = this.at(x, y);
+      cones.push(`<polygon class="cone" points="${foot} ${edges.join(" ")}" fill="#f8ee8c"/>`);
+      for (const edge of edges) forces.push(`<polyline points="${foot} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`);
+      if (k === 0) {
+        const label = this.pixel(...place((1.07 * length) / norm, 0));
+        forces.push(
+          `<text x="${far(label[0])}" y="${far(label[1])}" text-anchor="middle" fill="var(--pale)">friction cone</text>`,
+        );
+      }
+      if (!(largest > 0)) return;
+      const tip = this.pixel(...place((length * normal) / largest, (length * tangential) / largest));
+      forces.push(`<g class="force">${this.arrow(this.pixel(x, y), tip, 'fill="#a01e6e" stroke="#a01e6e"')}</g>`);
+    });
+    return { cone: cones.join(""), force: forces.join("") };
   }
 
   path(points, stroke = "var(--blue)") {

@@ -1,0 +1,123 @@
+"""The contacts of a trajectory: what touches what, where, and with which forces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sledenv.kernel.records import CONTACT_FORCES, MOST_CONTACTS
+from sledenv.plot.trajectories import by_label, touches_in
+from sledenv.simulation.bodies import segment
+from sledenv.simulation.outcomes import Descent, contacts_in, ground_name
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Solver
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.sleds import sled
+
+BOAT = segment(1.0, 0.15, 0.08, 0.012, 1.2)
+LAW = ContactLaw(1e5, 0.6, 0.1, 0.001)
+SLOPE = Slope(0.2, 8.0)
+OVERTURNED, DROPPED = State(0.0, 0.3, 2.6, 2.0, 0.0, 3.0), State(0.0, 1.0, 0.2, 6.0, 0.0, 1.0)
+
+
+def descents() -> list[Descent]:
+    """Bodies that touch with one point and with two, some at a time, on any surface."""
+    solvers: tuple[Solver, ...] = ("compliant", "rigid")
+    found = []
+    for solver in solvers:
+        for body, launch in ((BOAT, OVERTURNED), (sled(), DROPPED)):
+            found.append(simulate(body, LAW, SLOPE, launch, solver=solver, record="trajectory", max_time=4.0))
+    return found
+
+
+def test_the_contacts_of_a_row_add_up_to_its_forces() -> None:
+    """Oracle: the sums in the row; the contacts that there are come first, and the others are zero."""
+    counts = set()
+    for descent in descents():
+        rows, contacts = descent.trajectory, descent.contacts
+        assert contacts.shape == (rows["touching"].sum(),)
+        assert np.array_equal(np.bincount(contacts["row"], minlength=len(rows)), rows["touching"])
+        assert np.array_equal(contacts["t"], rows["t"][contacts["row"]])
+        assert ((rows["touching"] > 0) == (rows["feature"] > 0)).all()
+        for name in ("normal", "tangential"):
+            assert np.bincount(contacts["row"], contacts[name], len(rows)) == pytest.approx(rows[name], rel=1e-12)
+        for k in range(MOST_CONTACTS):
+            unused = rows["contacts"][rows["touching"] <= k, k]
+            assert not np.frombuffer(unused.tobytes(), np.uint8).any()
+        counts |= set(rows["touching"].tolist())
+    assert counts == {0, 1, 2}
+
+
+def test_a_contact_lies_where_the_body_is_lowest_and_the_forces_turn_it_from_there() -> None:
+    """Oracle: Euler's equation, integrated over the descent, with arms from the places of the contacts."""
+    for descent in descents()[:2]:
+        rows, contacts = descent.trajectory, descent.contacts
+        assert (contacts["y"] == 0.0).all()
+        assert (contacts["normal_x"] == 0.0).all()
+        assert (contacts["normal_y"] == 1.0).all()
+        assert (contacts["ground"] == 0).all()
+        touches = touches_in(descent.body, rows)
+        moment = np.bincount(contacts["row"], touches.moment, len(rows)) + rows["rolling"]
+        turned = np.append(0.0, np.cumsum(0.5 * (moment[1:] + moment[:-1]) * np.diff(rows["t"]))) / descent.body.inertia
+        assert turned == pytest.approx(rows["omega"] - rows["omega"][0], abs=0.01 * np.ptp(rows["omega"]))
+
+
+def test_what_a_contact_does_is_the_same_in_a_turned_frame() -> None:
+    """Oracle: the descent itself, whose rows and contacts are turned about a point."""
+    turn = 0.37
+    cosine, sine = math.cos(turn), math.sin(turn)
+    for descent in descents():
+        rows = descent.trajectory.copy()
+        there = touches_in(descent.body, rows)
+        for table, pairs in ((rows, ("xy", "uv")), (rows["contacts"], ("xy", ("normal_x", "normal_y")))):
+            for one, other in pairs:
+                along, up = table[one].copy(), table[other].copy()
+                table[one], table[other] = cosine * along - sine * up, sine * along + cosine * up
+        rows["phi"] += turn
+        turned = touches_in(descent.body, rows)
+        scale = {"depth": 1e-9, "gap_rate": 1e-9, "slip_velocity": 1e-9, "moment": 1e-9 * there.forces["normal"].max()}
+        for name, within in scale.items():
+            assert getattr(turned, name) == pytest.approx(getattr(there, name), abs=within)
+
+
+def test_the_penetration_of_each_contact_gives_its_force() -> None:
+    """Oracle: N = k x with the two stiffnesses of the law, at each point by itself."""
+    for descent in descents()[:2]:
+        touches = touches_in(descent.body, descent.trajectory)
+        sign = np.where(touches.gap_rate > 0.0, -1.0, 1.0)
+        moving = np.abs(touches.gap_rate) > 1e-6
+        expected = LAW.stiffness * (1.0 + LAW.asymmetry * sign) * touches.depth
+        assert touches.forces["normal"][moving] == pytest.approx(expected[moving], rel=1e-6, abs=1e-3)
+
+
+def test_a_table_of_contacts_is_one_for_pandas() -> None:
+    """Oracle: the rows of the trajectory, grouped."""
+    descent = descents()[0]
+    table = pd.DataFrame(descent.contacts)
+    assert list(table) == ["t", "row", *(CONTACT_FORCES.names or ())]
+    normal = table.groupby("row")["normal"].sum()
+    assert normal.to_numpy() == pytest.approx(descent.trajectory["normal"][descent.trajectory["touching"] > 0])
+    assert len(contacts_in(descent.trajectory[:1])) == 0
+
+
+def test_curves_of_contacts_bear_the_names_of_what_touches() -> None:
+    """Oracle: the parts of the body; made-up ground, and two contacts of one part."""
+    descent = descents()[0]
+    rows = descent.trajectory
+    for name, values in by_label(descent, descent.contacts, descent.contacts["normal"], len(rows)).items():
+        code = BOAT.parts.index(name) + 1
+        mine = (rows["contacts"]["part"] == code) & (rows["contacts"]["normal_y"] > 0.0)
+        assert np.array_equal(~np.isnan(values), mine.any(axis=1))
+        assert np.nansum(values) == pytest.approx(rows["contacts"]["normal"][mine].sum())
+    assert [ground_name(code) for code in range(4)] == ["piece 0", "vertex 0", "piece 1", "vertex 1"]
+    descent.contacts["ground"][-2:] = 3
+    pair = descent.contacts[-2:]
+    assert set(by_label(descent, pair, pair["normal"], len(rows))) == {"nose on vertex 1", "tail on vertex 1"}
+    pair["part"] = pair["part"][0]
+    assert set(by_label(descent, pair, pair["normal"], len(rows))) in (
+        {"nose on vertex 1", "nose on vertex 1, 2"},
+        {"tail on vertex 1", "tail on vertex 1, 2"},
+    )
