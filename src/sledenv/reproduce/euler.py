@@ -124,7 +124,8 @@ def euler_descent(
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     checked_choice("record", record, RECORDS)
     law = made("law", ContactLaw, law)
-    body, _, slope, launch, _ = checked_descent(body, law, slope, launch, settings)
+    checked_given = checked_descent(body, law, slope, launch, settings)
+    body, slope, launch = checked_given.body, checked_given.slope, checked_given.launch
     given = _Given(
         stiffness=law.stiffness,
         asymmetry=law.asymmetry,

@@ -75,8 +75,8 @@ class Kernel {
     this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
     const trims = { place: 0, lengths: [0, 2] };
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
-    const name = `descend_lanes_${solver}`;
-    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(name, touching, ends, ...tables, 1);
+    const entry = `descend_lanes_${solver}`;
+    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(entry, touching, ends, ...tables, 1);
     const outcome = Object.fromEntries(
       Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
     );
