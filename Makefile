@@ -71,7 +71,7 @@ test-slow: $(STAMP) ## run the slow tests
 	$(BIN)/python -m pytest -q -m slow
 
 test-nojit: $(STAMP) ## run kernel and compiler as plain Python and measure their coverage
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/compiler tests/simulation/test_euler.py \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/compiler tests/reproduce/test_euler.py \
 		-m "not jit_only and not slow" --cov=src/sledenv/kernel --cov=src/sledenv/compiler \
 		--cov-report=term-missing
 

@@ -16,6 +16,7 @@ from perf.harness import Floats, ratio, spread, take_turns, timed
 from perf.methods import Heyoka, dop853, euler, rk4
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, settings, worst
 from perf.scalar_loop import scalar_loop
+from sledenv.reproduce.euler import euler_descent
 
 ROUNDS = 15
 LOOPED, LANES = 64, 1024  # copies of the reference descent in a compiled loop and in a batch
@@ -50,6 +51,11 @@ def called(name: str, law: str, rebounds: int, **options: Any) -> Peer:
 
 def _velocities(rebounds: np.ndarray) -> Floats:
     return np.stack([rebounds[name] for name in ("u_after", "v_after", "omega_after")], axis=-1)
+
+
+def _by_euler(name: str, rebounds: int) -> Peer:
+    run = functools.partial(euler_descent, BODY, LAW, SLOPE, LAUNCH, step=2.5e-7, max_rebounds=rebounds)
+    return Peer(name, SAME, run, lambda: _velocities(run().rebounds))
 
 
 def _looped(name: str, law: str, rebounds: int, solver: Any) -> Peer:
@@ -90,7 +96,7 @@ def methods(rebounds: int) -> list[Peer]:
         *(method(f"scipy DOP853 {tol:.0e}, events", dop853, rebounds, tol) for tol in DOP853[rebounds]),
         method("RK4 2.5e-5, compiled, no events", rk4, START, rebounds, 2.5e-5),
         method(EULER, euler, START, rebounds, 2.5e-7),
-        called("explicit Euler 2.5e-7, sledenv", SAME, rebounds, solver="euler"),
+        _by_euler("explicit Euler 2.5e-7, sledenv", rebounds),
     ]
     if rebounds > FEW:
         return found

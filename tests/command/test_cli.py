@@ -140,9 +140,6 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
 
 
 def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
-        capsys, "sensitivity", own_pack("bowl_snow"), "--solver", "euler"
-    )
     file = tmp_path / "growth.pdf"
     assert "must end in .png" in refused(capsys, "sensitivity", own_pack("bowl_snow"), "--out", str(file))
 
@@ -245,12 +242,10 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
     for value in ("up", "-360.1"):
         assert f"{bad}{value!r}" in refused(capsys, "simulate", own_pack("ice_drop"), f"--orientation-deg={value}")
-    assert 'Invalid value "magic" for --solver' in refused(
-        capsys, "simulate", own_pack("ice_drop"), "--solver", "magic"
-    )
-    assert "--solver: bowl_snow ends where the body lies on its chord" in refused(
-        capsys, "simulate", own_pack("bowl_snow"), "--solver", "euler"
-    )
+    for command in ("simulate", "sensitivity", "replay", "play"):
+        assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
+            capsys, command, own_pack("ice_drop"), "--solver", "euler"
+        )
     assert refused(capsys, "simulate") == "sledenv simulate: error: SCENARIO is required\n"
     assert refused(capsys, "identify", "x.csv") == "sledenv identify: error: --gyration-radius is required\n"
     needed = refused(capsys, "identify", "x.csv", "--gyraton-radius", "3")

@@ -177,7 +177,6 @@ def test_words_of_the_command_are_those_of_the_package(capsys: pytest.CaptureFix
     out = capsys.readouterr().out
     assert all(name in out for name in shipped("studies"))
     assert get_args(arguments.Solver) == get_args(settings.Solver)
-    assert get_args(arguments.BatchSolver) == get_args(settings.BatchSolver)
     assert get_args(identification.Hypothesis) == get_args(rigid_impact.Hypothesis)
 
 

@@ -323,7 +323,7 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
     [
         ({"scenario": "sled_snwo"}, sledenv.ScenarioError, "sled_snow"),
         ({"control": "trim"}, ValueError, "control = 'trim': must be one of 'both', 'orientation', 'spin'"),
-        ({"solver": "euler"}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
+        ({"solver": "exact"}, ValueError, "solver = 'exact': must be one of 'compliant', 'rigid'"),
         ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
         ({"launch_noise": 0.1}, ValueError, "launch_noise = 0.1: must be two numbers"),
         ({"launch_noise": (0.1, -1.0)}, ValueError, r"launch_noise.spin = -1.0: must be in \[0, inf\)"),

@@ -12,7 +12,7 @@ from sledenv.plot.shapes import drawable_rows, states_at
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
@@ -59,7 +59,7 @@ def launch(rng: np.random.Generator, body: Body) -> State:
     return State(0.0, y, phi, rng.uniform(-1.0, 1.5), rng.uniform(-0.5, 0.5), rng.uniform(-6.0, 6.0))
 
 
-def descent(one: Drop, seconds: float, solver: BatchSolver = "rigid") -> Descent:
+def descent(one: Drop, seconds: float, solver: Solver = "rigid") -> Descent:
     return simulate(*one, solver=solver, max_time=seconds, record="trajectory", sample_interval=seconds)
 
 
@@ -69,7 +69,7 @@ def track(
     *,
     rate: float = 240.0,
     seconds: float = 1.0,
-    solver: BatchSolver = "rigid",
+    solver: Solver = "rigid",
     noise: tuple[float, float] = NOISE,
     wrong: float = 0.0,
 ) -> pd.DataFrame:

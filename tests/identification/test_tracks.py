@@ -260,7 +260,7 @@ def test_bad_arguments_are_refused_by_name() -> None:
         ({"bounds": {"stiffness": (1e3, 1e5)}}, "'stiffness' is not fitted"),
         ({"bounds": {"friction": (0.0, 1.0)}, "fixed": {"friction": 0.2}}, "'friction' is fixed"),
         ({"noise": (0.0, 0.1)}, "noise.position"),
-        ({"solver": "euler"}, "solver"),
+        ({"solver": "exact"}, "solver"),
         ({"loss": "huber"}, "loss"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import quad
 
 import sledenv
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 from tests import outline_oracle as oracle
 from tests.bodies import same_bits
 
 FAST, ALL = 40, 200  # random cases
 SEEDS = [seed if seed < FAST else pytest.param(seed, marks=pytest.mark.slow) for seed in range(ALL)]
-SOLVERS: list[BatchSolver] = ["compliant", "rigid"]
+SOLVERS: list[Solver] = ["compliant", "rigid"]
 PRECISION = 1e-9
 MAX_TIME = 3.0
 GRAVITY = 9.81
@@ -43,11 +43,11 @@ def given(case: oracle.Case) -> tuple[Any, ...]:
     return body_of(case.body), sledenv.ContactLaw(*case.law), slope, sledenv.State(*case.launch)
 
 
-def simulated(case: oracle.Case, solver: BatchSolver, **options: Any) -> sledenv.Descent:
+def simulated(case: oracle.Case, solver: Solver, **options: Any) -> sledenv.Descent:
     return sledenv.simulate(*given(case), solver=solver, **{"max_rebounds": 2, "max_time": MAX_TIME} | options)
 
 
-def expected(case: oracle.Case, solver: BatchSolver, **options: Any) -> oracle.Descent:
+def expected(case: oracle.Case, solver: Solver, **options: Any) -> oracle.Descent:
     options = {"max_rebounds": 2, "max_time": MAX_TIME} | options
     if solver == "compliant":
         return oracle.follow_compliant(case, **options)
@@ -99,7 +99,7 @@ def assert_same(descent: sledenv.Descent, wanted: oracle.Descent, case: oracle.C
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_random_outline_rebounds_as_in_the_oracle(seed: int, solver: BatchSolver) -> None:
+def test_a_random_outline_rebounds_as_in_the_oracle(seed: int, solver: Solver) -> None:
     """Oracle: scipy and plain formulas. Polygons, hulls of circles, segments and ovals, with nearly flat landings."""
     case = oracle.random_case(seed)
     descent = simulated(case, solver)
@@ -132,7 +132,7 @@ def test_the_oracle_is_rarely_without_an_answer_and_sees_all_kinds_of_contact() 
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_many_rebounds_of_random_outlines_keep_the_ledger(solver: BatchSolver) -> None:
+def test_many_rebounds_of_random_outlines_keep_the_ledger(solver: Solver) -> None:
     """Oracle: energy is kinetic, potential, stored or lost; no descent fails."""
     for seed in range(1000, 1000 + 5 * FAST):
         descent = simulated(oracle.random_case(seed), solver, max_rebounds=200, max_time=20.0)
@@ -153,7 +153,7 @@ def beside_a_side(radius: float, length: float, tilt: float) -> oracle.Case:
 @pytest.mark.parametrize(("radius", "length"), [(3.0, 0.3), (30.0, 0.8)])
 @pytest.mark.parametrize("tilt", [-0.02, 0.001, 0.05, 0.4])
 def test_a_flat_arc_may_end_in_a_corner_of_hardly_any_angle(
-    radius: float, length: float, tilt: float, solver: BatchSolver
+    radius: float, length: float, tilt: float, solver: Solver
 ) -> None:
     """Oracle: the same outline there. With corners what is across a side is the end of the arc and not its circle."""
     case = beside_a_side(radius, length, tilt)
@@ -185,7 +185,7 @@ KEPT = ("t", "t_touchdown", "duration", "mode", "normal_impulse", "peak_force", 
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_the_mirror_image_is_the_same_descent_bit_for_bit(solver: BatchSolver) -> None:
+def test_the_mirror_image_is_the_same_descent_bit_for_bit(solver: Solver) -> None:
     """Oracle: x turned round; a zero may have either sign."""
     for seed in range(2000, 2000 + FAST):
         case = oracle.random_case(seed)
@@ -208,7 +208,7 @@ def test_the_mirror_image_is_the_same_in_the_oracle() -> None:
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_batch_of_bodies_is_each_of_them_bit_for_bit(solver: BatchSolver) -> None:
+def test_a_batch_of_bodies_is_each_of_them_bit_for_bit(solver: Solver) -> None:
     """Oracle: the descents one by one."""
     cases = [oracle.random_case(seed) for seed in range(3000, 3000 + FAST)]
     settings = sledenv.Settings(solver=solver, max_rebounds=10, max_time=MAX_TIME)
@@ -326,7 +326,7 @@ def block(width: float, height: float, offset: float = 0.0) -> sledenv.Body:
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("offset", [0.0, 0.05, -0.08])
-def test_a_block_slides_down_an_incline_until_friction_tips_it(offset: float, solver: BatchSolver) -> None:
+def test_a_block_slides_down_an_incline_until_friction_tips_it(offset: float, solver: Solver) -> None:
     """Oracle: udot = g sin(beta) - f g cos(beta); the load behind vanishes where f h/2 = the arm of the end ahead.
 
     Loads ahead and behind are W/2 (1 +- ...) with f h/w: they balance the moment of friction about the mass centre.
@@ -348,7 +348,7 @@ def test_a_block_slides_down_an_incline_until_friction_tips_it(offset: float, so
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_block_rests_on_an_incline_until_it_tips(solver: BatchSolver) -> None:
+def test_a_block_rests_on_an_incline_until_it_tips(solver: Solver) -> None:
     """Oracle: it rests while tan(beta) <= f and tan(beta) < width/height."""
     body = block(0.3, 0.6)
     law = sledenv.ContactLaw(1e9, 0.9, 2.0, 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sledenv
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 from sledenv.simulation.support import support_height
 
 BLOCK = sledenv.polygon(2.0, [(0.2, -0.1), (-0.2, -0.1), (-0.2, 0.1), (0.2, 0.1)])
@@ -19,7 +19,7 @@ SHIFTS = np.random.default_rng(11).uniform(0.1, 3.0, 60).tolist()
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize("friction", [0.4, 2.5])
-def test_a_block_that_slides_off_ice_does_the_same_wherever_the_ice_ends(friction: float, solver: BatchSolver) -> None:
+def test_a_block_that_slides_off_ice_does_the_same_wherever_the_ice_ends(friction: float, solver: Solver) -> None:
     """Oracle: the slope looks the same everywhere. At f = 2.5 the block tips over the end ahead: f > l/b = 2."""
     length = 0.2  # [m] of the block ahead of its mass centre
     given: dict[str, Any] = {"solver": solver, "max_time": 1.3, "record": "trajectory"}

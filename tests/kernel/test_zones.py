@@ -1,4 +1,4 @@
-"""Zones of a slope: against tests/outline_oracle.py, closed forms, the mirror image, the ledger and explicit Euler."""
+"""Zones of a slope: against tests/outline_oracle.py, closed forms, the mirror image, the ledger and Euler's method."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sledenv
-from sledenv.simulation.settings import BatchSolver
+from sledenv.reproduce.euler import euler_descent
+from sledenv.simulation.settings import Solver
 from sledenv.simulation.support import support_height
 from tests import outline_oracle as oracle
 from tests.bodies import same_bits, touching
@@ -20,14 +21,14 @@ from tests.kernel.test_outlines import KEPT, PRECISION, TURNED, assert_same, blo
 
 FAST, ALL = 30, 180  # random cases
 SEEDS = [seed if seed < FAST else pytest.param(seed, marks=pytest.mark.slow) for seed in range(ALL)]
-SOLVERS: list[BatchSolver] = ["compliant", "rigid"]
+SOLVERS: list[Solver] = ["compliant", "rigid"]
 GRAVITY = 9.81
 
 
 # --- random zones ----------------------------------------------------------------------------------------------------
 
 
-def with_zones(case: oracle.Case, solver: BatchSolver, seed: int, most_edges: int = 4) -> oracle.Case:
+def with_zones(case: oracle.Case, solver: Solver, seed: int, most_edges: int = 4) -> oracle.Case:
     """The case with zones that begin where a point touches on the way without any."""
     rng = np.random.default_rng([7, seed])
     outline, free = oracle.Outline(case.body), simulated(case, solver, record="trajectory", sample_interval=1e-3)
@@ -46,7 +47,7 @@ def with_zones(case: oracle.Case, solver: BatchSolver, seed: int, most_edges: in
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_random_outline_on_random_zones_rebounds_as_in_the_oracle(seed: int, solver: BatchSolver) -> None:
+def test_a_random_outline_on_random_zones_rebounds_as_in_the_oracle(seed: int, solver: Solver) -> None:
     """Oracle: scipy and plain formulas, each point in a zone of its own."""
     case = with_zones(oracle.random_case(5000 + seed), solver, seed)
     descent = simulated(case, solver)
@@ -81,7 +82,7 @@ def test_the_random_zones_are_passed_in_all_kinds_of_contact(monkeypatch: pytest
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_the_mirror_image_passes_the_mirrored_zones_bit_for_bit(solver: BatchSolver) -> None:
+def test_the_mirror_image_passes_the_mirrored_zones_bit_for_bit(solver: Solver) -> None:
     """Oracle: x turned round, zones [begin, end] become [-end, -begin]."""
     for seed in range(2 * FAST):
         case = with_zones(oracle.random_case(6000 + seed), solver, seed)
@@ -147,7 +148,7 @@ ZONES = [
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(("width", "offset"), [(0.4, 0.0), (0.4, 0.06), (1.0, -0.1)])
-def test_a_block_slides_on_its_ends_from_zone_to_zone(width: float, offset: float, solver: BatchSolver) -> None:
+def test_a_block_slides_on_its_ends_from_zone_to_zone(width: float, offset: float, solver: Solver) -> None:
     """Oracle: a constant acceleration between the crossings of either end; the work of friction."""
     height, angle, speed, length = 0.3, 0.1, 2.5, 4.0
     body, slope = block(width, height, offset), sledenv.Slope(angle, length, GRAVITY, ZONES)
@@ -164,7 +165,7 @@ def test_a_block_slides_on_its_ends_from_zone_to_zone(width: float, offset: floa
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_block_slides_uphill_into_a_zone_and_back_out_of_it(solver: BatchSolver) -> None:
+def test_a_block_slides_uphill_into_a_zone_and_back_out_of_it(solver: Solver) -> None:
     """Oracle: constant accelerations up to where it turns round in the zone, and from there on."""
     body, angle, zones = block(0.4, 0.2), 0.4, [sledenv.Zone(-9.0, -1.0, 0.2, 0.0)]
     slope, sliding = sledenv.Slope(angle, 0.5, GRAVITY, zones), Block(0.2, 0.2, 0.1, angle, zones)
@@ -180,7 +181,7 @@ def test_a_block_slides_uphill_into_a_zone_and_back_out_of_it(solver: BatchSolve
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("friction", [0.25, 0.7])
-def test_a_block_comes_to_rest_where_a_zone_holds_it(friction: float, solver: BatchSolver) -> None:
+def test_a_block_comes_to_rest_where_a_zone_holds_it(friction: float, solver: Solver) -> None:
     """Oracle: it stops with one end in the zone or with both, and stays, as both their frictions hold it there."""
     body, angle, zones = block(0.4, 0.2), 0.15, [sledenv.Zone(1.0, 5.0, friction, 0.0)]
     slope, speed = sledenv.Slope(angle, 9.0, GRAVITY, zones), 1.2
@@ -200,7 +201,7 @@ def on_wheel(angle: float, zones: list[sledenv.Zone], speed: float, length: floa
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_wheel_rolls_into_a_zone_with_another_rolling_arm(solver: BatchSolver) -> None:
+def test_a_wheel_rolls_into_a_zone_with_another_rolling_arm(solver: Solver) -> None:
     """Oracle: (m + J/r^2) du/dt = m g (sin(beta) - (delta/r) cos(beta)); its slip stays zero."""
     angle, speed, length = 0.05, 2.0, 4.0
     zones = [sledenv.Zone(1.0, 2.5, 0.3, 0.06), sledenv.Zone(2.5, 3.0, 0.5, 0.0)]
@@ -218,7 +219,7 @@ def test_a_wheel_rolls_into_a_zone_with_another_rolling_arm(solver: BatchSolver)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_wheel_starts_to_slip_where_a_zone_is_too_slippery_and_rolls_again_behind_it(solver: BatchSolver) -> None:
+def test_a_wheel_starts_to_slip_where_a_zone_is_too_slippery_and_rolls_again_behind_it(solver: Solver) -> None:
     """Oracle: du/dt = g (sin - f cos), J domega/dt = -(r f - delta) N while it slips; then it sticks and rolls."""
     angle, speed, radius, arm, ice = 0.3, 1.0, 0.5, 0.005, 0.02
     down, press = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
@@ -281,7 +282,7 @@ def assert_close(one: sledenv.Descent, other: sledenv.Descent) -> None:
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", BODIES)
-def test_zones_that_are_like_the_law_change_nothing(name: str, solver: BatchSolver) -> None:
+def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -> None:
     """Oracle: the descent without zones: rebounds but for rounding, and bit for bit if no zone is touched."""
     body = BODIES[name]
     slope = sledenv.Slope(0.2, 50.0, GRAVITY)
@@ -301,7 +302,7 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: BatchSolv
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", BODIES)
-def test_a_zone_may_be_split(name: str, solver: BatchSolver) -> None:
+def test_a_zone_may_be_split(name: str, solver: Solver) -> None:
     """Oracle: the same numbers on both sides of the cut."""
     body = BODIES[name]
     options: dict[str, Any] = {"solver": solver, "max_rebounds": 3}
@@ -338,7 +339,7 @@ def zoned(draw: st.DrawFn) -> list[sledenv.Zone]:
     omega=st.floats(-5.0, 5.0),
 )
 def test_the_ledger_closes_over_any_zones(
-    solver: BatchSolver, name: str, zones: list[sledenv.Zone], angle: float, phi: float, u: float, omega: float
+    solver: Solver, name: str, zones: list[sledenv.Zone], angle: float, phi: float, u: float, omega: float
 ) -> None:
     """Oracle: energy is kinetic, potential, stored or lost, and no loss is negative."""
     body = BODIES[name]
@@ -353,9 +354,7 @@ def test_the_ledger_closes_over_any_zones(
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", BODIES)
-def test_lanes_with_any_number_of_zones_are_the_descents_and_the_rides_bit_for_bit(
-    name: str, solver: BatchSolver
-) -> None:
+def test_lanes_with_any_number_of_zones_are_the_descents_and_the_rides_bit_for_bit(name: str, solver: Solver) -> None:
     """Oracle: simulate(), for slopes given as such and as rows; Ride and RideBatch, hop by hop."""
     rng = np.random.default_rng(3)
     body, chosen = BODIES[name], sledenv.Settings(solver=solver, max_time=4.0, max_rebounds=25)
@@ -397,7 +396,7 @@ def test_explicit_euler_converges_over_zones_at_first_order(name: str) -> None:
     options = {"max_time": float(free["t"]) + 0.01}
     exact = sledenv.simulate(*given, **options)
     assert abs(exact.state.omega - free["omega_after"]) > 1e-2
-    runs = [sledenv.simulate(*given, **options, solver="euler", step=float(dt)) for dt in steps]
+    runs = [euler_descent(*given, **options, step=float(dt)) for dt in steps]
     errors = [math.dist(run.state, exact.state) for run in runs]
     assert float(np.polyfit(np.log(steps), np.log(errors), 1)[0]) == pytest.approx(1.0, abs=0.15)
     assert errors[-1] < 1e-3

@@ -502,7 +502,6 @@ def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None
         ({"parameters": ["radius"], "body": ROD}, ValueError, "'radius' is that of a segment, and the body is a Body"),
         ({"body": (1.0, 0.1, 0.05, 7.5e-3, math.pi)}, TypeError, "must be a Body, such as segment(...)"),
         ({"rebounds": 0}, ValueError, "rebounds = 0: must be an integer >= 1"),
-        ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"launch": (0.0, math.nan, 0.0, 0.0, 0.0, 0.0)}, ValueError, "State.y = nan"),
         ({"launch": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, ValueError, "lies below the surface"),
     ],

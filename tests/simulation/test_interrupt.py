@@ -18,7 +18,6 @@ from sledenv import ContactLaw, Ride, Settings, Slope, State, circular_segment, 
 from sledenv.kernel.records import Feature
 from sledenv.simulation import lanes as lanes_module
 from sledenv.simulation import settings as settings_module
-from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.outcomes import Descent
 from tests.bodies import same_bits
 
@@ -39,7 +38,6 @@ CASES: dict[str, tuple[Any, ...]] = {
 OPTIONS: dict[str, dict[str, Any]] = {
     "compliant": {"solver": "compliant"},
     "rigid": {"solver": "rigid"},
-    "euler": {"solver": "euler", "step": 2e-5, "max_time": 0.5},
 }
 
 
@@ -51,7 +49,6 @@ def same(one: Descent, other: Descent) -> None:
 def set_work(monkeypatch: pytest.MonkeyPatch, work: float) -> None:
     """Set what one call of the kernel does."""
     monkeypatch.setattr(settings_module, "WORK", work)
-    monkeypatch.setattr(settings_module, "EULER_WORK", work)
 
 
 class Noted:
@@ -75,9 +72,8 @@ class Noted:
 def counted(monkeypatch: pytest.MonkeyPatch, most: float = math.inf) -> list[tuple[int, int]]:
     """Note steps and rows that a descent has come to after each call of the kernel; interrupt so many calls."""
     calls: list[tuple[int, int]] = []
-    by_law, euler = lanes_module.run_lanes, simulate_module.run_euler
+    by_law = lanes_module.run_lanes
     monkeypatch.setattr(lanes_module, "run_lanes", lambda law: Noted(by_law(law), 7, calls, most))
-    monkeypatch.setattr(simulate_module, "run_euler", Noted(euler, 5, calls, most))
     return calls
 
 
@@ -103,8 +99,6 @@ def test_a_descent_in_many_calls_is_that_in_one(
         calls.clear()
         same(simulate(*CASES[name], **options), whole)
         assert len(calls) > 1 or work > 1.0
-        if solver == "euler":  # whose calls end in the middle of a contact
-            assert np.diff([steps for steps, _ in calls]).max() <= work
 
 
 def test_the_cases_do_what_they_are_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,8 +158,8 @@ def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.M
 
 
 ENDLESS = {
-    "euler": "solver='euler', step=1e-12",
-    "rigid": "solver='rigid', max_rebounds=10**5, max_time=1e9",
+    "euler": "sledenv.reproduce.euler_descent(*given, step=1e-12)",
+    "rigid": "sledenv.simulate(*given, solver='rigid', max_rebounds=10**5, max_time=1e9)",
 }
 
 
@@ -174,10 +168,18 @@ ENDLESS = {
 def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
     """Oracle: KeyboardInterrupt, in a process that gets SIGINT while it simulates."""
     program = f"""
-    import signal, sledenv
-    from sledenv.simulation import lanes, settings, simulate as descent
+    import signal, sledenv.reproduce
+    from sledenv.reproduce import euler
+    from sledenv.simulation import lanes, settings
 
     calls = []
+
+    def count():
+        calls.append(None)
+        if len(calls) == 3:
+            print("simulating", flush=True)
+        if len(calls) > 10_000:
+            raise SystemExit("nobody has interrupted this")
 
     class Counted:
         def __init__(self, entry):
@@ -187,22 +189,23 @@ def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
             run = self.entry.prepared(*arguments)
 
             def counted(*numbers):
-                calls.append(None)
-                if len(calls) == 3:
-                    print("simulating", flush=True)
-                if len(calls) > 10_000:
-                    raise SystemExit("nobody has interrupted this")
+                count()
                 run(*numbers)
             return counted
 
+    def counted_steps(*arguments, follow=euler._follow):
+        count()
+        follow(*arguments)
+
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    settings.WORK, settings.EULER_WORK = 1e4, 1e5
-    by_law, descent.run_euler = lanes.run_lanes, Counted(descent.run_euler)
+    settings.WORK, euler._STEPS, euler._follow = 1e4, 10**5, counted_steps
+    by_law = lanes.run_lanes
     lanes.run_lanes = lambda law: Counted(by_law(law))
     body, law = sledenv.segment(1.0, 0.1, 0.0, 5e-3), sledenv.ContactLaw(1e6, 0.0, 0.0, 0.0)
+    given = body, law, sledenv.Slope(0.0), sledenv.State(0.0, 0.2, 0.0)
     try:
         while True:
-            sledenv.simulate(body, law, sledenv.Slope(0.0), sledenv.State(0.0, 0.2, 0.0), {ENDLESS[name]})
+            {ENDLESS[name]}
     except KeyboardInterrupt:
         print("interrupted", flush=True)
     """

@@ -321,7 +321,6 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
             r"launches\[1\].y = 0.0: .* below the surface",
         ),
         (lambda: rides.launch(np.arange(2), laws, slopes[:2], launches[:2]), "law: 3 given for 2 launches"),
-        (lambda: batch(problems, settings=Settings("euler")), "solver = 'euler': must be one of 'compliant', 'rigid'"),
         (lambda: batch(problems, rotor_inertia=-1.0), r"RideBatch.rotor_inertia = -1.0: must be in \(0, inf\)"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -380,7 +379,6 @@ def test_misuse_is_named_and_leaves_the_ride_as_it_is():
         Ride(*problem(own_pack("ice_drop"), 2)).trim(1.0)
     body, law, slope, launch = problem(own_pack("ice_drop"), 2)
     for bad, error, message in (
-        ({"settings": Settings("euler")}, ValueError, "solver = 'euler': must be one of 'compliant', 'rigid'"),
         ({"rotor_inertia": 0.0}, ValueError, r"Ride.rotor_inertia = 0.0: must be in \(0, inf\)"),
         ({"record": "all"}, ValueError, "record = 'all'"),
     ):

@@ -125,15 +125,6 @@ def test_a_sliding_block_stops_in_the_run_out() -> None:
     assert descent.state.x == 106.0
 
 
-def test_eulers_method_has_a_run_out_too() -> None:
-    launch = launches(DISC)[0]
-    exact = simulate(DISC, LAW, SLOPE, launch, run_out=1.0)
-    euler = simulate(DISC, LAW, SLOPE, launch, run_out=1.0, solver="euler", step=1e-6)
-    assert exact.at_line is not None
-    assert euler.at_line == pytest.approx(exact.at_line, rel=1e-2)
-    assert euler.state.x == pytest.approx(7.0, abs=1e-4)
-
-
 def test_bad_run_outs_are_refused() -> None:
     with pytest.raises(ValueError, match=r"Settings.run_out = -1.0: must be in \[0, inf\) m"):
         Settings(run_out=-1.0)

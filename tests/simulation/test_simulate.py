@@ -859,7 +859,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("follower", "follow_all", "run_euler"):
+    for loop in ("follower", "follow_all"):
         monkeypatch.setattr(simulate_module, loop, run)
 
 
@@ -882,7 +882,6 @@ def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error:
 
 
 BAD_BATCHES = [
-    ({"settings": Settings("euler")}, ValueError, "Settings.solver = 'euler': must be one of 'compliant', 'rigid'"),
     ({"settings": {"solver": "rigid"}}, TypeError, "settings = {'solver': 'rigid'}: must be Settings, such as"),
     ({"keep_rebounds": "yes"}, TypeError, "keep_rebounds = 'yes': must be True or False"),
     ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
@@ -1017,9 +1016,8 @@ def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -
     assert type(checked_law(other)) is OtherLaw
     with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
         simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
-    for solver in ("rigid", "euler"):
-        with pytest.raises(TypeError, match=f"law is of the kind OtherLaw: solver = '{solver}' needs a ContactLaw"):
-            simulate(DISC, other, INCLINE, LAUNCH, solver=solver)
+    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
+        simulate(DISC, other, INCLINE, LAUNCH, solver="rigid")
     with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
         simulate_batch(DISC, other, INCLINE, lane, Settings(solver="rigid"))
     rides = RideBatch(DISC, LAW, INCLINE, lane)

@@ -103,7 +103,6 @@ def test_rides_and_batches_end_where_single_descents_do() -> None:
     [
         ({"end_touching": "wing"}, ValueError, r"end_touching = 'wing': must be a part of the body, one of \("),
         ({"end_touching": 1}, TypeError, "end_touching = 1: must be the name of a part"),
-        ({"end_touching": "rider", "solver": "euler"}, ValueError, "'euler' does not heed it"),
     ],
 )
 def test_wrong_parts_are_named(given: dict[str, Any], error: type[Exception], message: str) -> None:

@@ -234,7 +234,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"stations_m": [1, 1]}, "stations_m = [1.0, 1.0]: must rise"),
         ({"stations_m": [0, 1]}, "stations_m.0 = 0: must be a number in (0, inf)"),
         ({"launches": 0}, "launches = 0: must be a whole number in [1"),
-        ({"solver": "euler"}, "solver = 'euler'"),
+        ({"solver": "exact"}, "solver = 'exact'"),
         ({"scenario": "sled_snwo"}, "unknown scenario 'sled_snwo' (did you mean 'sled_snow'?)"),
         ({"sloep": {}}, "sloep = {}: unknown key (did you mean 'slope'?); known: id, title"),
     ],

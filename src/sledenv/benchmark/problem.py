@@ -22,7 +22,7 @@ from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.outcomes import DescentBatch
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
@@ -104,7 +104,7 @@ class Problem:
         environment: Environment = "launch",
         control: str | None = None,
         *,
-        solver: BatchSolver = "compliant",
+        solver: Solver = "compliant",
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
     ) -> None:

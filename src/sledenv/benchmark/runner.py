@@ -28,7 +28,7 @@ from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.rules import checked_count
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
@@ -88,7 +88,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
 
 def _warm_up(job: Job) -> None:
     """Compile the kernels once, or every worker would."""
-    for solver in get_args(BatchSolver):
+    for solver in get_args(Solver):
         task = Task(job.scenario, solver=solver)
         contexts = task.scenario.contexts(np.zeros((1, FIELDS)))
         task.descend_batch(contexts, task.scenario.launches(contexts))

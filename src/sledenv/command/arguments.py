@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import CoercionError, Parameter, Token
 from cyclopts.completion import CompletionContext
 
-Solver = Literal["compliant", "rigid", "euler"]
-BatchSolver = Literal["compliant", "rigid"]
+Solver = Literal["compliant", "rigid"]
 
 
 def number(kind: type, words: str, accepts: Callable[[Any], bool], *, several: bool = False) -> Parameter:

@@ -16,7 +16,7 @@ from sledenv.simulation.bodies import segment
 from sledenv.simulation.lanes import num_threads
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import BatchSolver, Settings
+from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.simulate import simulate, simulate_batch
 
 PACKAGES: Final = ("sledenv", "numpy", "numba", "llvmlite", "gymnasium", "stable_baselines3", "torch")
@@ -106,7 +106,7 @@ def _impact() -> str:
 
 def _agreement() -> str:
     """Compare a batch with single descents."""
-    for solver in get_args(BatchSolver):
+    for solver in get_args(Solver):
         settings = Settings(solver, max_rebounds=5)
         one = simulate(_BODY, _LAW, _SLOPE, _LAUNCH, settings).outcome
         both = simulate_batch(_BODY, _LAW, _SLOPE, [_LAUNCH, _LAUNCH], settings).outcomes

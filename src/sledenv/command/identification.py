@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import CoercionError, Group, Parameter, Token
 
-from sledenv.command.arguments import BatchSolver, Count, File, Folder, Json, Seed, positive, within
+from sledenv.command.arguments import Count, File, Folder, Json, Seed, Solver, positive, within
 from sledenv.command.running import progress, taken, tell, working
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Tracks:
     slope_deg: Annotated[float | None, Parameter(metavar="DEG"), within(89.0, "deg")] = None
     gravity: Annotated[float, Parameter(metavar="M_S2"), positive("m/s^2")] = 9.81
     mass: Annotated[float, Parameter(metavar="KG"), positive("kg")] = 1.0
-    surfaces: BatchSolver = "rigid"
+    surfaces: Solver = "rigid"
     position_noise: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
     angle_noise_deg: Annotated[float | None, Parameter(metavar="DEG"), positive("deg")] = None
 

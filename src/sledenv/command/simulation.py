@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 from cyclopts import Parameter
 
 from sledenv.command.arguments import (
-    BatchSolver,
     Count,
     File,
     Folder,
@@ -127,7 +126,7 @@ def sensitivity(
     /,
     *,
     launch: Launch = _DRAWN,
-    solver: Annotated[BatchSolver, Surfaces] = "compliant",
+    solver: Annotated[Solver, Surfaces] = "compliant",
     rebounds: Count = 10,
     out: File | None = None,
     json: Json = False,
@@ -213,7 +212,7 @@ def play(
     /,
     *,
     launch: Launch = _DRAWN,
-    solver: Annotated[BatchSolver, Surfaces] = "compliant",
+    solver: Annotated[Solver, Surfaces] = "compliant",
     html: File = Path("play.html"),
     json: Json = False,
 ) -> None:
@@ -262,7 +261,7 @@ class _Asked(NamedTuple):
     @property
     def heading(self) -> str:
         """Its name for a page: whoever opens it may know neither the command nor its options."""
-        surfaces = {"compliant": "compliant surfaces", "rigid": "rigid surfaces", "euler": "by Euler's method"}
+        surfaces = {"compliant": "compliant surfaces", "rigid": "rigid surfaces"}
         return f"{self.words}, draw {self.named['seed']}, {surfaces[self.named['solver']]}"
 
 
@@ -273,10 +272,6 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
 
     scenario = load_scenario(name)
     context = scenario.sample(np.random.default_rng(chosen.seed))
-    if solver == "euler" and scenario.ends.on_chord:
-        raise ValueError(
-            f"--solver: {scenario.id} ends where the body lies on its chord (ends.on_chord), which 'euler' cannot tell"
-        )
     orientation = None if chosen.orientation_deg is None else math.radians(chosen.orientation_deg)
     launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
     return _Asked(

@@ -25,7 +25,7 @@ from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import directions, support_heights
 
@@ -39,7 +39,7 @@ _TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BU
 class TaskOptions(TypedDict, total=False):
     """Keywords of :class:`Task` that environments hand on."""
 
-    solver: BatchSolver
+    solver: Solver
     split: Split | None
     launch_noise: tuple[float, float] | None
     observe: Literal["all"] | Sequence[str]
@@ -114,7 +114,7 @@ class Task:
         scenario: str | os.PathLike[str] | Scenario,
         control: str | None = None,
         *,
-        solver: BatchSolver = "compliant",
+        solver: Solver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
@@ -128,7 +128,7 @@ class Task:
         bounds = {name: np.array(pair) for name, pair in self.scenario.control_bounds.items()}
         bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
         words = control_words(bounds)
-        for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(BatchSolver))):
+        for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(Solver))):
             checked_choice(name, value, allowed)
         if split is not None:
             check_split(split)

@@ -30,7 +30,7 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import FINITE, POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate
 
 STIFFNESS = "log10_stiffness"
@@ -54,7 +54,7 @@ _STIFFNESSES = 7  # that are tried at the start
 
 
 def parameters_of(
-    body: Body, solver: BatchSolver, recordings: Sequence[Recording], bounds: Mapping[str, tuple[float, float]]
+    body: Body, solver: Solver, recordings: Sequence[Recording], bounds: Mapping[str, tuple[float, float]]
 ) -> list[Parameter]:
     """Return all parameters: those of the law, then the launches."""
     frame = min(float(np.median(np.diff(one.times))) for one in recordings)
@@ -103,9 +103,7 @@ def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[
     return [Parameter(name + suffix, unit, least, most, scale) for (name, unit), least, most, scale in rows]
 
 
-def known_of(
-    fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]], solver: BatchSolver
-) -> dict[str, float]:
+def known_of(fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]], solver: Solver) -> dict[str, float]:
     """Values of the parameters that are not fitted, by the names of the fit."""
     for name in fixed:
         if name not in (*LAW, "stiffness"):
@@ -127,7 +125,7 @@ class Model:
         self,
         body: Body,
         slope: Slope,
-        solver: BatchSolver,
+        solver: Solver,
         recordings: Sequence[Recording],
         parameters: Sequence[Parameter],
         loss: Loss,

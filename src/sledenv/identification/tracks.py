@@ -36,7 +36,7 @@ from sledenv.simulation.rules import (
     made,
 )
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import BatchSolver
+from sledenv.simulation.settings import Solver
 
 TIME = TRAJECTORY_COLUMNS["t"]
 POSE = tuple(TRAJECTORY_COLUMNS[name] for name in ("x", "y", "phi"))
@@ -52,7 +52,7 @@ def identify_tracks(
     body: Body,
     slope: Slope,
     *,
-    solver: BatchSolver = "rigid",
+    solver: Solver = "rigid",
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     noise: tuple[float, float] | None = None,
@@ -101,7 +101,7 @@ def identify_tracks(
         Naming recording, column, value and what is allowed; if another sign or unit would explain the poses; if no
         body touches the slope; or if no rebound can be explained.
     """
-    checked_choice("solver", solver, get_args(BatchSolver))
+    checked_choice("solver", solver, get_args(Solver))
     checked_choice("loss", loss, get_args(Loss))
     body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
     known = None
@@ -237,7 +237,7 @@ class TrackFit:
 
     body: Body
     slope: Slope
-    solver: BatchSolver
+    solver: Solver
     recordings: list[Recording]
     frames: list[int]
     fit: Fit

@@ -16,7 +16,6 @@ from sledenv.kernel import outline
 from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.descend import SPACE, begin, close_books, trim
-from sledenv.kernel.euler import descend_euler
 from sledenv.kernel.laws import Law
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
@@ -77,9 +76,6 @@ _LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
 run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, _LANES, _WRITTEN, _SPACES, int)
-run_euler: Final = LIBRARY.entry(
-    "descend_euler", descend_euler, _BODIES, ContactLaw, _ROWS, State, Limits, _WRITTEN, _SPACES
-)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, Slope, State, float, float, _OUTCOMES)
 run_collision: Final = LIBRARY.entry("collide", collide, _BODIES, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
@@ -90,7 +86,7 @@ run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUB
 
 
 def _known() -> str:
-    """Digest of one descent of each law, and of one by Euler's method."""
+    """Digest of one descent of each law."""
     body, slope = np.zeros(1, BODY), (math.pi / 18.0, math.inf, 9.81, 0.5, 1.0, 0.3, 2e-3, 1e-3)
     body["mass"], body["inertia"], body["count"] = 1.0, 7.5e-3, 3.0
     body["begin"][0, :3], body["r"][0, 1], body["part"][0, :3] = (-math.pi, -2.0, 2.0), 0.1, (2.0, 1.0, 3.0)
@@ -98,19 +94,16 @@ def _known() -> str:
     body["side"][0, 2], body["corner"][0, :3] = 4.0, (1.0, 0.0, 1.0)
     run_complete(body)
     launch = State(0.0, 0.6, 0.7, 0.5, 0.0, 1.0)
-    limits = Limits(3.0, 1e5, 1e-12, 0.01, 1e-4, 0.0, 12.0, 0.0, 0.0, 0.0, 1e6)
+    limits = Limits(3.0, 1e5, 1e-12, 0.01, 12.0, 0.0, 0.0, 0.0, 1e6)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
 
-    for law in (compliant, rigid, None):
+    for law in (compliant, rigid):
         log, rows, outcomes = np.zeros(12, REBOUND), np.zeros(400, TRAJECTORY), np.zeros(1, OUTCOME)
-        if law:
-            for name, value in zip(State._fields, launch, strict=True):
-                outcomes[name] = value
-            lanes = body, law, slope, launch, np.empty((0, 2))
-            run_lanes(law)(law, limits, *lanes, outcomes, log[np.newaxis], rows, new(SPACE), 1)
-        else:
-            run_euler(body, compliant, slope, launch, limits, outcomes, log[np.newaxis], rows, new(SPACE))
+        for name, value in zip(State._fields, launch, strict=True):
+            outcomes[name] = value
+        lanes = body, law, slope, launch, np.empty((0, 2))
+        run_lanes(law)(law, limits, *lanes, outcomes, log[np.newaxis], rows, new(SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

@@ -91,8 +91,6 @@ class Limits(NamedTuple):
     max_steps: float  # [-] integration steps in contact
     tolerance: float  # [-] bound of the last terms of the series of a contact step, over the speed scale of the contact
     sample_interval: float  # [s] longest time between two rows of a trajectory
-    step: float  # [s] of the explicit Euler solver
-    printed_sign: float  # 1: the paper's printed friction sign (Euler only), 0: the dissipative one
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
     end_part: float  # code of a part of the body whose touch ends a descent, 0: none does

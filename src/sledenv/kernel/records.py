@@ -134,7 +134,7 @@ REBOUND = np.dtype(
         ("omega_after", "f8"),  # [rad/s]
         *((f"loss_{name}", "f8") for name in CONTACT_LOSSES),  # [J]
         ("stuck", "i4"),  # 0 no; 1 below 5 % of the entry speed; 2 exactly (u = 0 and omega = 0)
-        ("sequence", "i4"),  # code of what slipped, stuck, turned, closed and opened, in order; 0 of solver="euler"
+        ("sequence", "i4"),  # code of what slipped, stuck, turned, closed and opened, in order; 0 by Euler's method
     ],
     align=True,
 )

@@ -35,7 +35,7 @@ from sledenv.simulation.settings import DEFAULT, Settings
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
 _EXPORTS, _CODE = 7, 10  # numbers of sections
-_ENTRIES: Final = ("descend_lanes_compliant", "descend_lanes_rigid", "descend_euler", "complete", "lowest")
+_ENTRIES: Final = ("descend_lanes_compliant", "descend_lanes_rigid", "complete", "lowest")
 _RECORDS: Final = {
     "BODY": BODY,
     "CONTACT_FORCES": CONTACT_FORCES,

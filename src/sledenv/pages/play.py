@@ -24,7 +24,7 @@ from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenari
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import AnyLaw, Slope, State
-from sledenv.simulation.settings import BatchSolver, Settings
+from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, within_a_turn
@@ -108,7 +108,7 @@ class Played(NamedTuple):
 def play_page(
     scenario: Scenario,
     contexts: Sequence[Played],
-    solver: BatchSolver = "compliant",
+    solver: Solver = "compliant",
     axes: tuple[str, str] = BOTH,
     free: Collection[str] = BOTH,
 ) -> str:
@@ -170,10 +170,8 @@ def page_content(
         Of :func:`told_setting`.
     own : list of NamedBody
         The first bodies to choose.
-    law, slope
+    law, slope, settings
         Of the first context.
-    settings : Settings
-        With another solver than "euler".
     """
     ready = [*own, *(NamedBody(name, python, make()) for name, python, make in _READY)]
     bodies = [_body(law, slope, settings, one) for one in ready]

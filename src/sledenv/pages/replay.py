@@ -63,7 +63,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     drawable_rows(descent)  # or an error
     given = descent.body, descent.law, descent.slope, descent.launch
     settings = descent.settings
-    if settings is None or settings.solver == "euler":
+    if settings is None:
         recorded, settings = _recorded(descent), DEFAULT
     else:
         recorded = None

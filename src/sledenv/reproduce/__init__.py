@@ -8,10 +8,11 @@ from typing import Final
 
 from sledenv.machine.files import publish, write_csv
 from sledenv.pages.tables import markdown
-from sledenv.reproduce import cases, figures
+from sledenv.reproduce import cases
+from sledenv.reproduce.euler import euler_descent
 from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows
 
-__all__ = ["FILES", "reproduce"]
+__all__ = ["FILES", "euler_descent", "reproduce"]
 
 
 FILES: Final = (
@@ -63,6 +64,8 @@ def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], 
     OSError
         If the folder cannot be written or holds files of another origin; it is then left as it was.
     """
+    from sledenv.reproduce import figures  # and with it matplotlib, which Euler's method does not need
+
     with publish(folder, FILES) as new:
         progress("Equation (1), figures 2 and 4: impacts of a wheel")
         straight = cases.disc_impact(0.0)

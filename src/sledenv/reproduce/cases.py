@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.reproduce.euler import FrictionSign, euler_descent
 from sledenv.simulation.bodies import Body, Segment, segment
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import FrictionSign, Settings, Solver
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height, support_heights
@@ -25,6 +26,7 @@ EXAMPLE_LAW: Final = ContactLaw(stiffness=9.81e3, asymmetry=0.5, friction=0.1, r
 EXAMPLE_LAUNCH: Final = State(x=0.0, y=0.07, phi=math.pi / 4, u=0.0, v=-10.0, omega=0.0)
 EXAMPLE_END: Final = 0.04  # [s]
 EULER_STEP: Final = 2.5e-7  # [s]
+_SAMPLE_INTERVAL: Final = 5e-5  # [s]
 PRINTED_SPEED: Final = -1.0  # [m/s] V_y(0) as printed
 PRINTED_ENERGIES: Final = 50.0, 26.43  # [J] T(0), T(0.04 s) as printed
 NO_GRAVITY: Final = Slope(angle=0.0, gravity=0.0)
@@ -78,7 +80,9 @@ class Example(NamedTuple):
 
 def worked_example() -> Example:
     """Compute the paper's worked example up to 0.04 s, with trajectories."""
-    return Example(fall("compliant"), fall(), fall(sign="printed"))
+    settings = Settings(max_time=EXAMPLE_END, sample_interval=_SAMPLE_INTERVAL)
+    exact = simulate(EXAMPLE_BODY, EXAMPLE_LAW, NO_GRAVITY, EXAMPLE_LAUNCH, settings, record="trajectory")
+    return Example(exact, fall(), fall(sign="printed"))
 
 
 def disc_impact(u0: float) -> Descent:
@@ -104,7 +108,6 @@ def middles(low: float, high: float, cells: int) -> Floats:
 
 
 def fall(
-    solver: Solver = "euler",
     *,
     sign: FrictionSign = "dissipative",
     asymmetry: float = EXAMPLE_LAW.asymmetry,
@@ -112,11 +115,19 @@ def fall(
     step: float = EULER_STEP,
     record: bool = True,
 ) -> Descent:
-    """Compute the worked example with one solver."""
-    settings = Settings(solver=solver, friction_sign=sign, max_time=end, step=step, sample_interval=5e-5)
-    law = EXAMPLE_LAW._replace(asymmetry=asymmetry)
+    """Compute the worked example by Euler's method."""
     what: Record = "trajectory" if record else "rebounds"
-    return simulate(EXAMPLE_BODY, law, NO_GRAVITY, EXAMPLE_LAUNCH, settings, record=what)
+    return euler_descent(
+        EXAMPLE_BODY,
+        EXAMPLE_LAW._replace(asymmetry=asymmetry),
+        NO_GRAVITY,
+        EXAMPLE_LAUNCH,
+        step=step,
+        friction_sign=sign,
+        max_time=end,
+        record=what,
+        sample_interval=_SAMPLE_INTERVAL,
+    )
 
 
 def force_series(descent: Descent, sign: FrictionSign = "dissipative") -> np.ndarray:

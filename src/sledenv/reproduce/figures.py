@@ -23,10 +23,10 @@ from sledenv.plot import (
     plot_worked_example,
 )
 from sledenv.reproduce import cases
+from sledenv.reproduce.euler import FrictionSign
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import State
-from sledenv.simulation.settings import FrictionSign
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 

@@ -12,9 +12,9 @@ from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Feature, Status
 from sledenv.reproduce import cases
 from sledenv.reproduce.cases import Floats
+from sledenv.reproduce.euler import FrictionSign
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rigid_impact import rigid_impact
-from sledenv.simulation.settings import FrictionSign
 
 _SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")
 

@@ -77,7 +77,8 @@ class Descent:
     body, law, slope, launch
         What was simulated.
     settings : Settings or None
-        How; None of a ride that had a rotor or has not ended, which :func:`sledenv.simulate` does not repeat.
+        How; None where :func:`sledenv.simulate` does not repeat it: a ride that had a rotor or has not ended, or a
+        descent by Euler's method.
     """
 
     body: Body
@@ -110,7 +111,7 @@ class Descent:
     def on_chord(self) -> tuple[float, float] | None:
         """When [s] and where [m] the body first lay on its chord, both ends settled, so that it slid or rested there.
 
-        None if it never did, or only bounced or rocked on both ends. ``solver="euler"`` does not tell: nothing settles.
+        None if it never did, or only bounced or rocked on both ends. By Euler's method nothing settles.
         """
         time, x = float(self.outcome["t_on_chord"]), float(self.outcome["x_on_chord"])
         return (time, x) if math.isfinite(time) else None

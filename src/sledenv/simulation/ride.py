@@ -44,7 +44,7 @@ class Ride:
     body, law, slope, launch, record
         As for :func:`sledenv.simulate`.
     settings : Settings, optional
-        How it is simulated, with another solver than "euler"; the default ones otherwise.
+        How it is simulated; the default ones otherwise.
     rotor_inertia : float, optional
         Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
 

@@ -46,7 +46,7 @@ def sensitivity(
     body, law, slope, launch
         As for :func:`sledenv.simulate`.
     settings : Settings, optional
-        How it is simulated, with another solver than "euler"; the default ones otherwise.
+        How it is simulated; the default ones otherwise.
     parameters : sequence of str, optional
         Which, of ``sledenv.simulation.derivatives.PARAMETERS``; by default all that play a part. All others stay as
         they are while one is varied: ``y`` and ``phi`` with the radius, the mean stiffness with the restitution.

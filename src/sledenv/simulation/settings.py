@@ -9,21 +9,21 @@ from typing import Any, Final, Literal, get_args
 from sledenv.kernel.params import Limits
 from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_choice, checked_count, checked_flag
 
-Solver = Literal["compliant", "rigid", "euler"]
-BatchSolver = Literal["compliant", "rigid"]
-FrictionSign = Literal["dissipative", "printed"]
+Solver = Literal["compliant", "rigid"]
 
 # Of one call of the kernel, a fraction of a second: an interrupt takes effect between two of them.
 WORK = 1e5  # steps in contact, and hops
-EULER_WORK = 2e6
 
-_SOLVERS, _BATCH_SOLVERS, _SIGNS = get_args(Solver), get_args(BatchSolver), get_args(FrictionSign)
-_MOST_STEPS = 1e6  # in contact; Euler's method, whose steps are those of a descent, has no such limit
+_SOLVERS = get_args(Solver)
+_MOST_STEPS = 1e6  # in contact
+_NOT_HERE = (
+    f"Settings.solver = 'euler': must be one of {', '.join(map(repr, _SOLVERS))}; the paper's own method is "
+    "sledenv.reproduce.euler_descent"
+)
 _RULES: Final[dict[str, Rule]] = {
     "max_time": POSITIVE,
     "tolerance": (lambda v: (v >= 1e-18) & (v <= 1e-3), "in [1e-18, 1e-3]"),
     "sample_interval": (lambda v: (v >= 1e-12) & (v < math.inf), "in [1e-12, inf) s"),
-    "step": POSITIVE,
     "run_out": (NOT_NEGATIVE[0], "in [0, inf) m"),
     "settle_speed": (NOT_NEGATIVE[0], "in [0, inf) m/s"),
 }
@@ -37,17 +37,17 @@ class Settings:
 
     Parameters
     ----------
-    solver : {"compliant", "rigid", "euler"}
-        The two-stiffness contact, event-driven (docs/physics.md, section 5); its stiff limit, with impacts in normal
+    solver : {"compliant", "rigid"}
+        The two-stiffness contact, event-driven (docs/physics.md, section 5); or its stiff limit, with impacts in normal
         impulse and sustained contact (sections 4 and 6), which takes the restitution of the law and ignores its
-        stiffness; or the paper's explicit Euler method, which only :func:`sledenv.simulate` follows.
+        stiffness. The paper's own method is :func:`sledenv.reproduce.euler_descent`.
     max_time : float
         Longest simulated time [s], > 0.
     max_rebounds : int
         Number of rebounds after which a descent ends with status "log_full".
     end_on_chord : bool
         End a descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
-        It goes on otherwise. Needs another solver than "euler", in which nothing settles.
+        It goes on otherwise.
     end_touching : str, optional
         End a descent with status "tumbled" where a part of this name touches the slope, or a straight side of this name
         lies on it: one of ``Body.parts``.
@@ -61,11 +61,6 @@ class Settings:
         Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
     sample_interval : float
         Longest time [s] between two rows of a trajectory; contacts are sampled more densely.
-    step : float
-        Time step [s] ("euler").
-    friction_sign : {"dissipative", "printed"}
-        "printed" gives the moment of friction the sign printed in the paper's (10), which creates energy; it exists to
-        reproduce the paper and needs ``solver="euler"``.
 
     Raises
     ------
@@ -82,12 +77,11 @@ class Settings:
     settle_speed: float | None = None
     tolerance: float = 1e-14
     sample_interval: float = 0.01
-    step: float = 2.5e-7
-    friction_sign: FrictionSign = "dissipative"
 
     def __post_init__(self) -> None:
+        if str(self.solver) == "euler":
+            raise ValueError(_NOT_HERE)
         checked_choice("Settings.solver", self.solver, _SOLVERS)
-        checked_choice("Settings.friction_sign", self.friction_sign, _SIGNS)
         plain: dict[str, Any] = {
             "max_rebounds": checked_count("Settings.max_rebounds", self.max_rebounds),
             "end_on_chord": checked_flag("Settings.end_on_chord", self.end_on_chord),
@@ -99,35 +93,22 @@ class Settings:
         for name, value in plain.items():
             if getattr(self, name) is not value:  # a number of another kind was given
                 object.__setattr__(self, name, value)
-        if self.solver != "euler" and self.friction_sign == "printed":
-            raise ValueError(
-                "Settings.friction_sign = 'printed': only solver = 'euler' reproduces the paper's printed sign"
-            )
         if self.end_touching is not None and not isinstance(self.end_touching, str):
             raise TypeError(f"Settings.end_touching = {self.end_touching!r}: must be the name of a part of the body")
-        if self.solver == "euler" and self.end_touching is not None:
-            raise ValueError(f"Settings.end_touching = {self.end_touching!r}: solver = 'euler' does not heed it")
-        if self.solver == "euler" and self.end_on_chord:
-            raise ValueError(
-                "Settings.end_on_chord = True: solver = 'euler' cannot tell when a body has settled on its chord"
-            )
 
     @property
     def limits(self) -> Limits:
         """What the kernel takes of them: numbers alone, and so without the part of ``end_touching``."""
-        euler = self.solver == "euler"
         return Limits(
             max_time=self.max_time,
-            max_steps=1e18 if euler else _MOST_STEPS,
+            max_steps=_MOST_STEPS,
             tolerance=self.tolerance,
             sample_interval=self.sample_interval,
-            step=self.step,
-            printed_sign=1.0 if self.friction_sign == "printed" else 0.0,
             max_rebounds=float(self.max_rebounds),
             end_on_chord=1.0 if self.end_on_chord else 0.0,
             end_part=0.0,
             run_out=self.run_out,
-            most_work=EULER_WORK if euler else WORK,
+            most_work=WORK,
         )
 
 
@@ -136,28 +117,14 @@ DEFAULT: Final = Settings()
 
 def changed(settings: Settings | None, fields: dict[str, Any]) -> Settings:
     """Return settings, the default ones for None, with some fields in place of theirs; raises as :class:`Settings`."""
-    if settings is not None and not isinstance(settings, Settings):
-        raise _no_settings(settings)
-    if not fields:
-        return settings or DEFAULT
-    return Settings(**fields) if settings is None else replace(settings, **fields)
+    settings = checked_settings(settings)
+    return replace(settings, **fields) if fields else settings
 
 
 def checked_settings(settings: Settings | None) -> Settings:
-    """Return settings that exact events can be found with, the default ones for None, or raise an error.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If they are of another kind, or ask for Euler's method.
-    """
+    """Return settings, the default ones for None, or raise TypeError."""
     if settings is None:
         return DEFAULT
     if not isinstance(settings, Settings):
-        raise _no_settings(settings)
-    checked_choice("Settings.solver", settings.solver, _BATCH_SOLVERS)
+        raise TypeError(f"settings = {settings!r}: must be Settings, such as Settings(solver='rigid')")
     return settings
-
-
-def _no_settings(given: object) -> TypeError:
-    return TypeError(f"settings = {given!r}: must be Settings, such as Settings(solver='rigid')")

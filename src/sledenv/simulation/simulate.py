@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import run_euler
-from sledenv.kernel.records import OUTCOME, RUNNING, TRAJECTORY
-from sledenv.kernel.state import new
+from sledenv.kernel.records import OUTCOME, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
@@ -21,7 +18,7 @@ from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import AnyLaw, Slope, State
-from sledenv.simulation.settings import FrictionSign, Settings, Solver, changed, checked_settings
+from sledenv.simulation.settings import Settings, Solver, changed, checked_settings
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -47,8 +44,6 @@ def simulate(
     settle_speed: float | None = None,
     tolerance: float | None = None,
     sample_interval: float | None = None,
-    step: float | None = None,
-    friction_sign: FrictionSign | None = None,
 ) -> Descent:
     """Simulate one descent until it finishes, jams or meets a limit.
 
@@ -67,7 +62,7 @@ def simulate(
         "trajectory" also records positions, velocities and contact forces.
     solver, max_time, max_rebounds, end_on_chord, end_touching, run_out
         Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
-    settle_speed, tolerance, sample_interval, step, friction_sign
+    settle_speed, tolerance, sample_interval
         The same.
 
     Returns
@@ -92,8 +87,6 @@ def simulate(
         "settle_speed": settle_speed,
         "tolerance": tolerance,
         "sample_interval": sample_interval,
-        "step": step,
-        "friction_sign": friction_sign,
     }
     settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
     checked_choice("record", record, RECORDS)
@@ -104,16 +97,10 @@ def simulate(
 
     def run() -> np.void:
         outcomes = np.zeros(1, OUTCOME)
+        put_at_launch(outcomes, launch)
+        tables = Tables(touching, limits, body.record, touching, slope.row, launch, vertices)
+        follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         outcome: np.void = outcomes[0]
-        if settings.solver == "euler":
-            given = body.record, touching, slope.row, launch, limits, outcomes, rebounds[np.newaxis], trajectory
-            go_on = run_euler.prepared(*given, new(SPACE))
-            while outcome["status"] == RUNNING:  # an interrupt takes effect between two calls
-                go_on()
-        else:
-            put_at_launch(outcomes, launch)
-            tables = Tables(touching, limits, body.record, touching, slope.row, launch, vertices)
-            follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         return outcome
 
     outcome = run()
@@ -186,7 +173,7 @@ def simulate_batch(
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
     settings : Settings, optional
-        How all of them are simulated, with another solver than "euler"; the default ones otherwise.
+        How all of them are simulated; the default ones otherwise.
     keep_rebounds : bool
         Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
     progress : bool

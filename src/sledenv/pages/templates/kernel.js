@@ -28,8 +28,8 @@ class Kernel {
   }
 
   /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
-     zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant", "rigid"
-     or "euler". Limits that are missing are those of the default settings. With rows: false there is no trajectory.
+     zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant" or
+     "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory.
 
      Returns { status, outcome, rebounds, trajectory, contacts }: the name of the status; an object of numbers, with the
      ledger; and tables as objects of columns, arrays of numbers with the names, units and order of REBOUND, TRAJECTORY
@@ -72,17 +72,12 @@ class Kernel {
     const rows = this.#table("TRAJECTORY", room);
     const space = this.#table("SPACE", 1);
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
-    if (solver === "euler")
-      while (this.#get("OUTCOME", "status", flights.place) === 0)
-        this.#call("descend_euler", bodies, touching, slopes, start, ends, flights, logs, rows, space);
-    else {
-      for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
-      this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-      const trims = { place: 0, lengths: [0, 2] };
-      const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
-      const name = `descend_lanes_${solver}`;
-      while (this.#get("SPACE", "lane", space.place) < 1) this.#call(name, touching, ends, ...tables, 1);
-    }
+    for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
+    this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
+    const trims = { place: 0, lengths: [0, 2] };
+    const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
+    const entry = `descend_lanes_${solver}`;
+    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(entry, touching, ends, ...tables, 1);
     const outcome = Object.fromEntries(
       Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
     );
