@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import count
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -23,6 +25,7 @@ BODIES: Final[dict[str, sledenv.Body]] = {
 }
 LEVEL: Final[Profile] = [(0.0, 0.0), (1.0, 0.0)]
 START, END = -9.0, 60.0  # [m] of random profiles; both ends are level with the plane
+LENGTH = 55.0  # [m] of a slope: the finish lies on level ground
 
 
 def bumps(rng: np.random.Generator) -> Profile:
@@ -31,25 +34,23 @@ def bumps(rng: np.random.Generator) -> Profile:
     while x < 34.0:
         height, face, top, back = rng.uniform([0.1, 1.0, 0.1, 1.0], [0.9, 4.0, 1.5, 4.0]).tolist()
         found += [(x, 0.0), (x + face, height), (x + face + top, height * rng.uniform(0.7, 1.2))]
-        x += face + top + back
-        found.append((x, 0.0))
-        x += rng.uniform(0.2, 6.0)
-    return [*found, (max(x, END), 0.0)]
+        found.append((x + face + top + back, 0.0))
+        x += face + top + back + rng.uniform(0.2, 6.0)
+    return [*found, (END, 0.0)]
 
 
 def dips(rng: np.random.Generator) -> Profile:
     """Level ground with hollows of one to four vertices."""
     found, x = [(START, 0.0)], rng.uniform(1.0, 3.0)
     while x < 34.0:
-        width, depth, count = rng.uniform(2.0, 8.0), rng.uniform(0.05, 0.6), rng.integers(1, 5)
+        width, depth, vertices = rng.uniform(2.0, 8.0), rng.uniform(0.05, 0.6), int(rng.integers(1, 5))
         found.append((x, 0.0))
-        for k in range(1, count + 1):
-            share = k / (count + 1)
+        for k in range(1, vertices + 1):
+            share = k / (vertices + 1)
             found.append((x + share * width, -4.0 * share * (1.0 - share) * depth))
-        x += width
-        found.append((x, 0.0))
-        x += rng.uniform(0.2, 4.0)
-    return [*found, (max(x, END), 0.0)]
+        found.append((x + width, 0.0))
+        x += width + rng.uniform(0.2, 4.0)
+    return [*found, (END, 0.0)]
 
 
 def hills(rng: np.random.Generator) -> Profile:
@@ -59,7 +60,7 @@ def hills(rng: np.random.Generator) -> Profile:
         found.append((x, y))
         step = rng.uniform(0.3, 3.0)
         x, y = x + step, y + step * rng.uniform(-0.35, 0.35) - 0.1 * y
-    return [*found, (END, 0.0)]
+    return [*found, (x, 0.0), (END, 0.0)]
 
 
 def no_profile(rng: np.random.Generator) -> Profile:
@@ -101,7 +102,7 @@ def random_case(
     planes: bool = True,
     steepest: float = 0.25,
     stiffness: tuple[float, float] = (1e6, 1e8),
-    length: float = 40.0,
+    length: float = LENGTH,
 ) -> Case:
     """Return a case of its own for each seed; ``elastic`` is without losses."""
     rng = np.random.default_rng(seed)
@@ -127,6 +128,25 @@ def random_case(
     rates = rng.uniform([0.0, -3.0, -6.0], [10.0, 1.0, 6.0])
     launch = sledenv.State(0.0, height, phi, *rates.tolist())
     return Case(f"{kind}, {ground.__name__}, seed {seed}", BODIES[kind], law, slope, launch)
+
+
+def throws(seed: int, *, elastic: bool = False) -> Iterator[Case]:
+    """Launches of all bodies in turn, two thirds of them over bumps; without end."""
+    rng = np.random.default_rng(seed)
+    for number in count():
+        kind = list(BODIES)[number % len(BODIES)]
+        angle = rng.uniform(0.0, 0.25)
+        profile = bumps(rng) if number % 3 else []
+        restitution = 1.0 if elastic else rng.uniform(0.05, 0.9)
+        stiffness = 10.0 ** rng.uniform(6.0, 8.0)
+        friction, arm = (0.0, 0.0) if elastic else (rng.choice([0.0, 0.02, 0.3, 1.0]), rng.choice([0.0, 0.002, 0.02]))
+        rates = rng.uniform([1.1, -3.0, 0.0, -3.0, -6.0], [2.0, 3.0, 12.0, 1.0, 6.0]).tolist()
+        law = sledenv.ContactLaw.from_restitution(
+            restitution, stiffness=stiffness, friction=float(friction), rolling_arm=float(arm)
+        )
+        slope = sledenv.Slope(angle, LENGTH, profile=profile)
+        name = f"throw {number} of seed {seed}, {kind}"
+        yield Case(name, BODIES[kind], law, slope, sledenv.State(0.0, *rates))
 
 
 def gravity_of(slope: sledenv.Slope) -> tuple[float, float]:

@@ -1,0 +1,165 @@
+"""Random rides over random profiles and planes: energy, the ledger, endings, and how deep bodies are in the ground."""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+import pytest
+
+import sledenv
+from tests.profile_springs import depths, scene
+from tests.profiles import LEVEL, Case, random_case, throws
+
+ENDINGS = {"finish", "jammed", "timeout"}
+TIME = 6.0  # [s]
+# Throws on which a sketch of the engine stalled or lost energy: three points, a slip released as its load vanishes, a
+# crest deeper in the body than the radius of the arc that it passes to.
+THROWS = [(5, False, 22), (5, False, 80), (5, False, 454), (7, True, 895)]
+
+
+def simulated(case: Case, **options: object) -> sledenv.Descent:
+    return sledenv.simulate(*case[1:], max_time=TIME, max_rebounds=4000, **options)  # type: ignore[arg-type]
+
+
+def mechanical(case: Case, state: sledenv.State) -> float:
+    """Kinetic and potential energy [J]."""
+    x, y, _, u, v, omega = state
+    fall = case.slope.gravity * (y * math.cos(case.slope.angle) - x * math.sin(case.slope.angle))
+    return case.body.mass * (0.5 * (u * u + v * v) + fall) + 0.5 * case.body.inertia * omega * omega
+
+
+def check(case: Case, descent: sledenv.Descent, residual: float) -> None:
+    """Everything that must hold of any descent: oracle, conservation of energy."""
+    assert descent.status in ENDINGS | {"buried"}, case.name
+    assert all(map(math.isfinite, descent.state)), case.name
+    energy = descent.energy
+    assert abs(energy.residual) <= residual * energy.turnover, case.name
+    assert min(energy.hysteresis, energy.sliding, energy.rolling, energy.stored) >= -1e-12 * energy.turnover, case.name
+    found = mechanical(case, descent.state)
+    assert found == pytest.approx(energy.kinetic + energy.potential, rel=1e-9, abs=1e-9 * energy.turnover), case.name
+    assert energy.initial == pytest.approx(mechanical(case, case.launch), rel=1e-9, abs=1e-9 * energy.turnover)
+    rows = descent.rebounds
+    for name in rows.dtype.names:
+        assert np.isfinite(rows[name]).all(), (case.name, name)
+    assert (np.diff(rows["t"]) >= 0.0).all(), case.name
+
+
+def keeps_its_energy(number: int) -> bool:
+    """Check a ride without losses; return whether it ended where the model of the contact does."""
+    case = random_case((21, number), elastic=True)
+    descent = simulated(case)
+    check(case, descent, 1e-9)
+    energy = descent.energy
+    assert energy.lost == pytest.approx(0.0, abs=1e-9 * energy.turnover), case.name
+    kept = mechanical(case, descent.state) + energy.stored - energy.initial
+    assert abs(kept) <= 1e-9 * energy.turnover, case.name
+    return descent.status == "buried"
+
+
+@pytest.mark.parametrize("number", range(60))
+def test_energy_is_kept_without_losses(number: int) -> None:
+    """Oracle: conservation, e = 1 and f = 0, to 1e-9 of what was turned over."""
+    assert not keeps_its_energy(number)
+
+
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_energy_is_kept_in_many_rides_without_losses() -> None:
+    """Oracle: conservation; where the model ends is rare: one in 1,600 of the sketch."""
+    assert sum(map(keeps_its_energy, range(2000))) <= 4
+
+
+@pytest.mark.parametrize("number", range(60))
+def test_the_ledger_closes_with_friction_rolling_and_zones(number: int) -> None:
+    """Oracle: conservation, zones with stiffness and restitution of their own among them."""
+    case = random_case((22, number), zoned=True)
+    descent = simulated(case)
+    check(case, descent, 1e-8)
+    assert descent.status in ENDINGS, case.name
+
+
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_many_launches_end_as_something_physical() -> None:
+    """Oracle: conservation; no exception, no budget of steps, nothing that is not a number."""
+    buried = []
+    for number in range(20_000):
+        case = random_case((23, number), zoned=number % 2 == 1)
+        descent = simulated(case)
+        check(case, descent, 1e-8)
+        if descent.status == "buried":
+            buried.append(case.name)
+    assert len(buried) <= 20, buried
+
+
+@pytest.mark.parametrize(("seed", "elastic", "number"), THROWS)
+def test_throws_that_are_hard_end_as_something_physical(seed: int, elastic: bool, number: int) -> None:
+    """Oracle: conservation, to the end."""
+    case = next(islice(throws(seed, elastic=elastic), number, None))
+    descent = simulated(case)
+    check(case, descent, 1e-9 if elastic else 1e-8)
+    assert descent.status in ENDINGS | ({"buried"} if number == 895 else set())
+
+
+@pytest.mark.slow
+@pytest.mark.jit_only
+@pytest.mark.parametrize(("seed", "elastic"), [(5, False), (7, True)])
+def test_throws_end_as_something_physical(seed: int, elastic: bool) -> None:
+    """Oracle: conservation; a thousand of each kind."""
+    found = []
+    for case in islice(throws(seed, elastic=elastic), 1000):
+        descent = simulated(case)
+        check(case, descent, 1e-9 if elastic else 1e-8)
+        found.append(descent.status)
+    assert found.count("buried") <= 2
+
+
+def sunk(number: int) -> tuple[str, float, float]:
+    """How much deeper arcs are in pieces, and crests in the body, than springs are pressed [sizes].
+
+    A spring is pressed by N/k_open at most. A crest that comes into reach with a depth is deeper than its spring by
+    that, which was the depth of the arc beside it: for crests the deepest that springs have been pressed counts.
+    """
+    case = random_case((24, number))
+    descent = simulated(case, record="trajectory")
+    rows = descent.trajectory
+    pressed = rows["contacts"]["normal"].sum(axis=1) / (case.law.stiffness * (1.0 - case.law.asymmetry))
+    tables = scene(case.body, list(case.slope.profile) or LEVEL)
+    poses = np.column_stack([rows["x"], rows["y"], rows["phi"]])
+    arcs, crests = depths(tables, poses, case.body.size).T / case.body.size
+    pressed /= case.body.size
+    return case.name, float((arcs - pressed).max()), float((crests - np.maximum.accumulate(pressed)).max())
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_no_point_is_deeper_in_the_ground_than_springs_are_pressed(number: int) -> None:
+    """Oracle: geometry of outline and ground, tests/profile_springs.py."""
+    name, arcs, crests = sunk(number)
+    assert arcs <= 1e-9, name
+    assert crests <= 1e-9, name
+
+
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_in_many_rides_no_point_is_deeper_in_the_ground_than_springs_are_pressed() -> None:
+    """Oracle: geometry of outline and ground."""
+    deep = [(name, arcs, crests) for name, arcs, crests in map(sunk, range(1000)) if max(arcs, crests) > 1e-9]
+    assert deep == []
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_batch_and_a_ride_over_a_profile_are_the_descent(number: int) -> None:
+    """Oracle: simulate(), bit for bit."""
+    case = random_case((25, number), zoned=True, planes=False)
+    launches = np.array([case.launch, case.launch._replace(u=2.0), case.launch])
+    settings = sledenv.Settings(max_time=TIME)
+    descent = sledenv.simulate(*case[1:], settings)
+    batch = sledenv.simulate_batch(*case[1:4], launches, settings, keep_rebounds=True)
+    for lane in (0, 2):
+        assert batch.outcomes[lane] == descent.outcome
+        assert batch.rebounds[lane, : len(descent.rebounds)].tobytes() == descent.rebounds.tobytes()
+    ridden = sledenv.Ride(*case[1:], settings).run()
+    assert ridden.outcome == descent.outcome
+    assert ridden.rebounds.tobytes() == descent.rebounds.tobytes()

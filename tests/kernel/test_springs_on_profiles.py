@@ -1,0 +1,84 @@
+"""Random rounded bodies over random profiles against springs that are integrated independently, by geometry alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sledenv
+from tests.profile_springs import follow
+from tests.profiles import Case, gravity_of, random_case
+
+CONTACTS, TIME = 3, 1.5  # [-], [s]
+AGREED = 1e-5  # of the fastest velocity
+LAYERS = (8e-5, 1e-5)  # [m/s] of the springs, the second where the first is too coarse
+CREATED = 1e-9  # of the kinetic energy: more than that, and geometry alone creates energy
+
+# Some of each body, ground and friction, chosen for what the springs cost.
+FEW: tuple[int, ...] = ()
+MANY = 200
+EXCEPTED: tuple[str, ...] = ()
+
+
+def case_of(number: int) -> Case:
+    return random_case((3, number), planes=False, stiffness=(1e7, 1e8), length=float("inf"))
+
+
+def on_springs(case: Case, layer: float) -> tuple[np.ndarray, float]:
+    """u, v and size omega [m/s] after each contact in the limit of no layer, and the energy that geometry creates.
+
+    The energy is relative to the largest kinetic energy after a contact.
+    """
+    body, law, slope, launch = case[1:]
+    one, half = (
+        follow(
+            body,
+            law,
+            gravity_of(slope),
+            list(slope.profile),
+            tuple(launch),
+            contacts=CONTACTS,
+            max_time=TIME,
+            layer=share * layer,
+        )
+        for share in (1.0, 0.5)
+    )
+    count = min(len(one.rows), len(half.rows))
+    found = (2.0 * half.rows[:count, 4:] - one.rows[:count, 4:]) * [1.0, 1.0, body.size]
+    energy = 0.5 * body.mass * max((found**2).sum(axis=1).max(initial=0.0), 1.0)
+    return found, max(one.jumped, half.jumped) / energy
+
+
+def disagreement(case: Case) -> float:
+    """Largest difference of velocities after a contact, over the fastest one; -1 if geometry creates energy."""
+    descent = sledenv.simulate(*case[1:], max_time=TIME, max_rebounds=CONTACTS)
+    rows = descent.rebounds[: CONTACTS if descent.status == "log_full" else None]
+    if descent.status == "timeout" and len(rows) and rows["t"][-1] >= TIME:
+        rows = rows[:-1]  # a contact that lasts on
+    ours = np.column_stack([rows["u_after"], rows["v_after"], rows["omega_after"] * case.body.size])
+    found = np.inf
+    for layer in LAYERS:
+        springs, created = on_springs(case, layer)
+        if created > CREATED:
+            return -1.0
+        if len(springs) == len(ours):
+            found = float(np.abs(springs - ours).max(initial=0.0) / np.abs(springs).max(initial=1.0))
+        if found <= AGREED:
+            break
+    return found
+
+
+@pytest.mark.jit_only
+@pytest.mark.parametrize("number", FEW)
+def test_velocities_after_three_contacts_are_those_of_springs(number: int) -> None:
+    """Oracle: tests/profile_springs.py, which shares no code with the kernel."""
+    assert 0.0 <= disagreement(case_of(number)) <= AGREED
+
+
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_many_rides_over_profiles_are_those_of_springs() -> None:
+    """Oracle: tests/profile_springs.py. What is excepted is named: there geometry alone creates energy."""
+    found = {case.name: disagreement(case) for case in map(case_of, range(MANY))}
+    assert {name: value for name, value in found.items() if value > AGREED} == {}
+    assert {name for name, value in found.items() if value < 0.0} == set(EXCEPTED)
