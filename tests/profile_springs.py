@@ -9,8 +9,9 @@ Each sign is replaced by a straight line within a small speed ``layer``, so that
 Runge-Kutta pair of order 5(4) keeps its own steps small, and ends one where the list changes. Two layers, one half of
 the other, give the limit and how far it can be trusted.
 
-Geometry alone creates energy where a pair comes into the list with a depth (a crest that has entered the body next to a
-pressed arc, and comes under a side), or leaves it with one. ``Passage.jumped`` is how much: such a passage is no oracle.
+Geometry alone creates energy where a pair comes into the list with a depth (a crest that has entered the body next to
+a pressed arc, and comes under a side), or leaves it with one. ``Passage.jumped`` is how much: such a passage is no
+oracle.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class Passage(NamedTuple):
 
     rows: np.ndarray  # (contacts, 7) t, x, y, phi, u, v, omega when nothing touches any more
     jumped: float  # [J] created or lost where pairs came or went with a depth
+    done: bool  # whether that was all; if not, the steps were used up: a body that sticks or lies takes many
 
 
 def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
@@ -193,12 +195,7 @@ def slope_of(arcs, pieces, crests, law, z, pairs, out):
 
 @njit(cache=False)
 def same(one, m, other, n):
-    if m != n:
-        return False
-    for i in range(n):
-        if one[i, WHICH] != other[i, WHICH]:
-            return False
-    return True
+    return m == n and (one[:n, WHICH] == other[:n, WHICH]).all()
 
 
 @njit(cache=False)
@@ -220,14 +217,11 @@ def jump(law, one, m, other, n, step):
 
 @njit(cache=False)
 def held(pairs, count, which):
-    for i in range(count):
-        if pairs[i, WHICH] == which:
-            return True
-    return False
+    return (pairs[:count, WHICH] == which).any()
 
 
 @njit(cache=False)
-def integrate(arcs, pieces, crests, law, z, contacts, max_time, rows):
+def integrate(arcs, pieces, crests, law, z, contacts, max_time, steps, rows):
     """Follow a body until it has left the ground some times; return how many times, and the energy jumped."""
     rates, stage, after = np.zeros((7, 6)), np.zeros(6), np.zeros(6)
     pairs, now, trial = np.zeros((MOST, 8)), np.zeros((MOST, 8)), np.zeros((MOST, 8))
@@ -235,7 +229,8 @@ def integrate(arcs, pieces, crests, law, z, contacts, max_time, rows):
     longest = 0.1 / frequency
     t, step, found, jumped = 0.0, 1e-3 * longest, 0, 0.0
     count = slope_of(arcs, pieces, crests, law, z, now, rates[0])
-    while t < max_time and found < contacts:
+    while t < max_time and found < contacts and steps > 0:
+        steps -= 1
         for i in range(1, 7):
             for q in range(6):
                 total = 0.0
@@ -268,7 +263,7 @@ def integrate(arcs, pieces, crests, law, z, contacts, max_time, rows):
         now[:] = trial
         rates[0] = rates[6]
         step = min(longest, step * min(5.0, 0.9 * max(error, 1e-6) ** -0.2))
-    return found, jumped
+    return found, jumped, steps > 0
 
 
 def follow(
@@ -281,13 +276,16 @@ def follow(
     contacts: int,
     max_time: float,
     layer: float,
+    steps: int,
 ) -> Passage:
     """Follow a launch (x, y, phi, u, v, omega) until the body has left the ground ``contacts`` times."""
     given = (law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry), law.friction)
     constants = np.array([*given, law.rolling_arm, body.mass, body.inertia, body.size, *gravity, layer])
     rows = np.zeros((contacts, 7))
-    found, jumped = integrate(*scene(body, profile), constants, np.array(launch, float), contacts, max_time, rows)
-    return Passage(rows[:found], jumped)
+    found, jumped, done = integrate(
+        *scene(body, profile), constants, np.array(launch, float), contacts, max_time, steps, rows
+    )
+    return Passage(rows[:found], jumped, done)
 
 
 def depths(tables: Scene, poses: np.ndarray, size: float) -> np.ndarray:
