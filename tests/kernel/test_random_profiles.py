@@ -59,6 +59,7 @@ def keeps_its_energy(number: int) -> bool:
     return descent.status == "buried"
 
 
+@pytest.mark.jit_only
 @pytest.mark.parametrize("number", range(60))
 def test_energy_is_kept_without_losses(number: int) -> None:
     """Oracle: conservation, e = 1 and f = 0, to 1e-9 of what was turned over."""
@@ -72,6 +73,7 @@ def test_energy_is_kept_in_many_rides_without_losses() -> None:
     assert sum(map(keeps_its_energy, range(2000))) <= 4
 
 
+@pytest.mark.jit_only
 @pytest.mark.parametrize("number", range(60))
 def test_the_ledger_closes_with_friction_rolling_and_zones(number: int) -> None:
     """Oracle: conservation, zones with stiffness and restitution of their own among them."""
@@ -141,6 +143,7 @@ def check_first_touch(number: int) -> None:
         assert 0.0 == just[0] < just[1] < 2e-5 * closing, case.name
 
 
+@pytest.mark.jit_only
 @pytest.mark.parametrize("number", range(80))
 def test_a_flight_ends_where_the_outline_first_meets_the_ground(number: int) -> None:
     """Oracle: geometry at 2,000 times of the flight in closed form: no touch is missed, a crest in passing neither."""
@@ -172,6 +175,7 @@ def sunk(number: int) -> tuple[str, float, float]:
     return case.name, float((arcs - pressed).max()), float((crests - np.maximum.accumulate(pressed)).max())
 
 
+@pytest.mark.jit_only
 @pytest.mark.parametrize("number", range(40))
 def test_no_point_is_deeper_in_the_ground_than_springs_are_pressed(number: int) -> None:
     """Oracle: geometry of outline and ground, tests/profile_springs.py."""
