@@ -31,6 +31,16 @@ def mechanical(case: Case, state: sledenv.State) -> float:
     return case.body.mass * (0.5 * (u * u + v * v) + fall) + 0.5 * case.body.inertia * omega * omega
 
 
+def softest(case: Case) -> float:
+    """Smallest stiffness [N/m] of a spring that opens, among those of the law and of the zones."""
+    found = []
+    for own in (case.law, *case.slope.zones):
+        restitution = case.law.restitution if own.restitution is None else own.restitution
+        stiffness = case.law.stiffness if own.stiffness is None else own.stiffness
+        found.append(2.0 * stiffness * restitution**2 / (1.0 + restitution**2))
+    return min(found)
+
+
 def check(case: Case, descent: sledenv.Descent, residual: float) -> None:
     """Everything that must hold of any descent: oracle, conservation of energy."""
     assert descent.status in ENDINGS | {"buried"}, case.name
@@ -41,6 +51,10 @@ def check(case: Case, descent: sledenv.Descent, residual: float) -> None:
     found = mechanical(case, descent.state)
     assert found == pytest.approx(energy.kinetic + energy.potential, rel=1e-9, abs=1e-9 * energy.turnover), case.name
     assert energy.initial == pytest.approx(mechanical(case, case.launch), rel=1e-9, abs=1e-9 * energy.turnover)
+    if descent.status != "buried":  # springs that store so much are pressed so deep at most
+        tables = scene(case.body, list(case.slope.profile) or LEVEL)
+        deepest = depths(tables, np.array([descent.state[:3]]), case.body.size)[0, 0]
+        assert deepest <= math.sqrt(2.0 * max(energy.stored, 0.0) / softest(case)) + 1e-9 * case.body.size, case.name
     rows = descent.rebounds
     for name in rows.dtype.names:
         assert np.isfinite(rows[name]).all(), (case.name, name)
