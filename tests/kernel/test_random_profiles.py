@@ -15,7 +15,9 @@ from tests.profiles import LEVEL, Case, gravity_of, random_case, throws
 
 ENDINGS = {"finish", "jammed", "timeout"}
 TIME = 6.0  # [s]
-# Throws on which a sketch of the engine stalled or lost energy: three points, a slip released as its load vanishes, a
+# Rides on which a sketch of the engine lost a contact or missed the birth of one, so that the body sank in the ground.
+SUNK = (47, 90, 154, 168, 206, 208, 235, 249, 265, 284)
+# Throws on which it stalled or lost energy: three points, a slip released as its load vanishes, a
 # crest deeper in the body than the radius of the arc that it passes to.
 THROWS = [(5, False, 22), (5, False, 80), (5, False, 454), (7, True, 895)]
 
@@ -190,7 +192,7 @@ def sunk(number: int) -> tuple[str, float, float]:
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("number", range(40))
+@pytest.mark.parametrize("number", [*range(30), *SUNK])
 def test_no_point_is_deeper_in_the_ground_than_springs_are_pressed(number: int) -> None:
     """Oracle: geometry of outline and ground, tests/profile_springs.py."""
     name, arcs, crests = sunk(number)
