@@ -1,0 +1,332 @@
+"""Dips, crests and tables against closed forms: docs/physics.md, section 14."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import sledenv
+from tests.bodies import same_bits
+from tests.profile_springs import resting_height
+from tests.profiles import BODIES, Case, Profile, random_case
+
+G = 9.81
+VELOCITIES = ("u_after", "v_after", "omega_after")
+BUMP: Profile = [(-50.0, 0.0), (4.0, 0.0), (6.0, 0.5), (7.0, 0.5), (10.0, 0.0), (60.0, 0.0)]
+LAW = sledenv.ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.2, rolling_arm=0.002)
+ICE = LAW._replace(friction=0.0, rolling_arm=0.0)
+
+
+def after(descent: sledenv.Descent) -> np.ndarray:
+    """Velocities after each rebound."""
+    return np.column_stack([descent.rebounds[name] for name in VELOCITIES])
+
+
+def loads(row: np.void) -> np.ndarray:
+    """Contacts of a row of a trajectory."""
+    contacts: np.ndarray = row["contacts"][: row["touching"]]
+    return contacts
+
+
+# The same ground, told in another way.
+
+
+@pytest.mark.parametrize("kind", BODIES)
+@pytest.mark.parametrize("tilt", [0.1, -0.07])
+def test_a_straight_line_is_the_plane_turned(kind: str, tilt: float) -> None:
+    """Oracle: a profile at -tilt to the plane is the plane of angle + tilt, its frame turned."""
+    body, angle = BODIES[kind], 0.12
+    sine, cosine = math.sin(tilt), math.cos(tilt)
+    line = [(x, -x * math.tan(tilt)) for x in (-80.0, 120.0)]
+    plane = sledenv.State(0.0, 1.4, 0.3, 3.0, -1.0, 0.5)
+    turned = sledenv.State(
+        plane.x * cosine + plane.y * sine,
+        plane.y * cosine - plane.x * sine,
+        plane.phi - tilt,
+        plane.u * cosine + plane.v * sine,
+        plane.v * cosine - plane.u * sine,
+        plane.omega,
+    )
+    given: dict[str, Any] = {"max_rebounds": 3, "max_time": 20.0}
+    one = sledenv.simulate(body, LAW, sledenv.Slope(angle + tilt), plane, **given)
+    other = sledenv.simulate(body, LAW, sledenv.Slope(angle, profile=line), turned, **given)
+    assert one.status == other.status
+    expected = after(one) @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(after(other), expected, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(other.rebounds["t"], one.rebounds["t"], rtol=0.0, atol=1e-11)
+
+
+def mirrored(case: Case) -> Case:
+    """The same seen from the other side of the picture."""
+    count = len(case.body.arcs)
+    arcs = []
+    for k, arc in enumerate(case.body.arcs):
+        end = case.body.arcs[(k + 1) % count].begin
+        arcs.append(arc._replace(x=-arc.x, begin=-end if end > -math.pi else -math.pi, side=case.body.arcs[k - 1].side))
+    zones = [zone._replace(begin=-zone.end, end=-zone.begin) for zone in case.slope.zones[::-1]]
+    slope = sledenv.Slope(
+        -case.slope.angle,
+        gravity=case.slope.gravity,
+        zones=zones,
+        profile=[(-x, y) for x, y in case.slope.profile[::-1]],
+    )
+    x, y, phi, u, v, omega = case.launch
+    body = sledenv.Body(case.body.mass, case.body.inertia, sorted(arcs, key=lambda arc: arc.begin))
+    return Case(case.name, body, case.law, slope, sledenv.State(-x, y, -phi, -u, v, -omega))
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_the_mirror_image_of_a_ride_is_the_ride_of_the_mirror_image(number: int) -> None:
+    """Oracle: symmetry; three contacts, whose error grows from one to the next."""
+    case = random_case((11, number), zoned=True, length=math.inf)
+    one, other = (sledenv.simulate(*seen[1:], max_rebounds=3, max_time=3.0) for seen in (case, mirrored(case)))
+    assert one.status == other.status
+    np.testing.assert_allclose(after(other), after(one) * [-1.0, 1.0, -1.0], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(after(other)[:1], after(one)[:1] * [-1.0, 1.0, -1.0], rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_how_a_straight_face_is_cut_changes_no_bit(kind: str) -> None:
+    """Oracle: vertices without a turn are none."""
+    cut = [(-50.0, 0.0), (1.0, 0.0), (4.0, 0.0), (5.0, 0.25), (5.5, 0.375), (6.0, 0.5), (6.25, 0.5), *BUMP[3:]]
+    launch = sledenv.State(0.0, 1.5, 0.2, 6.0, 0.0, 1.0)
+    one, other = (
+        sledenv.simulate(BODIES[kind], LAW, sledenv.Slope(0.1, profile=profile), launch, max_time=3.0)
+        for profile in (BUMP, cut)
+    )
+    same_bits(one.rebounds, other.rebounds)
+    assert one.state == other.state
+    assert one.outcome["steps"] == other.outcome["steps"]
+
+
+@pytest.mark.parametrize("kind", BODIES)
+@pytest.mark.parametrize("shift", [(16.0, 0.0), (0.0, 4.0), (-3.3, 1.7)])
+def test_a_ride_does_not_depend_on_where_the_ground_lies(kind: str, shift: tuple[float, float]) -> None:
+    """Oracle: the same in another place, to the rounding of places: two contacts."""
+    launch = sledenv.State(2.0, 1.5, 0.2, 6.0, 0.0, 1.0)
+    moved = launch._replace(x=launch.x + shift[0], y=launch.y + shift[1])
+    profile = [(x + shift[0], y + shift[1]) for x, y in BUMP]
+    one = sledenv.simulate(BODIES[kind], LAW, sledenv.Slope(0.1, profile=BUMP), launch, max_rebounds=2)
+    other = sledenv.simulate(BODIES[kind], LAW, sledenv.Slope(0.1, profile=profile), moved, max_rebounds=2)
+    np.testing.assert_allclose(after(other), after(one), rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(after(other)[:1], after(one)[:1], rtol=0.0, atol=1e-12)
+
+
+def test_vertices_far_away_cost_no_step_and_change_no_bit() -> None:
+    """Oracle: what a step cannot reach does not matter: 20 vertices, and 2,000 of which as many are near."""
+    rng = np.random.default_rng(4)
+    near = [(float(x), float(y)) for x, y in zip(np.arange(20) * 2.0 - 4.0, rng.uniform(0.0, 0.4, 20), strict=True)]
+    heights = rng.uniform(0.0, 0.4, 1980)
+    far = [(float(x), float(y)) for x, y in zip(np.arange(1980) * 0.5 + 200.0, heights, strict=True)]
+    launch = sledenv.State(0.0, 2.0, 0.0, 4.0)
+    few, many = (
+        sledenv.simulate(
+            BODIES["sled"], LAW, sledenv.Slope(0.05, profile=[*near, (100.0, 0.0), *rest]), launch, max_time=4.0
+        )
+        for rest in ([], far)
+    )
+    assert few.outcome["steps"] == many.outcome["steps"]
+    same_bits(few.rebounds, many.rebounds)
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_a_pit_elsewhere_supplies_no_energy(kind: str) -> None:
+    """Oracle: the drop counts from the lowest ground near the start, so that a pit elsewhere lowers no reward."""
+    launch = sledenv.State(0.0, 1.5, 0.2, 1.0)
+    supplied = [
+        sledenv.simulate(
+            BODIES[kind], LAW, sledenv.Slope(0.1, 100.0, profile=profile), launch, max_time=0.5
+        ).energy.supplied
+        for profile in ([(30.0, 0.0), (35.0, -9.0), (40.0, 0.0)], [(30.0, 0.0), (35.0, 1.0), (40.0, 0.0)])
+    ]
+    assert supplied[0] == supplied[1]
+
+
+# Dips.
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.03])
+@pytest.mark.parametrize("degrees", [2.0, 5.0, 15.0, 20.0])
+def test_a_disc_that_slides_into_a_dip_loses_what_points_into_the_ramp(radius: float, degrees: float) -> None:
+    """Oracle: V cos(turn) along the ramp and e V sin(turn) normal to it; exact without gravity."""
+    turn, speed = math.radians(degrees), 5.0
+    slope = sledenv.Slope(0.0, gravity=0.0, profile=[(0.0, 0.0), (100.0, 100.0 * math.tan(turn))])
+    launch = sledenv.State(-1.0, radius * (1.0 + 1e-6), 0.0, speed)
+    row = sledenv.simulate(sledenv.disc(1.0, radius), ICE, slope, launch, max_rebounds=1).rebounds[0]
+    along = row["u_after"] * math.cos(turn) + row["v_after"] * math.sin(turn)
+    normal = row["v_after"] * math.cos(turn) - row["u_after"] * math.sin(turn)
+    assert along == pytest.approx(speed * math.cos(turn), rel=1e-11)
+    assert normal == pytest.approx(0.5 * speed * math.sin(turn), rel=1e-11)
+    assert row["omega_after"] == 0.0
+
+
+def test_a_disc_pressed_on_the_level_comes_out_of_a_dip_so_in_the_stiff_limit() -> None:
+    """Oracle: 4.8296 and .6470 m/s for V = 5 m/s, 15 degrees, e = .5; the error falls as c^-1/2."""
+    turn, errors = math.radians(15.0), []
+    for stiffness in (1e7, 1e9, 1e11):
+        slope = sledenv.Slope(0.0, profile=[(0.0, 0.0), (100.0, 100.0 * math.tan(turn))])
+        launch = sledenv.State(-0.5, 0.5, 0.0, 5.0)
+        law = ICE._replace(stiffness=stiffness)
+        state = sledenv.simulate(sledenv.disc(1.0, 0.5), law, slope, launch, max_time=0.12).state
+        v = state.v + G * (0.12 - (0.5 - 0.5 * math.tan(0.5 * turn)) / 5.0)  # when it left the dip
+        along = state.u * math.cos(turn) + v * math.sin(turn)
+        normal = v * math.cos(turn) - state.u * math.sin(turn)
+        errors.append(max(abs(along - 5.0 * math.cos(turn)), abs(normal - 2.5 * math.sin(turn))))
+    assert errors[2] < 1e-4
+    assert errors[1] < 0.2 * errors[0]
+    assert errors[2] < 0.2 * errors[1]
+
+
+@pytest.mark.parametrize("degrees", [5.0, 30.0])
+@pytest.mark.parametrize("arm", [0.0, 0.001])
+def test_a_disc_at_rest_in_a_dip_presses_on_both_sides(degrees: float, arm: float) -> None:
+    """Oracle: N = m g/(2 cos(turn)) on each; no friction."""
+    theta, radius = math.radians(degrees), 0.3
+    height = 10.0 * math.tan(theta)
+    slope = sledenv.Slope(0.0, profile=[(-10.0, height), (0.0, 0.0), (10.0, height)])
+    launch = sledenv.State(0.0, radius / math.cos(theta), 0.0)
+    law = ICE._replace(rolling_arm=arm)
+    descent = sledenv.simulate(BODIES["disc"], law, slope, launch, record="trajectory", max_time=1.0)
+    assert descent.status == "jammed"
+    contacts = loads(descent.trajectory[-1])
+    assert len(contacts) == 2
+    expected = BODIES["disc"].mass * G / (2.0 * math.cos(theta))
+    assert contacts["normal"].tolist() == pytest.approx([expected] * 2, rel=1e-9)
+    assert sorted(contacts["normal_x"].tolist()) == pytest.approx([-math.sin(theta), math.sin(theta)], rel=1e-12)
+    assert sorted(contacts["ground"].tolist()) == [2, 4]  # the pieces before and behind vertex 1
+
+
+@pytest.mark.parametrize("radius", [12.0, 20.0, 40.0, 80.0])
+@pytest.mark.parametrize("speed", [5.0, 10.0])
+def test_the_sled_rides_through_a_round_dip_however_it_is_cut(radius: float, speed: float) -> None:
+    """Oracle: a chord lies within cut^2/(8 R) of the arc, so finer cuts come nearer to one path."""
+    law = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e7, friction=0.005, rolling_arm=0.0)
+    half, ends = 0.2, []
+    finish = radius * math.sin(half) + 4.0
+    for cut in (1.0, 0.4, 0.2, 0.1):
+        angles = np.linspace(-half, half, 2 * math.ceil(half * radius / cut) + 1)
+        rim = radius * (1.0 - math.cos(half))
+        profile = [(float(radius * math.sin(a)), float(radius * (1.0 - math.cos(a)) - rim)) for a in angles]
+        start, phi = -radius * math.sin(0.8 * half), -0.8 * half
+        height = resting_height(BODIES["sled"], profile, start, phi) + 0.001
+        launch = sledenv.State(start, height, phi, speed * math.cos(phi), speed * math.sin(phi), 0.0)
+        descent = sledenv.simulate(BODIES["sled"], law, sledenv.Slope(0.0, finish, profile=profile), launch)
+        assert descent.status == "finish"
+        assert abs(descent.energy.residual) <= 1e-9 * descent.energy.turnover
+        inside = 1.4 * half * radius / speed
+        slope = sledenv.Slope(0.0, profile=profile)
+        ends.append(sledenv.simulate(BODIES["sled"], law, slope, launch, max_time=inside).state)
+    away = [math.hypot(end.x - ends[-1].x, end.y - ends[-1].y) for end in ends]
+    assert away[2] < 0.6 * away[0]
+    assert away[2] < 0.01 * radius
+
+
+# Crests.
+
+
+def rolled(turn: float, friction: float) -> sledenv.Descent:
+    """A disc that rolls over a crest with v0^2 = .1 g r."""
+    radius = 0.5
+    speed = math.sqrt(0.1 * G * radius)
+    law = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e9, friction=friction, rolling_arm=0.0)
+    slope = sledenv.Slope(0.0, profile=[(0.0, 0.0), (10.0, -10.0 * math.tan(turn))])
+    launch = sledenv.State(-0.2, radius, 0.0, speed, 0.0, -speed / radius)
+    body = sledenv.disc(1.0, radius)
+    assert body.inertia == pytest.approx(0.5 * radius**2)
+    return sledenv.simulate(
+        body, law, slope, launch, record="trajectory", sample_interval=1e-3, max_rebounds=1, max_time=2.0
+    )
+
+
+def test_a_disc_rolls_over_a_crest_and_gains_what_it_falls() -> None:
+    """Oracle: v^2 = v0^2 + (4/3) g r (1 - cos(turn)): .4119 g r after 40 degrees."""
+    turn = math.radians(40.0)
+    rows = rolled(turn, 50.0).trajectory
+    behind = rows[(rows["touching"] == 1) & (rows["contacts"][:, 0]["ground"] == 2)]
+    squared = (behind["u"] ** 2 + behind["v"] ** 2) / (G * 0.5)
+    np.testing.assert_allclose(squared, 0.1 + (4.0 / 3.0) * (1.0 - behind["y"] / 0.5), rtol=1e-4)
+    assert squared[0] == pytest.approx(0.4119, rel=0.01)
+
+
+def test_a_disc_that_rolls_leaves_a_crest_where_its_weight_no_longer_turns_it() -> None:
+    """Oracle: acos((3 v0^2/(g r) + 4)/7) = 52.10 degrees."""
+    row = rolled(math.radians(80.0), 1e3).rebounds[0]
+    assert math.degrees(math.asin(row["x"] / 0.5)) == pytest.approx(math.degrees(math.acos(4.3 / 7.0)), abs=0.02)
+
+
+def test_a_disc_that_slips_on_a_crest_leaves_it_earlier() -> None:
+    """Oracle: with f = 3 it slips where sin(a)/3 = 3 N/(m g), at 49.42 degrees; then r a'' = g sin(a) - 3 N/m."""
+    radius, friction = 0.5, 3.0
+
+    def pressed(angle: float, speed: float) -> float:
+        return G * math.cos(angle) - speed**2 / radius
+
+    def rates(_: float, q: np.ndarray) -> list[float]:
+        return [q[1] / radius, G * math.sin(q[0]) - friction * pressed(*q)]
+
+    def leaves(_: float, q: np.ndarray) -> float:
+        return pressed(*q)
+
+    leaves.terminal = True  # type: ignore[attr-defined]
+    slips = math.radians(49.424119)
+    speed = math.sqrt(G * radius * (0.1 + (4.0 / 3.0) * (1.0 - math.cos(slips))))
+    assert math.sin(slips) * G / 3.0 == pytest.approx(friction * pressed(slips, speed), rel=1e-5)
+    angle = solve_ivp(rates, (0.0, 1.0), [slips, speed], events=leaves, rtol=1e-10, atol=1e-12).y[0, -1]
+    descent = rolled(math.radians(80.0), friction)
+    rows = descent.trajectory[descent.trajectory["touching"] == 1]
+    sliding = np.hypot(rows["u"], rows["v"]) + radius * rows["omega"] > 1e-6
+    assert math.degrees(math.asin(rows["x"][sliding][0] / radius)) == pytest.approx(49.42, abs=0.25)
+    assert math.asin(descent.rebounds[0]["x"] / radius) == pytest.approx(angle, abs=5e-4)
+
+
+GRIP = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e9, friction=2.0, rolling_arm=0.0)
+TABLE: Profile = [(0.0, 0.0), (0.5, -8.0)]
+
+
+@pytest.mark.parametrize("beyond", [-0.2, -0.02, 0.02, 0.2])
+def test_a_block_on_the_edge_of_a_table_tips_when_its_mass_centre_is_beyond(beyond: float) -> None:
+    """Oracle: statics; then it turns about the crest as a pendulum does, (J + m d^2) omega^2/2 = m g (fall)."""
+    block = BODIES["block"]
+    slope = sledenv.Slope(0.0, profile=TABLE)
+    launch = sledenv.State(beyond, 0.3, 0.0)
+    descent = sledenv.simulate(block, GRIP, slope, launch, record="trajectory", max_time=0.6 if beyond > 0.0 else 3.0)
+    if beyond < 0.0:
+        assert descent.status == "jammed"
+        assert abs(descent.state.phi) < 1e-5
+        return
+    rows = descent.trajectory[(descent.trajectory["touching"] == 1) & (descent.trajectory["phi"] < -0.05)]
+    rows = rows[rows["phi"] > -0.3]
+    assert len(rows) > 10
+    assert (rows["contacts"][:, 0]["ground"] == 1).all()  # vertex 0
+    about = block.inertia + block.mass * (beyond**2 + 0.3**2)
+    np.testing.assert_allclose(0.5 * about * rows["omega"] ** 2, block.mass * G * (0.3 - rows["y"]), rtol=2e-3)
+
+
+def test_a_plate_slides_over_the_edge_of_a_table() -> None:
+    """Oracle: Lagrange's equations of a side without friction on a point, integrated by scipy."""
+    plate = sledenv.polygon(10.0, [(-0.5, -0.05), (0.5, -0.05), (0.5, 0.05), (-0.5, 0.05)], rounding=0.02)
+    high, speed = 0.05, 1.3
+    law = ICE._replace(stiffness=1e9)
+    span = 0.45
+    descent = sledenv.simulate(
+        plate, law, sledenv.Slope(0.0, profile=TABLE), sledenv.State(-0.2, high, 0.0, speed), max_time=span
+    )
+
+    def rates(_: float, q: np.ndarray) -> list[float]:
+        s, phi, ds, dphi = q  # s: of the mass centre from the crest, along the plate
+        moment = -plate.mass * (G * s * math.cos(phi) + 2.0 * s * ds * dphi - high * s * dphi**2)
+        ddphi = moment / (plate.inertia + plate.mass * s * s)
+        return [ds, dphi, s * dphi**2 - G * math.sin(phi) + high * ddphi, ddphi]
+
+    start = 0.2 / speed  # when the mass centre passes the crest
+    s, phi, ds, dphi = solve_ivp(rates, (start, span), [0.0, 0.0, speed, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+    along, out = np.array([math.cos(phi), math.sin(phi)]), np.array([-math.sin(phi), math.cos(phi)])
+    place = s * along + high * out
+    velocity = (ds - high * dphi) * along + s * dphi * out
+    expected = [*place, phi, *velocity, dphi]
+    assert s < 0.45  # still on the side
+    np.testing.assert_allclose(descent.state, expected, rtol=0.0, atol=2e-3 * abs(dphi))

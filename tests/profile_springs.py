@@ -1,0 +1,318 @@
+"""Rounded bodies on springs over a profile, by geometry alone: slow, obvious, an oracle.
+
+It remembers nothing of a contact. At each instant it lists which arc is in which piece of the ground, which crest is in
+which arc or under which side (docs/physics.md, section 14), presses each pair by its depth and sums the forces:
+
+    N = k x,  k = k_close while the gap closes and k_open while it opens;   F = -f N sgn(slip);   M = -arm N sgn(spin)
+
+Each sign is replaced by a straight line within a small speed ``layer``, so that a body that sticks creeps. An embedded
+Runge-Kutta pair of order 5(4) keeps its own steps small, and ends one where the list changes. Two layers, one half of
+the other, give the limit and how far it can be trusted.
+
+Geometry alone creates energy where a pair comes into the list with a depth (a crest that has entered the body next to
+a pressed arc, and comes under a side), or leaves it with one. ``Passage.jumped`` is how much: such a passage is no
+oracle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from sledenv import Body, ContactLaw
+
+CX, CY, R, MIDDLE, HALF, BEFORE, AFTER, SX, SY, DX, DY, LENGTH = range(12)  # of a row for an arc and the side behind it
+PX, PY, TX, TY, FIRST, LAST = range(6)  # of a row for a piece, of a crest: p and the tangents before and behind it
+CLOSING, OPENING, FRICTION, ARM, MASS, INERTIA, SIZE, GX, GY, LAYER = range(10)  # of the constants
+WHICH, GAP, RATE, SLIP, NX, NY, LX, LY = range(8)  # of a pair that touches
+MOST = 32  # pairs
+HAIR = 1e-9  # [s] how closely a change of the list is found
+ORDER = 1e-11  # error of a step over the speed scale
+
+# Dormand and Prince (1980), table 2
+A = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
+        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
+        [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
+E = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+
+
+class Scene(NamedTuple):
+    """Body and ground as tables."""
+
+    arcs: np.ndarray
+    pieces: np.ndarray
+    crests: np.ndarray
+
+
+class Passage(NamedTuple):
+    """What springs have come to."""
+
+    rows: np.ndarray  # (contacts, 7) t, x, y, phi, u, v, omega when nothing touches any more
+    jumped: float  # [J] created or lost where pairs came or went with a depth
+    done: bool  # whether that was all; if not, the steps were used up: a body that sticks or lies takes many
+
+
+def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
+    """Return the tables of a body without corners over a profile."""
+    count = len(body.arcs)
+    arcs = np.zeros((count, 12))
+    for k, arc in enumerate(body.arcs):
+        following = body.arcs[(k + 1) % count]
+        end = following.begin + (2.0 * math.pi if k == count - 1 else 0.0)
+        out = np.array([-math.sin(end), -math.cos(end)])
+        begins = np.array([arc.x, arc.y]) + arc.radius * out
+        length = float(np.hypot(*(np.array([following.x, following.y]) + following.radius * out - begins)))
+        arcs[k, : MIDDLE + 1] = arc.x, arc.y, arc.radius, 0.5 * (arc.begin + end)
+        arcs[k, HALF] = 0.5 * (end - arc.begin)
+        arcs[k, SX:] = *begins, out[1], -out[0], length if length > 1e-9 * body.size else 0.0
+        arcs[k, AFTER] = count > 1 and arcs[k, LENGTH] == 0.0
+    arcs[:, BEFORE] = np.roll(arcs[:, AFTER], 1)
+    points = np.array(profile, float)
+    along = np.diff(points, axis=0)
+    tangents = np.vstack([[1.0, 0.0], along / np.hypot(*along.T)[:, np.newaxis], [1.0, 0.0]])
+    turns = tangents[:-1, 0] * tangents[1:, 1] - tangents[:-1, 1] * tangents[1:, 0]
+    pieces = np.zeros((len(tangents), 6))
+    for j, tangent in enumerate(tangents):
+        i = k = j
+        while i > 0 and turns[i - 1] > 0.0:
+            i -= 1
+        while k < len(turns) and turns[k] > 0.0:
+            k += 1
+        start = points[max(j - 1, 0)]
+        first = (points[i - 1] - start) @ tangent if i > 0 else -math.inf
+        last = (points[k] - start) @ tangent if k < len(turns) else math.inf
+        pieces[j] = *start, *tangent, first, last
+    crests = [[*points[k], *tangents[k], *tangents[k + 1]] for k in range(len(points)) if turns[k] < 0.0]
+    return Scene(arcs, pieces, np.array(crests).reshape(-1, 6))
+
+
+@njit(cache=False)
+def add(pairs, count, which, gap, nx, ny, lx, ly, z):
+    if count == MOST:
+        return count
+    pairs[count, WHICH], pairs[count, GAP] = which, gap
+    px, py = z[3] - ly * z[5], z[4] + lx * z[5]
+    pairs[count, RATE], pairs[count, SLIP] = nx * px + ny * py, ny * px - nx * py
+    pairs[count, NX], pairs[count, NY], pairs[count, LX], pairs[count, LY] = nx, ny, lx, ly
+    return count + 1
+
+
+@njit(cache=False)
+def turned(angle):
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@njit(cache=False)
+def touching(arcs, pieces, crests, z, size, pairs):
+    """List all pairs that are closed at (x, y, phi, u, v, omega); return how many."""
+    count = 0
+    x, y, S, C = z[0], z[1], math.sin(z[2]), math.cos(z[2])
+    for j in range(len(pieces)):
+        piece = pieces[j]
+        nx, ny = -piece[TY], piece[TX]
+        if nx * (x - piece[PX]) + ny * (y - piece[PY]) > size:
+            continue
+        tilt = math.atan2(piece[TY], piece[TX])
+        for a in range(len(arcs)):
+            arc = arcs[a]
+            rx, ry = C * arc[CX] - S * arc[CY], S * arc[CX] + C * arc[CY]
+            cx, cy = x + rx - piece[PX], y + ry - piece[PY]
+            gap, foot = nx * cx + ny * cy - arc[R], piece[TX] * cx + piece[TY] * cy
+            if gap >= 0.0 or foot < piece[FIRST] or foot > piece[LAST]:
+                continue
+            off = turned(z[2] - tilt - arc[MIDDLE])
+            if (off < -arc[HALF] and arc[BEFORE] == 1.0) or (off >= arc[HALF] and arc[AFTER] == 1.0):
+                continue
+            count = add(pairs, count, 1000 * j + a, gap, nx, ny, rx - arc[R] * nx, ry - arc[R] * ny, z)
+    for k in range(len(crests)):
+        crest = crests[k]
+        dx, dy = crest[PX] - x, crest[PY] - y
+        if dx * dx + dy * dy > size * size:
+            continue
+        bx, by = C * dx + S * dy, -S * dx + C * dy
+        least, which = -math.inf, -1  # the feature that is next to the crest: of all whose reach it is in
+        for a in range(len(arcs)):
+            arc = arcs[a]
+            ex, ey = bx - arc[CX], by - arc[CY]
+            gap = math.sqrt(ex * ex + ey * ey) - arc[R]
+            if gap > least and abs(turned(math.atan2(-ex, -ey) - arc[MIDDLE])) <= arc[HALF]:
+                least, which = gap, a
+            ex, ey = bx - arc[SX], by - arc[SY]
+            gap, along = -arc[DY] * ex + arc[DX] * ey, arc[DX] * ex + arc[DY] * ey
+            if arc[LENGTH] > 0.0 and gap > least and along >= 0.0 and along <= arc[LENGTH]:
+                least, which = gap, 500 + a
+        if which < 0 or least >= 0.0:
+            continue
+        arc = arcs[which % 500]
+        if which < 500:
+            rx, ry = C * arc[CX] - S * arc[CY], S * arc[CX] + C * arc[CY]
+            nx, ny = (rx - dx) / (least + arc[R]), (ry - dy) / (least + arc[R])
+            if nx * crest[TX] + ny * crest[TY] < 0.0 or nx * crest[FIRST] + ny * crest[LAST] > 0.0:
+                continue  # one of the pieces beside the crest faces the arc
+            lx, ly = rx - arc[R] * nx, ry - arc[R] * ny
+        else:
+            nx, ny = C * arc[DY] + S * arc[DX], S * arc[DY] - C * arc[DX]
+            lx, ly = dx + least * nx, dy + least * ny
+        count = add(pairs, count, 1000 * (len(pieces) + k) + which, least, nx, ny, lx, ly, z)
+    return count
+
+
+@njit(cache=False)
+def sign(speed, layer):
+    return min(max(speed / layer, -1.0), 1.0)
+
+
+@njit(cache=False)
+def slope_of(arcs, pieces, crests, law, z, pairs, out):
+    """Rates of (x, y, phi, u, v, omega); return how many pairs touch."""
+    count = touching(arcs, pieces, crests, z, law[SIZE], pairs)
+    fx, fy, moment = law[MASS] * law[GX], law[MASS] * law[GY], 0.0
+    for i in range(count):
+        p = pairs[i]
+        turn = sign(p[RATE], law[LAYER])
+        stiffness = 0.5 * (law[CLOSING] + law[OPENING]) - 0.5 * (law[CLOSING] - law[OPENING]) * turn
+        normal = -stiffness * p[GAP]
+        force = -law[FRICTION] * normal * sign(p[SLIP], law[LAYER])
+        px, py = normal * p[NX] + force * p[NY], normal * p[NY] - force * p[NX]
+        fx += px
+        fy += py
+        moment += p[LX] * py - p[LY] * px - law[ARM] * normal * sign(z[5] * law[SIZE], law[LAYER])
+    out[0], out[1], out[2] = z[3], z[4], z[5]
+    out[3], out[4], out[5] = fx / law[MASS], fy / law[MASS], moment / law[INERTIA]
+    return count
+
+
+@njit(cache=False)
+def same(one, m, other, n):
+    return m == n and (one[:n, WHICH] == other[:n, WHICH]).all()
+
+
+@njit(cache=False)
+def jump(law, one, m, other, n, step):
+    """Energy [J] of pairs that came or went with a depth that no gap rate explains."""
+    gone = come = rates = 0.0
+    for i in range(m):
+        if not held(other, n, one[i, WHICH]):
+            gone += one[i, GAP] ** 2
+            rates += abs(one[i, RATE])
+    for i in range(n):
+        if not held(one, m, other[i, WHICH]):
+            come += other[i, GAP] ** 2
+            rates += abs(other[i, RATE])
+    if abs(math.sqrt(gone) - math.sqrt(come)) <= 2.0 * step * rates:
+        return 0.0
+    return 0.5 * law[CLOSING] * abs(gone - come)
+
+
+@njit(cache=False)
+def held(pairs, count, which):
+    return (pairs[:count, WHICH] == which).any()
+
+
+@njit(cache=False)
+def integrate(arcs, pieces, crests, law, z, contacts, max_time, steps, rows):
+    """Follow a body until it has left the ground some times; return how many times, and the energy jumped."""
+    rates, stage, after = np.zeros((7, 6)), np.zeros(6), np.zeros(6)
+    pairs, now, trial = np.zeros((MOST, 8)), np.zeros((MOST, 8)), np.zeros((MOST, 8))
+    frequency = math.sqrt(law[CLOSING] / law[MASS])
+    longest = 0.1 / frequency
+    t, step, found, jumped = 0.0, 1e-3 * longest, 0, 0.0
+    count = slope_of(arcs, pieces, crests, law, z, now, rates[0])
+    while t < max_time and found < contacts and steps > 0:
+        steps -= 1
+        for i in range(1, 7):
+            for q in range(6):
+                total = 0.0
+                for k in range(i):
+                    total += A[i, k] * rates[k, q]
+                stage[q] = z[q] + step * total
+            reached = slope_of(arcs, pieces, crests, law, stage, trial if i == 6 else pairs, rates[i])
+        after[:] = stage
+        error = 0.0
+        speed = max(abs(z[3]), abs(z[4]), law[SIZE] * abs(z[5]), math.sqrt(9.81 * law[SIZE]))
+        for q in range(6):
+            total = 0.0
+            for k in range(7):
+                total += E[k] * rates[k, q]
+            unit = (frequency if q < 3 else 1.0) * (law[SIZE] if q % 3 == 2 else 1.0)
+            error = max(error, abs(step * total) * unit / (ORDER * speed))
+        changes = not same(now, count, trial, reached)
+        if step > HAIR and (error > 1.0 or changes):
+            step = max(HAIR, step * (0.25 if changes else max(0.2, 0.9 * error**-0.2)))
+            continue
+        t += step
+        z[:] = after
+        if changes:
+            jumped += jump(law, now, count, trial, reached, step)
+        if count > 0 and reached == 0:
+            rows[found, 0] = t
+            rows[found, 1:] = z
+            found += 1
+        count = reached
+        now[:] = trial
+        rates[0] = rates[6]
+        step = min(longest, step * min(5.0, 0.9 * max(error, 1e-6) ** -0.2))
+    return found, jumped, steps > 0
+
+
+def follow(
+    body: Body,
+    law: ContactLaw,
+    gravity: tuple[float, float],
+    profile: list[tuple[float, float]],
+    launch: tuple[float, ...],
+    *,
+    contacts: int,
+    max_time: float,
+    layer: float,
+    steps: int,
+) -> Passage:
+    """Follow a launch (x, y, phi, u, v, omega) until the body has left the ground ``contacts`` times."""
+    given = (law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry), law.friction)
+    constants = np.array([*given, law.rolling_arm, body.mass, body.inertia, body.size, *gravity, layer])
+    rows = np.zeros((contacts, 7))
+    found, jumped, done = integrate(
+        *scene(body, profile), constants, np.array(launch, float), contacts, max_time, steps, rows
+    )
+    return Passage(rows[:found], jumped, done)
+
+
+def depths(tables: Scene, poses: np.ndarray, size: float) -> np.ndarray:
+    """How deep arcs are in pieces, and crests in the body [m], at poses (N, 3) of x, y, phi: shape (N, 2)."""
+    deepest = np.zeros((len(poses), 2))
+    _depths(*tables, np.ascontiguousarray(poses, float), size, deepest)
+    return deepest
+
+
+@njit(cache=False)
+def _depths(arcs, pieces, crests, poses, size, deepest):
+    pairs, z = np.zeros((MOST, 8)), np.zeros(6)
+    for i in range(len(poses)):
+        z[:3] = poses[i]
+        for k in range(touching(arcs, pieces, crests, z, size, pairs)):
+            column = 0 if pairs[k, WHICH] < 1000 * len(pieces) else 1
+            deepest[i, column] = max(deepest[i, column], -pairs[k, GAP])
+
+
+def resting_height(body: Body, profile: list[tuple[float, float]], x: float, phi: float) -> float:
+    """Height [m] of the mass centre where the body just touches the ground at a place and an orientation."""
+    tables = scene(body, profile)
+    low, high = min(y for _, y in profile) - body.size, max(y for _, y in profile) + 2.0 * body.size
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if depths(tables, np.array([[x, middle, phi]]), body.size).max() > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
