@@ -6,16 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.descend import close_books, descend, trim
-from sledenv.kernel.flight import write_body
-from sledenv.kernel.ground import lay_ground
-from sledenv.kernel.laws import Law, law_of_row
+from sledenv.kernel.books import close_books, trim
+from sledenv.kernel.descent import descend
+from sledenv.kernel.ground import lay_ground, lay_springs
 from sledenv.kernel.outline import incline_of
-from sledenv.kernel.params import Limits, Slope, State, reader, row_of
+from sledenv.kernel.params import ContactLaw, Limits, Slope, State, reader, row_of
 from sledenv.kernel.records import RUNNING, Written
-from sledenv.kernel.state import TAKING_OFF
 
-_slope_of, _launch_of = reader(Slope), reader(State)
+_slope_of, _launch_of, _law_of = reader(Slope), reader(State), reader(ContactLaw)
 
 
 class Lanes(NamedTuple):
@@ -28,17 +26,16 @@ class Lanes(NamedTuple):
     # Of each lane the spin that the rider's rotor lends to the body [rad/s] and the inertia of the rotor [kg m^2], for
     # one hop; without rows each lane makes all hops.
     trims: np.ndarray
+    pieces: np.ndarray  # of PIECE: the ground, the same for all lanes
 
 
-def descend_lanes(like: Law, limits: Limits, lanes: Lanes, written: Written, spaces: np.ndarray, last: int) -> None:
+def descend_lanes(limits: Limits, lanes: Lanes, written: Written, spaces: np.ndarray, last: int) -> None:
     """Follow the descents of some lanes, or one hop of each. No lane depends on the other lanes.
 
     A call returns once it has done ``limits.most_work``. The next call then goes on where this one has stopped.
 
     Parameters
     ----------
-    like : ContactLaw or RigidLaw
-        Any law of the kind that is in the laws of the lanes.
     limits : Limits
         Shared by all lanes.
     lanes : Lanes
@@ -56,13 +53,14 @@ def descend_lanes(like: Law, limits: Limits, lanes: Lanes, written: Written, spa
         lane = int(space["lane"])
         flight, body = flights[lane], row_of(lanes.bodies, lane)
         if flight["status"] == RUNNING:
-            if trims.shape[0] > 0 and space["stage"] == TAKING_OFF:
+            if trims.shape[0] > 0 and space["begun"] == 0.0:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])
-            incline, law = incline_of(_slope_of(lanes.slopes, lane)), law_of_row(like, lanes.laws, lane)
+            incline, law = incline_of(_slope_of(lanes.slopes, lane)), _law_of(lanes.laws, lane)
             lay_ground(law, row_of(lanes.slopes, lane), space["ground"])
-            write_body(body, space["hop"])
-            done = descend(body, law, incline, limits, flight, row_of(written.logs, lane), space, written.trajectory)
-            close_books(body, incline, _launch_of(lanes.launches, lane), flight)
+            lay_springs(law, space["ground"])
+            log = row_of(written.logs, lane)
+            done = descend(body, lanes.pieces, incline, limits, flight, log, space, written.trajectory)
+            close_books(body, lanes.pieces, incline, _launch_of(lanes.launches, lane), flight)
             if not done:
                 return
         space["lane"] += 1.0

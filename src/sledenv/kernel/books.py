@@ -191,6 +191,34 @@ def close_rebound(body: np.void, space: np.void, slip: float, flight: np.void, r
 
 
 @kernel
+def trim(body: np.void, rotor_inertia: float, flight: np.void, spin: float) -> None:
+    """Let the rider's rotor lend ``spin`` [rad/s] to the body in flight: docs/physics.md, section 9.
+
+    Parameters
+    ----------
+    body : record of BODY
+    rotor_inertia : float
+        Moment of inertia of the rotor [kg m^2], > 0; the same throughout a descent.
+    flight : record of OUTCOME
+        Where the descent is.
+    spin : float
+        Spin of the body minus its spin with the rotor at rest [rad/s].
+    """
+    change = spin - flight["trim"]
+    if change != 0.0:  # a spin of -0.0 plus zero would lose its sign
+        omega = flight["omega"]
+        rotor = 0.5 * (body["inertia"] * spin) ** 2 / rotor_inertia
+        done = body["inertia"] * change * (omega + 0.5 * change) + rotor - flight["rotor"]
+        flight["omega"] = omega + change
+        flight["trim"] = spin
+        flight["rotor"] = rotor
+        if done > 0.0:
+            flight["work"] += done
+        else:
+            flight["absorbed"] -= done
+
+
+@kernel
 def energy(body: np.void, slope: Any, y: float, x: float, u: float, v: float, omega: float) -> tuple[float, float]:
     """Kinetic and potential energy [J]."""
     kinetic = 0.5 * body["mass"] * (u * u + v * v) + 0.5 * body["inertia"] * omega * omega

@@ -4,43 +4,51 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from sledenv.compiler.entries import Entry, Group, Table
+from sledenv.compiler.entries import Group, Table
 from sledenv.compiler.library import Library
 from sledenv.kernel import outline
 from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.collisions import collide, collide_each
-from sledenv.kernel.descend import SPACE, begin, close_books, trim
-from sledenv.kernel.laws import Law
+from sledenv.kernel.books import close_books, trim
+from sledenv.kernel.contacts import SPACE
+from sledenv.kernel.descend import SPACE as RIGID_SPACE
+from sledenv.kernel.geometry import PIECE, complete_outline, lay
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
+from sledenv.kernel.rigid_batch import RigidLanes, descend_rigid_lanes
 from sledenv.kernel.state import HOP, new
 
 
-def _embark(bodies: np.ndarray, slope: Slope, launch: State, flights: np.ndarray) -> None:
-    """Put a descent at its launch, and write its ledger."""
-    begin(launch, flights[0])
-    close_books(bodies[0], outline.incline_of(slope), launch, flights[0])
+def _embark(bodies: np.ndarray, pieces: np.ndarray, slope: Slope, launch: State, flights: np.ndarray) -> None:
+    """Write the ledger of a descent that is at its launch."""
+    close_books(bodies[0], pieces, outline.incline_of(slope), launch, flights[0])
 
 
 def _trim(
-    bodies: np.ndarray, slope: Slope, launch: State, rotor_inertia: float, spin: float, flights: np.ndarray
+    bodies: np.ndarray,
+    pieces: np.ndarray,
+    slope: Slope,
+    launch: State,
+    rotor_inertia: float,
+    spin: float,
+    flights: np.ndarray,
 ) -> None:
     """Trim a descent, and write its ledger."""
     trim(bodies[0], rotor_inertia, flights[0], spin)
-    close_books(bodies[0], outline.incline_of(slope), launch, flights[0])
+    close_books(bodies[0], pieces, outline.incline_of(slope), launch, flights[0])
 
 
 def _complete(bodies: np.ndarray) -> None:
     """Write what follows from the outlines of bodies."""
     for i in range(bodies.shape[0]):
         outline.complete(bodies[i])
+        complete_outline(bodies[i])
 
 
 def _lowest(bodies: np.ndarray, phi: np.ndarray, arcs: np.ndarray, arms: np.ndarray) -> None:
@@ -57,27 +65,23 @@ def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
 
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
 _LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
-_SPACES, _HOPS, _PHASES, _BODIES = map(Table, (SPACE, HOP, PHASE, BODY))
+_SPACES, _HOPS, _PHASES, _BODIES, _PIECES = map(Table, (SPACE, HOP, PHASE, BODY, PIECE))
 
 _HOME = Path(__file__).parents[1]
 LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
 
 
-def _by_law(name: str, function: Any, *kinds: Any) -> Callable[[Law], Entry]:
-    """Return a function that chooses the entry for a law; None stands for the law among the kinds of arguments."""
-    compliant, rigid = (
-        LIBRARY.entry(f"{name}_{kind}", function, *(law if given is None else given for given in kinds))
-        for kind, law in (("compliant", ContactLaw), ("rigid", RigidLaw))
-    )
-    return lambda law: rigid if isinstance(law, RigidLaw) else compliant
-
-
-_LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
+_LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
+_RIGID_LANES = Group(RigidLanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
-run_lanes: Final = _by_law("descend_lanes", descend_lanes, None, Limits, _LANES, _WRITTEN, _SPACES, int)
-run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, Slope, State, _OUTCOMES)
-run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, Slope, State, float, float, _OUTCOMES)
+run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, Limits, _LANES, _WRITTEN, _SPACES, int)
+run_rigid_lanes: Final = LIBRARY.entry(
+    "descend_rigid_lanes", descend_rigid_lanes, RigidLaw, Limits, _RIGID_LANES, _WRITTEN, Table(RIGID_SPACE), int
+)
+run_lay: Final = LIBRARY.entry("lay", lay, _ROWS, _PIECES)
+run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
+run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
 run_collision: Final = LIBRARY.entry("collide", collide, _BODIES, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
 run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS, _ROWS, int, _HOPS, _ROWS, _COUNT)
 run_complete: Final = LIBRARY.entry("complete", _complete, _BODIES)
@@ -86,8 +90,8 @@ run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUB
 
 
 def _known() -> str:
-    """Digest of one descent of each law."""
-    body, slope = np.zeros(1, BODY), (math.pi / 18.0, math.inf, 9.81, 0.5, 1.0, 0.3, 2e-3, 1e-3)
+    """Digest of some descents: on a plane, on a profile, and of rigid surfaces."""
+    body, slope = np.zeros(1, BODY), (math.pi / 18.0, math.inf, 9.81, 0.5, 1.0, 0.3, 2e-3, 1e-3, 0.4, math.nan)
     body["mass"], body["inertia"], body["count"] = 1.0, 7.5e-3, 3.0
     body["begin"][0, :3], body["r"][0, 1], body["part"][0, :3] = (-math.pi, -2.0, 2.0), 0.1, (2.0, 1.0, 3.0)
     body["along"][0, :3], body["across"][0, :3] = (0.09161468365471424, 0.05, 0.09161468365471424), (-0.09, 0.0, 0.09)
@@ -97,13 +101,20 @@ def _known() -> str:
     limits = Limits(3.0, 1e5, 1e-12, 0.01, 12.0, 0.0, 0.0, 0.0, 1e6)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
-
-    for law in (compliant, rigid):
+    vertices = np.array([[0.6, 0.0], [1.2, 0.1], [1.4, 0.0]])
+    plane, bumps = np.zeros(1, PIECE), np.zeros(4, PIECE)
+    run_lay(vertices[:0], plane)
+    run_lay(vertices, bumps)
+    for law, pieces in ((compliant, plane), (compliant, bumps), (rigid, plane)):
         log, rows, outcomes = np.zeros(12, REBOUND), np.zeros(400, TRAJECTORY), np.zeros(1, OUTCOME)
         for name, value in zip(State._fields, launch, strict=True):
             outcomes[name] = value
-        lanes = body, law, slope, launch, np.empty((0, 2))
-        run_lanes(law)(law, limits, *lanes, outcomes, log[np.newaxis], rows, new(SPACE), 1)
+        outcomes["t_line"] = math.inf
+        lanes, written = (body, law, slope, launch, np.empty((0, 2))), (outcomes, log[np.newaxis], rows)
+        if isinstance(law, RigidLaw):
+            run_rigid_lanes(law, limits, *lanes, *written, new(RIGID_SPACE), 1)
+        else:
+            run_lanes(limits, *lanes, pieces, *written, new(SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

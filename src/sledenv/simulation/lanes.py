@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import run_lanes
+from sledenv.kernel.contacts import SPACE
+from sledenv.kernel.descend import SPACE as RIGID_SPACE
+from sledenv.kernel.entries import run_lanes, run_rigid_lanes
 from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Limits
+from sledenv.kernel.params import Limits, RigidLaw
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.kernel.state import new
 from sledenv.simulation.rules import checked_count
@@ -37,7 +38,7 @@ class Tables(NamedTuple):
     laws: Any
     slopes: Any
     launches: Any
-    vertices: np.ndarray  # of the profile, shape (n, 2), the same for all
+    pieces: np.ndarray  # of the ground, see :func:`sledenv.simulation.profiles.laid`; the same for all
 
 
 def num_threads() -> int:
@@ -66,9 +67,15 @@ def follower(
 
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
-    space, logs = new(SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
-    *given, _ = tables  # the last one, the vertices of the profile, is not given to the kernel yet
-    run, lane = run_lanes(tables.like).prepared(*given, trims, flights, logs, trajectory, space), space["lane"]
+    rigid = isinstance(tables.like, RigidLaw)
+    space, logs = new(RIGID_SPACE if rigid else SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    like, limits, *given, pieces = tables
+    written = flights, logs, trajectory, space
+    if rigid:
+        run = run_rigid_lanes.prepared(like, limits, *given, trims, *written)
+    else:
+        run = run_lanes.prepared(limits, *given, trims, pieces, *written)
+    lane = space["lane"]
 
     def follow(first: int, last: int) -> None:
         lane[0] = first

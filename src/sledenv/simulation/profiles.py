@@ -8,6 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.kernel.entries import run_lay
+from sledenv.kernel.geometry import PIECE
 from sledenv.simulation.rules import FINITE, checked
 
 Floats = NDArray[np.float64]
@@ -21,6 +23,13 @@ STRAIGHT: Final = (
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
+
+
+def laid(vertices: Floats) -> np.ndarray:
+    """Return what the kernel reads of a ground with such vertices, shape (n, 2), none of a plane: its n + 1 pieces."""
+    pieces = np.zeros(len(vertices) + 1, PIECE)
+    run_lay(vertices, pieces)
+    return pieces
 
 
 def checked_profile(given: Any) -> Profile:

@@ -27,6 +27,7 @@ from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
+from sledenv.simulation.profiles import laid
 from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
@@ -68,7 +69,8 @@ class Ride:
         self.settings = checked_settings(settings)
         checked_choice("record", record, RECORDS)
         given = checked_descent(body, law, slope, launch, self.settings)
-        self.body, self.law, self.slope, self.launch, self._touching, self._vertices = given
+        self.body, self.law, self.slope, self.launch, self._touching, vertices = given
+        self._pieces = laid(vertices)
         self._limits = limits_of(self.body, self.settings)
         self.rotor_inertia = None
         if rotor_inertia is not None:
@@ -76,7 +78,8 @@ class Ride:
         self._rebounds = new_log(self.settings.max_rebounds)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         self._flight = np.zeros(1, OUTCOME)
-        run_embark(self.body.record, params.Slope(*self.slope[:3]), self.launch, self._flight)
+        put_at_launch(self._flight, self.launch)
+        run_embark(self.body.record, self._pieces, params.Slope(*self.slope[:3]), self.launch, self._flight)
 
     @property
     def status(self) -> Status:
@@ -112,7 +115,8 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        run_trim(self.body.record, params.Slope(*self.slope[:3]), self.launch, self.rotor_inertia, lent, self._flight)
+        slope = params.Slope(*self.slope[:3])
+        run_trim(self.body.record, self._pieces, slope, self.launch, self.rotor_inertia, lent, self._flight)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -160,7 +164,7 @@ class Ride:
     def _followed(self) -> np.ndarray:
         """Where the descent is after one hop."""
         law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch, self._vertices)
+        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch, self._pieces)
         trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
         follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
         return flight
@@ -211,6 +215,7 @@ class RideBatch:
         self._like, self._bodies = given.like(), given.bodies.copy()  # one for all lanes, or one a lane
         self._laws = np.empty((lanes, given.laws.shape[1]))
         self._slopes, self._vertices = np.empty((lanes, 0)), given.vertices
+        self._pieces = laid(given.vertices)
         self._launches = np.empty_like(given.launches)
         self._flights = np.zeros(lanes, OUTCOME)
         self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
@@ -276,7 +281,7 @@ class RideBatch:
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         before = self._flights["rebounds"].copy() if self._rebounds.size else None
         rows = self._bodies, self._laws, self._slopes, self._launches
-        tables = Tables(self._like, self._limits, *rows, self._vertices)
+        tables = Tables(self._like, self._limits, *rows, self._pieces)
         trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
         follow_all(tables, trimmed, self._flights, self._touched[:, np.newaxis])
         if before is not None:

@@ -16,6 +16,7 @@ from sledenv.simulation.jam import DescentJam, descent_jam
 from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
+from sledenv.simulation.profiles import laid
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver, changed, checked_settings
@@ -91,14 +92,14 @@ def simulate(
     settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
     checked_choice("record", record, RECORDS)
     body, law, slope, launch, touching, vertices = checked_descent(body, law, slope, launch, settings)
-    limits = limits_of(body, settings)
+    limits, pieces = limits_of(body, settings), laid(vertices)
     rebounds = new_log(settings.max_rebounds)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
 
     def run() -> np.void:
         outcomes = np.zeros(1, OUTCOME)
         put_at_launch(outcomes, launch)
-        tables = Tables(touching, limits, body.record, touching, slope.row, launch, vertices)
+        tables = Tables(touching, limits, body.record, touching, slope.row, launch, pieces)
         follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
         outcome: np.void = outcomes[0]
         return outcome
@@ -146,7 +147,7 @@ def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings
     settings = checked_settings(settings)
     given = checked_lanes(body, law, slope, launches, settings)
     limits = limits_of(body, settings)
-    return _Lanes(Tables(given.like(), limits, *given[1:]))
+    return _Lanes(Tables(given.like(), limits, *given[1:-1], laid(given.vertices)))
 
 
 def simulate_batch(
