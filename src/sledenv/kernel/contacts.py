@@ -43,6 +43,7 @@ CONTACT: Final = np.dtype(
         *fields("f8", "nx ny"),  # [-] normal
         *fields("f8", "ln lt"),  # [m] what the spin adds to gap rate and slip
         *fields("f8", "gs gc"),  # [m] the same of the centre of an arc, times cosine and minus sine
+        ("deeper", "f8"),  # [m] how much deeper than its gap a crest lies under a side: the depth at which they began
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
         ("opening", "f8"),  # [N/m] and while it opens
         ("friction", "f8"),  # [-]

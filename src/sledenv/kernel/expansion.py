@@ -92,7 +92,8 @@ def _terms_of_velocities(body: np.void, pieces: np.ndarray, contact: np.void, s:
         return
     ox, oy, m = body["ox"][a], body["oy"][a], k + 1
     terms["gap_rate"][k] = m * (ox * bx[m] + oy * by[m])
-    terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - product(terms["gap"], s["omega"], k)
+    turning = product(terms["gap"], s["omega"], k) - contact["deeper"] * s["omega"][k]
+    terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - turning
 
 
 @kernel
@@ -154,7 +155,7 @@ def _push(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -
             fx += cosine[k - i] * along - sine[k - i] * across
             fy += sine[k - i] * along + cosine[k - i] * across
             moment += bx[k - i] * across - by[k - i] * along - gap[k - i] * force[i]
-        return fx, fy, moment, 0.0, 0.0
+        return fx, fy, moment + contact["deeper"] * force[k], 0.0, 0.0
     fx, fy = normal[k] * contact["nx"] + force[k] * contact["ny"], normal[k] * contact["ny"] - force[k] * contact["nx"]
     if contact["kind"] == ARC_CREST:
         nx, ny = terms["nx"], terms["ny"]

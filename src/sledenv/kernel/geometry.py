@@ -171,6 +171,7 @@ def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) 
         nx, ny = -(cosine * ox - s * oy), -(s * ox + cosine * oy)
         gap = ox * (cosine * px + s * py - body["sx"][a]) + oy * (cosine * py - s * px - body["sy"][a])
         lx, ly = px + gap * nx, py + gap * ny
+        contact["deeper"] = contact["gap"] - gap
     else:
         cx, cy = body["cx"][a], body["cy"][a]
         rx, ry = cosine * cx - s * cy, s * cx + cosine * cy
