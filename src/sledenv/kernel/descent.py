@@ -22,8 +22,8 @@ from sledenv.kernel.books import (
     stored,
 )
 from sledenv.kernel.candidates import STILL, watch_others
-from sledenv.kernel.contacts import MOST, add, drop, write_surface
-from sledenv.kernel.expansion import expand, longest_step, value
+from sledenv.kernel.contacts import MOST, ORDER, add, drop, write_surface
+from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
 from sledenv.kernel.geometry import place
 from sledenv.kernel.mode import choose
@@ -146,13 +146,16 @@ def _move_contacts(body: np.void, t: float, space: np.void) -> bool:
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
         before = contact["gap"]
-        contact["gap"], contact["gap_rate"] = value(terms["gap"], t), value(terms["gap_rate"], t)
-        contact["slip"] = value(terms["slip"], t)
+        gap = rate = slip = normal = 0.0
+        for k in range(ORDER, -1, -1):
+            gap, rate = gap * t + terms["gap"][k], rate * t + terms["gap_rate"][k]
+            slip, normal = slip * t + terms["slip"][k], normal * t + terms["normal"][k]
+        contact["gap"], contact["gap_rate"], contact["slip"] = gap, rate, slip
         separates = event["code"] == guards.SEPARATION and event["who"] == c
         if separates or (contact["gap_sign"] < 0 and contact["gap"] > -AT_SURFACE * body["size"]):
             contact["gap"] = 0.0
         book_spring(contact, before, rebound)
-        keep_peaks(contact, value(terms["normal"], t), rebound)
+        keep_peaks(contact, normal, rebound)
         contact["gap_left"] = contact["slip_left"] = 0
         elastic = contact["closing"] == contact["opening"]
         if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:
@@ -160,6 +163,19 @@ def _move_contacts(body: np.void, t: float, space: np.void) -> bool:
         if contact["slip_sign"] * contact["slip"] < 0.0 and contact["friction"] > 0.0:
             contact["slip"], passed = 0.0, True
     return passed
+
+
+@kernel
+def _write_motion(s: np.void, t: float, motion: np.void) -> None:
+    """Write the values of all series of the body at a time of the step, in one loop: no sum waits for another."""
+    x = y = phi = u = v = omega = sine = cosine = 0.0
+    for k in range(ORDER, -1, -1):
+        x, y, phi = x * t + s["x"][k], y * t + s["y"][k], phi * t + s["phi"][k]
+        u, v, omega = u * t + s["u"][k], v * t + s["v"][k], omega * t + s["omega"][k]
+        sine, cosine = sine * t + s["sine"][k], cosine * t + s["cosine"][k]
+    motion["x"], motion["y"], motion["phi"], motion["u"], motion["v"], motion["omega"] = x, y, phi, u, v, omega
+    length = 1.5 - 0.5 * (sine * sine + cosine * cosine)
+    motion["sine"], motion["cosine"] = sine * length, cosine * length
 
 
 @kernel
@@ -174,14 +190,10 @@ def _move(body: np.void, space: np.void) -> bool:
         space["forced"] = 0.0
     space["stalled"] = 0.0
     motion["t"] += t
-    motion["x"], motion["y"], motion["phi"] = value(s["x"], t), value(s["y"], t), value(s["phi"], t)
-    motion["u"], motion["v"], motion["omega"] = value(s["u"], t), value(s["v"], t), value(s["omega"], t)
+    _write_motion(s, t, motion)
     if contacts["count"] == 0:
         motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
         return False
-    sine, cosine = value(s["sine"], t), value(s["cosine"], t)
-    length = 1.5 - 0.5 * (sine * sine + cosine * cosine)
-    motion["sine"], motion["cosine"] = sine * length, cosine * length
     book_step(space, t)
     passed = _move_contacts(body, t, space)
     contacts["spin_left"] = 0

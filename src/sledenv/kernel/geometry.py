@@ -119,6 +119,7 @@ def _height(piece: np.void, x: float) -> float:
 @kernel
 def complete_outline(body: np.void) -> None:
     """Write what contacts need of an outline: centres of arcs, directions of straight sides."""
+    body["per_mass"], body["per_inertia"] = 1.0 / body["mass"], 1.0 / body["inertia"]
     count = int(body["count"])
     arcs = count
     if count > 1 and body["low"][0] < body["begin"][0]:  # the last one is the first one again
