@@ -14,7 +14,7 @@ from tests.profiles import BODIES, Profile
 G = 9.81
 BALL = sledenv.disc(2.0, 0.1)
 LAW = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.0, rolling_arm=0.0)
-TABLE: Profile = [(0.0, 0.0), (0.5, -8.0)]
+TABLE: Profile = [(0.0, 0.0), (1.5, -8.0)]
 
 
 def zone(begin: float, end: float, friction: float = 0.0, **own: float) -> Any:

@@ -139,11 +139,15 @@ def _watch_end(
     poly[0] += offset
     if poly[0] >= near:
         look(space, 0, code, c, side)
-    elif poly[1] < 0.0:
+        return
+    zeros = 1
+    while zeros < 3 and poly[zeros] == 0.0:
+        zeros += 1
+    if poly[zeros] < 0.0:
         if event["time"] > 0.0:
             event["time"], event["code"], event["who"], event["side"] = 0.0, code, c, side
-    elif poly[0] > -near:
-        look(space, 1, code, c, side)
+    elif poly[zeros] > 0.0 and poly[0] > -near:
+        look(space, zeros, code, c, side)
 
 
 @kernel
