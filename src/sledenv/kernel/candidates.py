@@ -15,6 +15,7 @@ from sledenv.kernel.expansion import place_of_crest, value
 from sledenv.kernel.geometry import (
     ARC_CREST,
     ARC_PIECE,
+    AT_JOIN,
     SAME_PLACE,
     SIDE_CREST,
     along_piece,
@@ -210,12 +211,12 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
 @kernel
 def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
     """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: an arc, or -1 less a side."""
-    best, code = -math.inf, 0
+    best, code, near = -math.inf, 0, AT_JOIN * body["size"]
     for i in range(int(body["arcs"])):
         if body["length"][i] > 0.0:
             px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
             gap, along = ox * px + oy * py, oy * px - ox * py
-            if gap > best and 0.0 <= along <= body["length"][i]:
+            if gap > best and -near <= along <= body["length"][i] + near:
                 best, code = gap, -1 - i
         ex, ey = bx - body["cx"][i], by - body["cy"][i]
         gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]

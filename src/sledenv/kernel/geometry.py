@@ -17,6 +17,7 @@ from sledenv.kernel.arithmetic import angle_of, sine_cosine, wrap
 
 ARC_PIECE, ARC_CREST, SIDE_CREST = range(3)
 SAME_PLACE: Final = 1e-12  # of the size: two places nearer than this are one
+AT_JOIN: Final = 1e-11  # [rad], or of the size: features overlap by this, so that rounding leaves nothing between them
 
 # A piece of the ground, with the vertex where it begins (of the first piece: where it ends).
 PIECE: Final = np.dtype(
@@ -205,7 +206,8 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
 @kernel
 def faces_arc(body: np.void, a: int, bx: float, by: float) -> bool:
     """Whether a place in the frame of the body lies within the angle of an arc, seen from its centre."""
-    return bool(abs(wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])) <= body["half"][a])
+    angle = wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])
+    return bool(abs(angle) <= body["half"][a] + AT_JOIN)
 
 
 @kernel
