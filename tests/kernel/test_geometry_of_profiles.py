@@ -67,18 +67,22 @@ def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> No
 @property_of_all
 @given(profiles)
 def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
-    """Oracle: from each piece on to the next crest on either side, its vertex laid on the line of the piece."""
+    """Oracle: from each piece on to the next crest on either side, its vertex laid on the line of the piece.
+
+    Where a dip turns by more than a right angle that vertex lies over the piece; the piece counts all along even so.
+    """
     vertices = walk(along)
     pieces = pieces_of(vertices)
     for j, piece in enumerate(pieces):
         low = next((k for k in range(j, 0, -1) if pieces[k]["turn"] < 0.0), None)
         high = next((k for k in range(j + 1, len(pieces)) if pieces[k]["turn"] < 0.0), None)
         ends = []
-        for crest, nowhere in ((low, -math.inf), (high, math.inf)):
+        for crest, nowhere, own, further in ((low, -math.inf, "low", min), (high, math.inf, "high", max)):
             if crest is None:
                 ends.append(nowhere)
             else:
-                ends.append((vertices[crest - 1] - [piece["x"], piece["y"]]) @ [piece["tx"], piece["ty"]])
+                foot = (vertices[crest - 1] - [piece["x"], piece["y"]]) @ [piece["tx"], piece["ty"]]
+                ends.append(further(foot, piece[own]))
         np.testing.assert_allclose([piece["run_low"], piece["run_high"]], ends, atol=1e-13)
 
 

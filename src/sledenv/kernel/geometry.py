@@ -75,9 +75,9 @@ def lay(vertices: np.ndarray, pieces: np.ndarray) -> None:
                 if first == 0:
                     piece["run_low"] = -math.inf
                 else:
-                    piece["run_low"] = along_piece(piece, begin["x"], begin["y"])
+                    piece["run_low"] = min(piece["low"], along_piece(piece, begin["x"], begin["y"]))
                 if j < n:
-                    piece["run_high"] = along_piece(piece, end["x"], end["y"])
+                    piece["run_high"] = max(piece["high"], along_piece(piece, end["x"], end["y"]))
             first = j + 1
 
 
