@@ -21,7 +21,7 @@ from tests.oracles import box_rule
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 choose = compiled(mode.choose)
-BLOCK, DISC = record_of(BODIES["block"]), record_of(BODIES["disc"])
+BLOCK = record_of(BODIES["block"])
 PLANE, ROOF = pieces_of([]), pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])
 MASSES = np.array([BLOCK["mass"], BLOCK["mass"], BLOCK["inertia"]], dtype=float)
 SPIN_ROW = np.array([0.0, 0.0, 1.0])
@@ -267,17 +267,17 @@ def test_a_touch_without_depth_has_no_force_yet(angle: float, speed: float) -> N
         assert space["contacts"]["at"][0]["slip_sign"] == 1
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_an_elastic_spring_has_one_force_whatever_its_rate(sign: float) -> None:
-    """Oracle: e = 1, f = 0, no rolling arm: nothing is chosen, nothing is held."""
+@pytest.mark.parametrize("zeros", [(), (0,), (1,), (-1,), (0, 1, -1)])
+def test_where_e_is_one_and_nothing_rubs_there_is_nothing_to_choose(zeros: tuple[int, ...]) -> None:
+    """Oracle: every force has one value whatever its velocity, so that nothing is held or watched, not even at rest."""
     spring = Spring(1e-2, 3e4, 3e4, 0.0, 0.0)
-    scene = Scene(PLANE, incline(0.1), (0.0, 0.3, 0.2), (0.0, 0.0, 0.0), [(ARC_PIECE, 1, 0)], [spring], (0, 1, -1))
-    for zeros in ((0, 1, -1), ()):
-        space = prepared(scene._replace(zeros=zeros, velocity=(0.3, 0.5 * sign, 0.2)))
-        assert not choose(BLOCK, PLANE, scene.slope, space)
-        contact = space["contacts"]["at"][0]
-        assert contact["gap_sign"] != 0
-        assert contact["gap_still"] == contact["slip_still"] == space["contacts"]["spin_still"] == 0
+    scene = Scene(PLANE, incline(0.1), (0.0, 0.3, 0.2), (0.3, -0.5, 0.2), [(ARC_PIECE, 1, 0)], [spring], zeros)
+    space = prepared(scene)
+    assert not choose(BLOCK, PLANE, scene.slope, space)
+    contact = space["contacts"]["at"][0]
+    assert space["choice"]["zeros"] == 0
+    assert contact["gap_sign"] != 0
+    assert contact["gap_still"] == contact["slip_still"] == space["contacts"]["spin_still"] == 0
 
 
 # --- several contacts ------------------------------------------------------------------------------------------------
@@ -345,6 +345,7 @@ def test_springs_without_friction_make_the_least_of_gauss_function(
     low, high = np.where(zero, ends[0], moving), np.where(zero, ends[1], moving)
     expected = least_of_zeros(free(scene), rows, turning, low, high, np.full(len(at), 100.0), zero)
     choose(BLOCK, ROOF, scene.slope, space)
+    assume(space["choice"]["zeros"] > 0)
     same_acceleration(chosen(space), expected)
 
 
@@ -483,7 +484,7 @@ EVERYTHING = (0, 1, 2, 3, 4, 5, -1)
 
 
 @property_of_all
-@given(st.floats(-3.0, 3.0), angles, holding)
+@given(st.floats(-1.5, -0.6), angles, holding)
 def test_a_body_on_one_contact_rests_if_a_wrench_balances_its_weight(phi: float, angle: float, spring: Spring) -> None:
     """Oracle: a linear programme over the wrenches that the contact offers, by scipy."""
     rests_where_it_should(
@@ -511,6 +512,16 @@ def test_a_body_on_several_contacts_rests_if_wrenches_balance_its_weight(
     """Oracle: a linear programme over the wrenches that all contacts offer, by scipy."""
     zeros = [zero for zero in EVERYTHING if zero < 2 * len(features)]
     rests_where_it_should(Scene(ROOF, incline(angle), pose, (0.0,) * 3, features, each[: len(features)], zeros))
+
+
+@property_of_all
+@given(angles, st.tuples(holding, holding, holding), st.floats(0.3, 0.7))
+def test_a_block_with_a_crest_under_its_side_rests_if_wrenches_balance_its_weight(
+    angle: float, each: tuple[Spring, ...], x: float
+) -> None:
+    """Oracle: a linear programme over the wrenches of three contacts with one normal."""
+    features = [(ARC_PIECE, 1, 0), (ARC_PIECE, 2, 0), (SIDE_CREST, 1, 2)]
+    rests_where_it_should(Scene(ROOF, incline(angle), (x, 0.8, 0.0), (0.0,) * 3, features, each, EVERYTHING))
 
 
 def test_a_body_that_moves_does_not_rest() -> None:
@@ -552,7 +563,11 @@ def test_mirror_images_choose_mirrored_modes(
     speed: tuple[float, ...],
     zeros: list[int],
 ) -> None:
-    """Oracle: the image of the mode: slips and spin have the other sign."""
+    """Oracle: the image of the mode: slips and spin have the other sign.
+
+    Of a body that lies level neither image comes first: shares that are not unique are then the same in both.
+    """
+    assume(abs(pose[2]) > 1e-3)
     zeros = [zero for zero in zeros if zero < 2 * len(features)]
     scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
     spaces = [prepared(scene), prepared(mirrored(scene))]
