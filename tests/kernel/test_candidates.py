@@ -62,8 +62,9 @@ def tangents(body: Any) -> tuple[np.ndarray, np.ndarray]:
 def smallest_gap(body: Any, vertices: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Distance [m] of the body from the ground in each pose; below zero where it is in it.
 
-    The nearest point of a line is the lowest one of the body over it, if that lies over the piece; of a vertex, the
-    distance is the largest over all directions of the distance from the line that bounds the body there.
+    The nearest point of a line is the lowest one of the body over it, if that lies over the piece and the mass centre
+    is not behind it, on the other side of a ridge. Of a vertex the distance is the largest over all directions of the
+    distance from the line that bounds the body there.
     """
     x, y, phi = poses.T
     gaps = np.full(len(poses), math.inf)
@@ -77,8 +78,8 @@ def smallest_gap(body: Any, vertices: np.ndarray, poses: np.ndarray) -> np.ndarr
         tx, ty = (end - begin) / length
         a, b = support(body, phi - math.atan2(ty, tx))
         foot = tx * (x - begin[0]) + ty * (y - begin[1]) - a
-        over = tx * (y - begin[1]) - ty * (x - begin[0]) - b
-        gaps = np.where((foot >= 0.0) & (foot <= length), np.minimum(gaps, over), gaps)
+        above = tx * (y - begin[1]) - ty * (x - begin[0])
+        gaps = np.where((foot >= 0.0) & (foot <= length) & (above > 0.0), np.minimum(gaps, above - b), gaps)
     out, reach = tangents(body)
     for vertex in vertices:
         dx, dy = vertex[0] - x, vertex[1] - y
@@ -171,6 +172,25 @@ def test_a_touch_in_a_dip_that_turns_by_more_than_a_right_angle() -> None:
     """Oracle: the smallest gap at 800 times up to the touch; the tail of a sled comes down on the steep side."""
     vertices = np.array([(-1.0, 0.0), (-0.5, -0.5), (0.0, -0.75), (0.25, -0.25)])
     check_flight(RECORDS["sled"], vertices, incline(0.0), (0.0, 0.5, 2.0), (0.0, 1.0, 10.0))
+
+
+def test_a_ridge_is_not_touched_from_behind() -> None:
+    """Oracle: the smallest gap at 800 times up to the touch; the triangle comes down beside a ridge of 48 degrees."""
+    vertices = np.array(
+        [
+            (-2.44, 0.05),
+            (-1.48, 1.54),
+            (-0.96, 0.81),
+            (-0.1, 0.96),
+            (0.43, 1.83),
+            (0.92, 0.91),
+            (1.23, 1.88),
+            (2.12, 2.05),
+            (2.59, 0.86),
+            (3.31, 2.26),
+        ]
+    )
+    check_flight(RECORDS["triangle"], vertices, incline(0.128), (0.57, 0.58, -1.578), (-1.5, 0.47, 4.25))
 
 
 @pytest.mark.parametrize("name", ["block", "sled", "hexagon", "triangle"])
