@@ -186,6 +186,8 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     move = abs(piece["ty"]) * reach[X] + abs(piece["tx"]) * reach[Y]
     if base - body["size"] - move >= 0.0:
         return
+    if base <= 0.0 and pieces.shape[0] > 1:  # the body is behind it, on the other side of a ridge
+        return
     relative = s["phi"][0] - piece["tilt"]
     omega = s["omega"][0]
     ahead = AT_END if omega > 0.0 else (-AT_END if omega < 0.0 else 0.0)

@@ -76,9 +76,9 @@ def lay(vertices: np.ndarray, pieces: np.ndarray) -> None:
                 if first == 0:
                     piece["run_low"] = -math.inf
                 else:
-                    piece["run_low"] = along_piece(piece, begin["x"], begin["y"])
+                    piece["run_low"] = min(piece["low"], along_piece(piece, begin["x"], begin["y"]))
                 if j < n:
-                    piece["run_high"] = along_piece(piece, end["x"], end["y"])
+                    piece["run_high"] = max(piece["high"], along_piece(piece, end["x"], end["y"]))
             first = j + 1
 
 
@@ -128,9 +128,12 @@ def complete_outline(body: np.void) -> None:
     body["arcs"] = float(arcs)
     for k in range(arcs):
         body["cx"][k], body["cy"][k] = -body["across"][k], body["along"][k]
-        body["mid"][k], body["half"][k] = 0.5 * (body["low"][k] + body["high"][k]), 0.5 * (body["high"][k] - body["low"][k])
-        if count == 1:
-            body["mid"][k], body["half"][k] = 0.0, math.inf
+        body["mid"][k], body["half"][k] = 0.0, math.inf
+        if count > 1:
+            body["mid"][k], body["half"][k] = (
+                0.5 * (body["low"][k] + body["high"][k]),
+                0.5 * (body["high"][k] - body["low"][k]),
+            )
     for k in range(arcs):
         after = (k + 1) % arcs
         body["smooth"][k] = 1.0 if body["side"][k] == 0.0 else 0.0
