@@ -170,7 +170,6 @@ def test_terms_of_several_contacts(features: list[tuple[int, int, int]], locked:
     same_contacts(space, touches, found)
 
 
-@pytest.mark.xfail(reason="the lever of a side is formed with the depth of its spring")
 @pytest.mark.parametrize("locked", [mode for mode in ALONE if mode != [(GAP, 0), (SPIN, 0)]], ids=named)
 def test_terms_of_a_side_that_a_crest_was_in_when_it_came_to_touch(locked: list[tuple[str, int]]) -> None:
     """Oracle: the same; the lever goes to the point on the body, however deep the spring is pressed."""
