@@ -77,6 +77,7 @@ def touch(body: Any, pieces: np.ndarray, space: Any, features: tuple[int, int, i
     add(body, pieces, space, *features)
     contact = space["contacts"]["at"][int(space["contacts"]["count"]) - 1]
     contact["gap"] = -spring.depth
+    geometry.place(body, pieces, space["motion"], contact)
     contact["closing"], contact["opening"] = spring.closing, spring.opening
     contact["friction"], contact["arm"] = spring.friction, spring.arm
     return contact

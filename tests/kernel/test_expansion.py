@@ -67,6 +67,7 @@ def prepared(
         contact["gap_rate"], contact["slip"] = rows[2 * c] @ moving, rows[2 * c + 1] @ moving
         if feature[0] == SIDE_CREST and fresh:
             contact["gap"] = gap_of_side(space, feature[1])
+            contact["deeper"] = 0.0
         gap_locked, slip_locked = (GAP, c) in locked, (SLIP, c) in locked
         contact["gap_still"], contact["slip_still"] = gap_locked, slip_locked
         if gap_locked:

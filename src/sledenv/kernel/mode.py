@@ -375,7 +375,7 @@ def _list_zeros(body: np.void, contacts: np.void, choice: np.void) -> None:
     arms = 0.0
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
-        share["depth"] = max(-contact["gap"], SHALLOW * body["size"])
+        share["depth"] = -contact["gap"] if contact["gap"] < 0.0 else SHALLOW * body["size"]
         arms += contact["arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
         _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
