@@ -147,6 +147,8 @@ def _watch_end(
     if poly[0] >= near:
         look(space, 0, code, c, side)
         return
+    if code == FEATURE and side in (ARC_LOW, ARC_HIGH) and poly[0] < -near:
+        return  # the far end of a straight side, in contact by itself
     zeros = 1
     while zeros < 3 and poly[zeros] == 0.0:
         zeros += 1
