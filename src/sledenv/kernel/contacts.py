@@ -123,7 +123,7 @@ SPACE: Final = np.dtype(
         ("begun", "f8"),  # 1 once the flight of that lane has been taken up
         ("undecided", "f8"),  # 1 if the mode is to be chosen
         ("stalled", "f8"),  # events in a row without any progress in time,
-        ("forced", "f8"),  # and small steps in a row that have ignored them
+        ("forced", "f8"),  # and the part of a step that is then taken in spite of them
         ("work", "f8"),  # [-] steps of this call
         ("most_work", "f8"),  # [-] at this number the call stops
         ("once", "f8"),  # 1 if the call ends with a rebound

@@ -57,7 +57,7 @@ def take_up(flight: np.void, limits: Limits, space: np.void) -> None:
     motion["u"], motion["v"], motion["omega"] = flight["u"], flight["v"], flight["omega"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     space["contacts"]["count"] = 0
-    space["stalled"] = space["forced"] = 0.0
+    space["stalled"], space["forced"] = 0.0, SMALL
     space["undecided"] = 1.0
 
 
@@ -128,8 +128,8 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         event["time"] = math.nan
         return
     if space["stalled"] > MOST_STALLED:
-        event["time"] *= min(SMALL * FASTER ** space["forced"], LARGEST)
-        space["forced"] += 1.0
+        event["time"] *= space["forced"]
+        space["forced"] = min(space["forced"] * FASTER, LARGEST)
         return
     guards.watch_contacts(body, pieces, space)
     watch_others(body, pieces, space)
@@ -187,7 +187,7 @@ def _move(body: np.void, space: np.void) -> bool:
         space["event"]["time"] = 0.0
         return space["undecided"] != 0.0
     if space["stalled"] <= MOST_STALLED:
-        space["forced"] = 0.0
+        space["forced"] = SMALL
     space["stalled"] = 0.0
     motion["t"] += t
     _write_motion(s, t, motion)
@@ -237,7 +237,7 @@ def _separate(body: np.void, limits: Limits, flight: np.void, log: np.ndarray, s
     close_rebound(body, space, slip, flight, log[min(flight["rebounds"], log.shape[0] - 1)])
     motion = space["motion"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
-    space["stalled"] = space["forced"] = 0.0
+    space["stalled"], space["forced"] = 0.0, SMALL
     _put_back(space, flight)
     return LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
 

@@ -20,8 +20,10 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.entries import Table
-from sledenv.kernel.descend import SPACE
+from sledenv.kernel.contacts import SPACE
+from sledenv.kernel.descend import SPACE as RIGID_SPACE
 from sledenv.kernel.entries import LIBRARY
+from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.outline import BODY, GIVEN
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, Zone
 from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY
@@ -35,12 +37,14 @@ from sledenv.simulation.settings import DEFAULT, Settings
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
 _EXPORTS, _CODE = 7, 10  # numbers of sections
-_ENTRIES: Final = ("descend_lanes_compliant", "descend_lanes_rigid", "complete", "lowest")
+_ENTRIES: Final = ("descend_lanes", "descend_rigid_lanes", "complete", "lay", "lowest")
 _RECORDS: Final = {
     "BODY": BODY,
     "CONTACT_FORCES": CONTACT_FORCES,
     "OUTCOME": OUTCOME,
+    "PIECE": PIECE,
     "REBOUND": REBOUND,
+    "RIGID_SPACE": RIGID_SPACE,
     "SPACE": SPACE,
     "TRAJECTORY": TRAJECTORY,
 }

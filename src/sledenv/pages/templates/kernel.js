@@ -60,8 +60,7 @@ class Kernel {
   #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
     const most = { ...this.layout.limits, ...limits };
     this.#clear();
-    const kind = solver === "rigid" ? "RigidLaw" : "ContactLaw";
-    const touching = this.#fields(kind, law, "law");
+    const touching = this.#fields(solver === "rigid" ? "RigidLaw" : "ContactLaw", law, "law");
     const ends = this.#fields("Limits", most, "limits");
     const start = this.#fields("State", launch, "launch");
     const zones = (slope.zones ?? []).flatMap((zone) => this.#zone(zone));
@@ -70,14 +69,19 @@ class Kernel {
     const flights = this.#table("OUTCOME", 1);
     const log = this.#table("REBOUND", Number(most.max_rebounds));
     const rows = this.#table("TRAJECTORY", room);
-    const space = this.#table("SPACE", 1);
+    const rigid = solver === "rigid";
+    const kind = rigid ? "RIGID_SPACE" : "SPACE";
+    const space = this.#table(kind, 1);
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
     for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
     this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
     const trims = { place: 0, lengths: [0, 2] };
-    const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims, flights, logs, rows, space];
-    const entry = `descend_lanes_${solver}`;
-    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(entry, touching, ends, ...tables, 1);
+    const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
+    const written = [flights, logs, rows, space];
+    const call = rigid
+      ? ["descend_rigid_lanes", touching, ends, ...tables, ...written, 1]
+      : ["descend_lanes", ends, ...tables, this.#pieces(slope.profile ?? []), ...written, 1];
+    while (this.#get(kind, "lane", space.place) < 1) this.#call(...call);
     const outcome = Object.fromEntries(
       Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
     );
@@ -88,6 +92,14 @@ class Kernel {
       trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
       contacts: this.#contacts(rows.place, Math.min(outcome.samples, room)),
     };
+  }
+
+  /* What the kernel reads of the ground with such vertices, pairs of numbers; none are a plane. */
+  #pieces(profile) {
+    const vertices = { place: this.#row(profile.flat()).place, lengths: [profile.length, 2] };
+    const pieces = this.#table("PIECE", profile.length + 1);
+    this.#call("lay", vertices, pieces);
+    return pieces;
   }
 
   #clear() {
