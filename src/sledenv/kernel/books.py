@@ -112,7 +112,7 @@ def part_of(body: np.void, contact: np.void) -> float:
 @kernel
 def ground_of(contact: np.void) -> float:
     """Code of the feature of the ground that is touched: pieces and vertices counted in the order along the slope."""
-    return 2.0 * contact["piece"] - (0.0 if contact["kind"] == ARC_PIECE else 1.0)
+    return float(2.0 * contact["piece"] - (0.0 if contact["kind"] == ARC_PIECE else 1.0))
 
 
 @kernel
@@ -171,7 +171,11 @@ def close_rebound(body: np.void, space: np.void, slip: float, flight: np.void, r
     """Write the record of a rebound that has ended where the body is, with a ``slip`` [m/s] of its last contact."""
     rebound, motion = space["rebound"], space["motion"]
     row["t"], row["x"], row["phi"] = motion["t"], motion["x"], motion["phi"]
-    row["t_touchdown"], row["x_contact"], row["duration"] = rebound["t"], rebound["x_contact"], motion["t"] - rebound["t"]
+    row["t_touchdown"], row["x_contact"], row["duration"] = (
+        rebound["t"],
+        rebound["x_contact"],
+        motion["t"] - rebound["t"],
+    )
     row["feature"] = int(rebound["side"] if rebound["side"] != 0.0 else rebound["part"])
     row["ground"] = int(rebound["ground"])
     row["mode"] = contact_mode(rebound["slip"], rebound["omega"], slip, motion["omega"])

@@ -6,6 +6,8 @@ In flight these are all touches that may come: the first of them ends the step, 
 from __future__ import annotations
 
 import math
+from typing import Final
+
 import numpy as np
 
 from sledenv.compiler.jit import kernel
@@ -155,7 +157,7 @@ def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
 
 @kernel
 def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, move: float, space: np.void) -> None:
-    """Watch an arc come down on a piece. ``base`` [m] is the height of the mass centre over it, ``move`` how far it goes."""
+    """Watch an arc come down on a piece, over which the mass centre is at ``base`` [m], and moves by ``move``."""
     if _touches_beside(body, space["contacts"], a, j):
         return
     s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
@@ -212,7 +214,7 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
 
 @kernel
 def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
-    """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: an arc, or -1 less a side."""
+    """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: arc, or -1 less side."""
     best, code, near = -math.inf, 0, AT_JOIN * body["size"]
     for i in range(int(body["arcs"])):
         if body["length"][i] > 0.0:
@@ -233,7 +235,13 @@ def _watch_inside(body: np.void, code: int, space: np.void) -> None:
 
     ``space["terms"]`` holds the series of its place in the frame of the body.
     """
-    arcs, near, x, y, poly = int(body["arcs"]), AT_END * body["size"], space["terms"][0], space["terms"][1], space["poly"]
+    arcs, near, x, y, poly = (
+        int(body["arcs"]),
+        AT_END * body["size"],
+        space["terms"][0],
+        space["terms"][1],
+        space["poly"],
+    )
     if arcs == 1:
         return
     for end in range(2):
@@ -265,7 +273,9 @@ def _square_distance(cx: float, cy: float, bx: np.ndarray, by: np.ndarray, poly:
 
 
 @kernel
-def _watch_feature(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, nearest: bool, space: np.void) -> None:
+def _watch_feature(
+    body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, nearest: bool, space: np.void
+) -> None:
     """Watch a crest come to a feature; ``nearest``: it is the one nearest to it. The gap is ``space["poly"]``.
 
     A crest that lies behind another feature, and so outside the body, may come before it: then it is looked at again.

@@ -27,9 +27,10 @@ def fields(kind: str, names: str, shape: tuple[int, ...] = ()) -> list[tuple[Any
 # Where the body is and how it moves [m, rad, m/s, rad/s], at a time [s]; sine and cosine are those of phi.
 MOTION: Final = np.dtype(fields("f8", "t x y phi u v omega sine cosine"))
 
-# A contact. Its gap, gap rate and slip are carried along by series of their own: formed anew from the place of the body
-# they would lose digits. In its mode a velocity that is zero and stays so is ``still``. The sign of a velocity tells the
-# force: -1 and 1 at its bound (of a closing or an opening gap, of a negative or a positive slip), 0 in between.
+# A contact. Its gap, gap rate and slip are carried along by series of their own: formed anew from the place of the
+# body they would lose digits. In its mode a velocity that is zero and stays so is ``still``. The sign of a velocity
+# tells the force: -1 and 1 at its bound (of a closing or an opening gap, of a negative or a positive slip), 0 in
+# between.
 CONTACT: Final = np.dtype(
     [
         ("kind", "i8"),  # see geometry.py

@@ -1,4 +1,4 @@
-"""The loop of a descent: a mode, its series, the first event, what that changes; flight is an empty list of contacts."""
+"""The loop of a descent: mode, series, first event, what that changes; flight is an empty list of contacts."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def _move(body: np.void, space: np.void) -> bool:
     if not motion["t"] + t > motion["t"]:
         space["stalled"] += 1.0
         space["event"]["time"] = 0.0
-        return space["undecided"] != 0.0
+        return bool(space["undecided"] != 0.0)
     if space["stalled"] <= MOST_STALLED:
         space["forced"] = SMALL
     space["stalled"] = 0.0

@@ -13,8 +13,8 @@ from sledenv.compiler.entries import Group, Table
 from sledenv.compiler.library import Library
 from sledenv.kernel import outline
 from sledenv.kernel.batch import Lanes, descend_lanes
-from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.books import close_books, trim
+from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.descend import SPACE as RIGID_SPACE
 from sledenv.kernel.geometry import PIECE, complete_outline, lay

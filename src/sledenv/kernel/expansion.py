@@ -76,8 +76,10 @@ def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k
 
 
 @kernel
-def _terms_of_velocities(body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
-    """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what goes with them."""
+def _terms_of_velocities(
+    body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
+) -> None:
+    """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what they need."""
     a, piece = contact["arc"], pieces[contact["piece"]]
     nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
     if contact["kind"] == ARC_PIECE:
@@ -179,7 +181,7 @@ def _push_of_crest(
 
 @kernel
 def _products(s: np.void, k: int) -> tuple[float, float, float]:
-    """Term of order ``k`` of the moment of forces on arcs, and those of order ``k + 1`` of sw and cw but for their last.
+    """Term of order ``k`` of the moment of forces on arcs, and those of order ``k + 1`` of sw and cw, less their last.
 
     One loop for three sums: none of them waits for another.
     """

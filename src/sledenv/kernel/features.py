@@ -24,7 +24,9 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
         out = beyond(body, a, phi - pieces[j]["tilt"])
         if side == guards.FOOT_END:
             j += 1
-        if out < 0 and body["smooth"][before] == 0.0:  # it touches with the far end of a side, which slides over the crest
+        if (
+            out < 0 and body["smooth"][before] == 0.0
+        ):  # it touches with the far end of a side, which slides over the crest
             return SIDE_CREST, before, j
         if out > 0 and body["smooth"][a] == 0.0:
             return SIDE_CREST, a, j
@@ -50,8 +52,8 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
 def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int) -> bool:
     """Let a contact go on with the feature behind an end of its own; return whether it can.
 
-    Gap, gap rate and slip go on, but where the normal jumps, rate and slip are formed anew. A contact cannot go on where
-    a crest is deeper in the body than the radius of the arc that it passes to: the normal would turn over.
+    Gap, gap rate and slip go on, but where the normal jumps, rate and slip are formed anew. A contact cannot go on
+    where a crest is deeper in the body than the radius of the arc that it passes to: the normal would turn over.
     """
     contacts, motion = space["contacts"], space["motion"]
     contact = contacts["at"][c]

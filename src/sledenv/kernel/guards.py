@@ -16,7 +16,9 @@ from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
 from sledenv.kernel.zeros import first_zero
 
-NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(12)
+NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
+    12
+)
 # Ends of the feature of a contact, told as the side of an event FEATURE.
 (
     FOOT_BEGIN,  # the foot of an arc comes to the crest where its piece begins,
@@ -30,7 +32,9 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
     SIDE_BEGIN,  # or of a side
     SIDE_END,
 ) = range(10)
-TIED: Final = 1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
+TIED: Final = (
+    1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
+)
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there
 
 

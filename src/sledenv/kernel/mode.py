@@ -264,12 +264,12 @@ def _change(body: np.void, choice: np.void, what: int, c: int) -> float:
 def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> float:
     """How far [N] the force of a locked velocity is beyond its bounds, 0 if it is not."""
     if what == SPIN:
-        return max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"]
+        return float(max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"])
     contact, share = contacts["at"][c], choice["share"][c]
     if what == SLIP:
-        return max(abs(share["force"]) - contact["friction"] * share["normal"], 0.0)
+        return float(max(abs(share["force"]) - contact["friction"] * share["normal"], 0.0))
     above = share["normal"] - contact["closing"] * share["depth"]
-    return max(above, contact["opening"] * share["depth"] - share["normal"], 0.0)
+    return float(max(above, contact["opening"] * share["depth"] - share["normal"], 0.0))
 
 
 @kernel
@@ -314,7 +314,9 @@ def _spread_zeros(body: np.void, slow: float, motion: np.void, contacts: np.void
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), slow)
     _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
-    if choice["locks"] == 3 and fast > slow:  # normals have jumped: the velocities of contacts are not those of one body
+    if (
+        choice["locks"] == 3 and fast > slow
+    ):  # normals have jumped: the velocities of contacts are not those of one body
         for c in range(contacts["count"]):
             contact = contacts["at"][c]
             contact["gap_rate"], contact["slip"] = velocities(motion, contact)
@@ -400,7 +402,9 @@ def _keep_best(choice: np.void) -> None:
 
 
 @kernel
-def _try_all(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _try_all(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Try all modes until one holds; the best one is kept. ``side`` lets mirror images try in each other's turn."""
     total = 1
     for _ in range(choice["zeros"]):
@@ -424,7 +428,9 @@ def _try_all(body: np.void, slope: Any, still: float, rests: bool, side: int, co
 
 
 @kernel
-def _improve(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _improve(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Change one sign after the other where that makes a mode better, from the best one on, until none does."""
     for i in range(choice["zeros"]):
         choice["zero"][i]["best"] = choice["zero"][i]["before"]
@@ -447,7 +453,9 @@ def _improve(body: np.void, slope: Any, still: float, rests: bool, side: int, co
 
 
 @kernel
-def _search(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _search(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Find the mode that holds, or is nearest to holding: first that before, then all, or all that are near."""
     for i in range(choice["zeros"]):
         choice["zero"][i]["sign"] = choice["zero"][i]["before"]

@@ -46,7 +46,10 @@ def _write_place(body: np.void, pieces: np.ndarray, contact: np.void, row: np.vo
     a, piece = contact["arc"], pieces[contact["piece"]]
     sine, cosine = sine_cosine(wrap(row["phi"]))
     nx, ny = -piece["ty"], piece["tx"]
-    x, y = row["x"] + cosine * body["cx"][a] - sine * body["cy"][a], row["y"] + sine * body["cx"][a] + cosine * body["cy"][a]
+    x, y = (
+        row["x"] + cosine * body["cx"][a] - sine * body["cy"][a],
+        row["y"] + sine * body["cx"][a] + cosine * body["cy"][a],
+    )
     if contact["kind"] == SIDE_CREST:
         nx, ny = -(cosine * body["ox"][a] - sine * body["oy"][a]), -(sine * body["ox"][a] + cosine * body["oy"][a])
     elif contact["kind"] == ARC_CREST:
@@ -117,7 +120,9 @@ def record_step(
 
 
 @kernel
-def record_end(body: np.void, pieces: np.ndarray, at_rest: bool, space: np.void, flight: np.void, rows: np.ndarray) -> None:
+def record_end(
+    body: np.void, pieces: np.ndarray, at_rest: bool, space: np.void, flight: np.void, rows: np.ndarray
+) -> None:
     """Add the row of the end of a descent; a body that rests has the forces of its rest."""
     row, motion = _next_row(rows, flight), space["motion"]
     row["t"], row["x"], row["y"], row["phi"] = motion["t"], motion["x"], motion["y"], motion["phi"]

@@ -30,7 +30,9 @@ class RigidLanes(NamedTuple):
     trims: np.ndarray
 
 
-def descend_rigid_lanes(like: Law, limits: Limits, lanes: RigidLanes, written: Written, spaces: np.ndarray, last: int) -> None:
+def descend_rigid_lanes(
+    like: Law, limits: Limits, lanes: RigidLanes, written: Written, spaces: np.ndarray, last: int
+) -> None:
     """Follow the descents of some lanes, or one hop of each. No lane depends on the other lanes.
 
     A call returns once it has done ``limits.most_work``. The next call then goes on where this one has stopped.

@@ -120,14 +120,14 @@ def _by_halves(m: int, end: float, stack: np.ndarray) -> float:
         low, high = row[WIDTH], row[WIDTH + 1]
         depth -= 1
         if row[0] <= 0.0:
-            return low * end
+            return float(low * end)
         changes = _changes(row)
         if changes == 0:
             continue
         if changes == 1:
             return end * _refine(q, m, low, high, 0.5 * (low + high))
         if high - low < _NARROW or depth + 3 > DEEPEST - 1:
-            return low * end
+            return float(low * end)
         # The left half comes next: it lies on top.
         middle = 0.5 * (low + high)
         left, right = stack[depth + 2], stack[depth + 1]
