@@ -34,7 +34,7 @@ _LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
 
 @functools.cache
 def _rigid_loop() -> Callable[..., None]:
-    """Return the loop around the entry of rigid surfaces, which is called by its address for one lane after the other."""
+    """Return the loop around the entry of rigid surfaces, called by its address for one lane after the other."""
     descend = _RIGID_SIGNATURE(LIBRARY.find(run_rigid_lanes.name))
 
     @numba.njit
