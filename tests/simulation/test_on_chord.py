@@ -60,7 +60,8 @@ def test_a_descent_that_may_ends_where_it_first_lies_on_its_chord_and_else_goes_
         assert cut.on_chord == whole.on_chord == (cut.time, cut.state.x)
         assert cut.time < whole.time
         assert cut.rebounds[-1]["feature"] == Feature.CHORD
-        assert (cut.state.v, cut.state.omega) == (0.0, 0.0)
+        assert abs(cut.state.v) <= 1e-14  # zero to rounding: speeds are of some m/s
+        assert cut.state.omega == 0.0
         assert np.array_equal(cut.rebounds[:-1], whole.rebounds[: len(cut.rebounds) - 1])
         assert cut.jam.retention == 0.0
         assert abs(cut.energy.residual) <= 1e-12 * cut.energy.turnover

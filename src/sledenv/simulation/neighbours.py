@@ -86,6 +86,7 @@ class Neighbours:
             return segment_records(bodies)
         records = np.tile(self.descent.body.record, len(bodies))
         records["mass"], records["inertia"] = bodies[:, 0], bodies[:, 3]
+        records["per_mass"], records["per_inertia"] = 1.0 / bodies[:, 0], 1.0 / bodies[:, 3]
         return records
 
     def bodies(self, rows: Floats) -> np.ndarray | list[Body]:
