@@ -42,6 +42,7 @@ from sledenv.kernel.records import (
 )
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
+GIVEN_UP: Final = 300  # such events with which a descent ends
 SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
 FASTER: Final = 8.0
 LARGEST: Final = 1e-4
@@ -307,6 +308,8 @@ def _step(
 ) -> int:
     """One turn of the loop: mode, series, first event, motion up to it, what it changes. Return the status."""
     contacts, event = space["contacts"], space["event"]
+    if space["stalled"] > GIVEN_UP:
+        return STEP_BUDGET
     if contacts["count"] > 0:
         status = _decide(body, pieces, slope, limits, flight, space)
         if status != RUNNING:

@@ -58,7 +58,8 @@ def _write_place(body: np.void, pieces: np.ndarray, contact: np.void, row: np.vo
         nx, ny = ex / distance, ey / distance
     out["normal_x"], out["normal_y"] = nx, ny
     if contact["kind"] == ARC_PIECE:
-        out["x"], out["y"] = x - body["r"][a] * nx, y - body["r"][a] * ny
+        height = nx * (x - piece["x"]) + ny * (y - piece["y"])
+        out["x"], out["y"] = x - height * nx, y - height * ny
     else:
         out["x"], out["y"] = piece["x"], piece["y"]
     out["part"], out["ground"] = int(part_of(body, contact)), int(ground_of(contact))
