@@ -134,7 +134,7 @@ def test_a_body_slides_on_its_chord_like_a_block(case: str, arm: float, solver: 
     assert first["t"] == descent.outcome["t_on_chord"] < 0.1
     assert first["x"] == descent.outcome["x_on_chord"]
     assert (rows["feature"] == Feature.CHORD).all()
-    assert (rows["v"] == 0.0).all()
+    assert (np.abs(rows["v"]) <= 1e-14).all()  # to rounding: what is exactly zero are the rates of both ends
     assert (rows["omega"] == 0.0).all()
     assert (rows["phi"] == first["phi"]).all()
     moved, u = on_chord.chord_slide(law, slope, first["u"], rows["t"] - first["t"])

@@ -453,16 +453,17 @@ def test_a_contact_that_ends_on_another_feature_is_continuous() -> None:
     assert abs(descent.energy.residual) < 1e-13 * descent.energy.turnover
 
 
-def test_a_flat_arc_that_is_pressed_in_deeper_than_both_its_ends_is_buried() -> None:
-    """Oracle: by hand: both ends lie r (1 - cos alpha) above the lowest point."""
+def test_a_flat_arc_may_be_pressed_in_deeper_than_both_its_ends() -> None:
+    """Oracle: by hand: both ends lie r (1 - cos alpha) above the lowest point; conservation of energy."""
     half_angle = 0.003
     body = circular_segment(10.0, 0.25 / math.sin(half_angle), half_angle)
     law = ContactLaw(1e7, 0.5, 0.1, 0.0)
     launch = State(0.0, support_height(body, 0.0), 0.0, 0.0, -3.0, 0.0)
     descent = simulate(body, law, LEVEL, launch)
-    assert descent.status == Status.BURIED
+    assert descent.status != Status.BURIED
     deepest = body.radius * (1.0 - math.cos(half_angle))
-    assert descent.rebounds["peak_penetration"].tolist() == pytest.approx([deepest], rel=1e-9)
+    assert descent.rebounds["peak_penetration"][0] > 2.0 * deepest
+    assert abs(descent.energy.residual) <= 1e-11 * descent.energy.turnover
     slow = simulate(body, law, LEVEL, launch._replace(v=-0.1), max_rebounds=1)
     assert slow.status == Status.LOG_FULL
     assert slow.rebounds["peak_penetration"][0] < 2e-4

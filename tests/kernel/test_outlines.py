@@ -185,16 +185,18 @@ KEPT = ("t", "t_touchdown", "duration", "mode", "normal_impulse", "peak_force", 
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_the_mirror_image_is_the_same_descent_bit_for_bit(solver: Solver) -> None:
+def test_the_mirror_image_is_the_same_descent(solver: Solver) -> None:
     """Oracle: x turned round; a zero may have either sign."""
     for seed in range(2000, 2000 + FAST):
         case = oracle.random_case(seed)
         one, image = (simulated(each, solver, max_rebounds=20) for each in (case, mirror(case)))
         assert str(one.status) == str(image.status), seed
+        # Compliant points that touch together are listed as they came: sums over them may round in another order.
+        rounding = 1e-9 if solver == "compliant" else 0.0
         for name in KEPT:
-            assert np.array_equal(one.rebounds[name], image.rebounds[name]), (seed, name)
+            np.testing.assert_allclose(one.rebounds[name], image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}")
         for name in TURNED:
-            assert np.array_equal(one.rebounds[name], -image.rebounds[name]), (seed, name)
+            np.testing.assert_allclose(one.rebounds[name], -image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}")
 
 
 def test_the_mirror_image_is_the_same_in_the_oracle() -> None:

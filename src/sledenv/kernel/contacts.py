@@ -28,9 +28,8 @@ def fields(kind: str, names: str, shape: tuple[int, ...] = ()) -> list[tuple[Any
 MOTION: Final = np.dtype(fields("f8", "t x y phi u v omega sine cosine"))
 
 # A contact. Its gap, gap rate and slip are carried along by series of their own: formed anew from the place of the
-# body they would lose digits. In its mode a velocity that is zero and stays so is ``still``: 1 where it is locked,
-# FOLLOWS where others hold it. The sign of a velocity tells the force: -1 and 1 at its bound (of a closing or an opening
-# gap, of a negative or a positive slip), 0 in between.
+# body they would lose digits. In its mode a velocity that is zero and stays so is ``still``. The sign of a velocity
+# tells the force: -1 and 1 at its bound (of a closing or an opening gap, of a negative or a positive slip), 0 between.
 CONTACT: Final = np.dtype(
     [
         ("kind", "i8"),  # see geometry.py

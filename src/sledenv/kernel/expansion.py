@@ -100,15 +100,12 @@ def _terms_of_velocities(
 
 @kernel
 def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
-    """Make terms of velocities that are locked exactly zero, and write the terms of gaps after them.
-
-    Those that follow others are what these make them: normals and levers turn, so that they may leave zero a little.
-    """
+    """Make terms of velocities that stay zero exactly zero, and write the terms of gaps after them."""
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
-        if contact["gap_still"] == 1:
+        if contact["gap_still"] != 0:
             terms["gap_rate"][k] = 0.0
-        if contact["slip_still"] == 1:
+        if contact["slip_still"] != 0:
             terms["slip"][k] = 0.0
         terms["gap"][k + 1] = terms["gap_rate"][k] * PER[k + 1]
 

@@ -16,7 +16,6 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
 
-FOLLOWS: Final = 2  # a velocity that is still because others are, as long as normals and levers are what they are
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
@@ -470,16 +469,6 @@ def _search(
 
 
 @kernel
-def _is_locked(choice: np.void, what: int, c: int) -> bool:
-    """Whether a velocity has a force of its own that holds it."""
-    for i in range(choice["locks"]):
-        lock = choice["lock"][i]
-        if lock["what"] == what and lock["who"] == c:
-            return True
-    return False
-
-
-@kernel
 def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> None:
     """Take the best mode, and write which velocities stay zero in it."""
     for c in range(contacts["count"]):
@@ -494,10 +483,7 @@ def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: 
         zero = choice["zero"][i]
         what, c = zero["what"], zero["who"]
         held = abs(_change(body, choice, what, c)) <= still and depends(body, contacts, choice, what, c)
-        if _is_locked(choice, what, c):
-            _write_still(contacts, what, c, 1)
-        elif zero["sign"] == 0 or held:
-            _write_still(contacts, what, c, FOLLOWS)
+        _write_still(contacts, what, c, 1 if zero["sign"] == 0 or held else 0)
 
 
 @kernel
