@@ -194,9 +194,13 @@ def test_the_mirror_image_is_the_same_descent(solver: Solver) -> None:
         # Compliant points that touch together are listed as they came: sums over them may round in another order.
         rounding = 1e-9 if solver == "compliant" else 0.0
         for name in KEPT:
-            np.testing.assert_allclose(one.rebounds[name], image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}")
+            np.testing.assert_allclose(
+                one.rebounds[name], image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}"
+            )
         for name in TURNED:
-            np.testing.assert_allclose(one.rebounds[name], -image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}")
+            np.testing.assert_allclose(
+                one.rebounds[name], -image.rebounds[name], rounding, rounding, err_msg=f"{seed}, {name}"
+            )
 
 
 def test_the_mirror_image_is_the_same_in_the_oracle() -> None:

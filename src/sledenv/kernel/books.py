@@ -45,7 +45,7 @@ def note_mode(contacts: np.void, rebound: np.void) -> None:
 def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.void, t: float, rebound: np.void) -> None:
     """Add impulses and losses of a contact in a step: integrals of series and of products of two."""
     normal, force, slip, omega = terms["normal"], terms["force"], terms["slip"], s["omega"]
-    slides = contact["slip_still"] == 0 and contact["friction"] > 0.0
+    slides = contact["slip_still"] != 1 and contact["slip_sign"] != 0 and contact["friction"] > 0.0
     rolls = contacts["spin_still"] == 0 and contact["arm"] > 0.0
     push = pull = sliding = rolling = 0.0
     for k in range(ORDER, -1, -1):
@@ -60,7 +60,7 @@ def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.voi
     rebound["normal_impulse"] += push * t
     rebound["tangential_impulse"] += pull * t
     if slides:
-        rebound["sliding"] -= sliding * t
+        rebound["sliding"] = max(rebound["sliding"] - sliding * t, 0.0)
     if rolls:
         rebound["rolling"] += contacts["spin_sign"] * contact["arm"] * (rolling * t)
 

@@ -105,7 +105,7 @@ def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
         contact, terms = contacts["at"][c], s["of"][c]
         if contact["gap_still"] != 0:
             terms["gap_rate"][k] = 0.0
-        if contact["slip_still"] != 0:
+        if contact["slip_still"] == 1:
             terms["slip"][k] = 0.0
         terms["gap"][k + 1] = terms["gap_rate"][k] * PER[k + 1]
 

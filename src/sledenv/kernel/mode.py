@@ -16,10 +16,12 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
 
+FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
 SLOW: Final = 1e-2  # of the speed of a fall of one size: what is VANISHING is seen on this speed at least,
+STANDING: Final = 1e-6  # of that speed: a body that is slower stands still where all its velocities are locked
 TINY: Final = 1e-12  # [m/s] and on this
 STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
 SLIGHT: Final = 1e-12  # of the forces: a mode that is violated by less holds
@@ -311,12 +313,12 @@ def _write_signs(motion: np.void, contacts: np.void) -> None:
 @kernel
 def _spread_zeros(body: np.void, slow: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
     """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
-    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), slow)
+    speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
+    fast = max(speed, slow)
     _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
-    if (
-        choice["locks"] == 3 and fast > slow
-    ):  # normals have jumped: the velocities of contacts are not those of one body
+    if choice["locks"] == 3 and speed > STANDING * slow:
+        # Normals have jumped: the velocities of contacts are not those of one body.
         for c in range(contacts["count"]):
             contact = contacts["at"][c]
             contact["gap_rate"], contact["slip"] = velocities(motion, contact)
@@ -469,7 +471,17 @@ def _search(
 
 
 @kernel
-def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> None:
+def _is_locked(choice: np.void, what: int, c: int) -> bool:
+    """Whether a velocity has a force of its own that holds it."""
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        if lock["what"] == what and lock["who"] == c:
+            return True
+    return False
+
+
+@kernel
+def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.void, choice: np.void) -> None:
     """Take the best mode, and write which velocities stay zero in it."""
     for c in range(contacts["count"]):
         contacts["at"][c]["gap_still"] = contacts["at"][c]["slip_still"] = 0
@@ -483,7 +495,12 @@ def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: 
         zero = choice["zero"][i]
         what, c = zero["what"], zero["who"]
         held = abs(_change(body, choice, what, c)) <= still and depends(body, contacts, choice, what, c)
-        _write_still(contacts, what, c, 1 if zero["sign"] == 0 or held else 0)
+        still_now = 1 if zero["sign"] == 0 or held else 0
+        if what == SLIP and still_now == 1 and not _is_locked(choice, what, c):
+            still_now = FOLLOWS
+        _write_still(contacts, what, c, still_now)
+    if omega == 0.0 and abs(_change(body, choice, SPIN, 0)) <= still and depends(body, contacts, choice, SPIN, 0):
+        contacts["spin_still"] = 1  # without rolling resistance too
 
 
 @kernel
@@ -513,8 +530,8 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
             wrong = _search(body, slope, still, True, side, contacts, choice)
             if wrong <= SLIGHT * choice["scale"]:
-                _settle(body, slope, still, contacts, choice)
+                _settle(body, slope, still, motion["omega"], contacts, choice)
                 return True
         _search(body, slope, still, False, side, contacts, choice)
-    _settle(body, slope, still, contacts, choice)
+    _settle(body, slope, still, motion["omega"], contacts, choice)
     return False
