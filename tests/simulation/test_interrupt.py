@@ -72,8 +72,8 @@ class Noted:
 def counted(monkeypatch: pytest.MonkeyPatch, most: float = math.inf) -> list[tuple[int, int]]:
     """Note steps and rows that a descent has come to after each call of the kernel; interrupt so many calls."""
     calls: list[tuple[int, int]] = []
-    by_law = lanes_module.run_lanes
-    monkeypatch.setattr(lanes_module, "run_lanes", lambda law: Noted(by_law(law), 7, calls, most))
+    for name in ("run_lanes", "run_rigid_lanes"):
+        monkeypatch.setattr(lanes_module, name, Noted(getattr(lanes_module, name), 7, calls, most))
     return calls
 
 
@@ -106,7 +106,7 @@ def test_the_cases_do_what_they_are_for(monkeypatch: pytest.MonkeyPatch) -> None
     descents = {name: simulate(*case) for name, case in CASES.items()}
     assert len(descents["bounces"].rebounds) > 5
     assert (descents["chord"].rebounds["feature"] == Feature.CHORD).any()
-    set_work(monkeypatch, 100.0)
+    set_work(monkeypatch, 1.0)
     calls = counted(monkeypatch)
     simulate(*CASES["search"])
     assert sum(steps == 0 for steps, _ in calls) > 10

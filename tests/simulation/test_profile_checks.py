@@ -40,7 +40,7 @@ def test_what_is_checked_has_the_vertices() -> None:
         assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).vertices.shape == (0, 2)
 
 
-@pytest.mark.parametrize("solver", ["rigid", "euler"])
+@pytest.mark.parametrize("solver", ["rigid"])
 def test_a_profile_needs_compliant_surfaces(solver: Any) -> None:
     """Oracle: the message, in one line."""
     with pytest.raises(ValueError, match=rf"^solver = '{solver}': must be 'compliant' on a slope with a profile$"):

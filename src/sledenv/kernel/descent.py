@@ -125,7 +125,9 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         if speed > 0.0:
             longest = min(longest, AHEAD * size / speed)
     event["code"], event["time"] = guards.NOTHING, min(longest, left)
-    if not longest > 0.0:
+    s = space["series"]
+    last = s["x"][ORDER] + s["y"][ORDER] + s["sine"][ORDER] + s["cosine"][ORDER] + s["omega"][ORDER]
+    if not longest > 0.0 or not math.isfinite(last):
         event["time"] = math.nan
         return
     if space["stalled"] > MOST_STALLED:
