@@ -94,8 +94,10 @@ def _write_forces(body: np.void, pieces: np.ndarray, space: np.void, t: float, a
     row["friction_ratio"] = row["tangential"] / bound if bound > 0.0 else 0.0
     first = contacts["at"][0]
     row["slip_velocity"] = 0.0 if at_rest else value(s["of"][0]["slip"], t)
-    row["slip"] = 0 if first["slip_still"] != 0 or at_rest else sign_of(row["slip_velocity"])
-    row["spin"] = 0 if contacts["spin_still"] != 0 or at_rest else sign_of(row["omega"])
+    slip = first["slip_sign"] if first["friction"] > 0.0 else sign_of(row["slip_velocity"])
+    row["slip"] = 0 if first["slip_still"] != 0 or at_rest else slip
+    spin = contacts["spin_sign"] if first["arm"] > 0.0 else sign_of(row["omega"])
+    row["spin"] = 0 if contacts["spin_still"] != 0 or at_rest else spin
     side = side_that_lies(body, contacts)
     row["feature"] = int(side if side != 0.0 else part_of(body, first))
 
