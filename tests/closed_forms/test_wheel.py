@@ -15,7 +15,8 @@ import sledenv
 from sledenv.closed_forms import wheel
 from sledenv.closed_forms.wheel import BRANCHES, collide_wheel, is_stuck, wheel_stuck_ratio
 from sledenv.kernel.books import contact_mode
-from sledenv.kernel.impact import ENERGETIC, IMPACT, MOST_PHASES, impact
+from sledenv.kernel.contacts import IMPACT
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, State

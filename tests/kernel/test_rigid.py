@@ -8,7 +8,8 @@ import random
 import numpy as np
 import pytest
 
-from sledenv.kernel.impact import ENERGETIC, IMPACT, MOST_PHASES, NEWTON, POISSON, impact
+from sledenv.kernel.contacts import IMPACT
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import PHASE
 from tests.compiled import compiled
 from tests.oracles import ImpactResult, rational_impact, wang_mason

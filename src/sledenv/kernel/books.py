@@ -97,7 +97,8 @@ def stored(contacts: np.void) -> float:
     total = 0.0
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        total += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
+        if contact["gap"] != 0.0:  # that of rigid surfaces is zero
+            total += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
     return total
 
 
@@ -170,7 +171,11 @@ def close_rebound(body: np.void, space: np.void, slip: float, flight: np.void, r
     """Write the record of a rebound that has ended where the body is, with a ``slip`` [m/s] of its last contact."""
     rebound, motion = space["rebound"], space["motion"]
     row["t"], row["x"], row["phi"] = motion["t"], motion["x"], motion["phi"]
-    row["t_touchdown"], row["x_contact"], row["duration"] = rebound["t"], rebound["x_contact"], motion["t"] - rebound["t"]
+    row["t_touchdown"], row["x_contact"], row["duration"] = (
+        rebound["t"],
+        rebound["x_contact"],
+        motion["t"] - rebound["t"],
+    )
     row["feature"] = int(rebound["side"] if rebound["side"] != 0.0 else rebound["part"])
     row["ground"] = int(rebound["ground"])
     row["mode"] = contact_mode(rebound["slip"], rebound["omega"], slip, motion["omega"])

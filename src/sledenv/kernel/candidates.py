@@ -6,6 +6,8 @@ In flight these are all touches that may come: the first of them ends the step, 
 from __future__ import annotations
 
 import math
+from typing import Final
+
 import numpy as np
 
 from sledenv.compiler.jit import kernel
@@ -28,6 +30,8 @@ from sledenv.kernel.outline import arc_at
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
+LIFTED: Final = 1e-12  # of the speed: rate of a gap that has just been let go by a rigid contact,
+LIFTED_LATER: Final = 1e-9  # and of the accelerations: the acceleration with which it starts
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 
 
@@ -116,11 +120,29 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
 
 
 @kernel
+def _zeros_of_lifted(body: np.void, space: np.void) -> int:
+    """Leading coefficients to pass over of a gap that a rigid contact has just let go, as its load is zero; or 0.
+
+    It starts without rate, and often without acceleration: docs/physics.md (6.2).
+    """
+    poly, s, omega = space["poly"], space["series"], space["motion"]["omega"]
+    fast = max(abs(space["motion"]["u"]), abs(space["motion"]["v"]), body["size"] * abs(omega))
+    if abs(poly[1]) > LIFTED * fast:
+        return 0
+    slight = LIFTED_LATER * (abs(s["u"][1]) + abs(s["v"][1]) + body["size"] * omega * omega)
+    if poly[2] > slight:
+        return 2
+    return 3 if poly[2] >= -slight and poly[3] > 0.0 else 0
+
+
+@kernel
 def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void) -> None:
     """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin."""
     poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
     zeros = 0
-    if gap <= near:
+    if space["lifted"] != 0.0 and abs(gap) <= near:
+        zeros = _zeros_of_lifted(body, space)
+    if gap <= near and zeros == 0:
         fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
         opens = poly[1] > STILL * fast or (poly[1] >= -STILL * fast and poly[2] >= 0.0)
         if gap < -near or not opens:
@@ -137,7 +159,7 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
 
 
 @kernel
-def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
+def touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
     """Whether an arc touches a piece, or another arc that joins it smoothly: both have one lowest point."""
     arcs = int(body["arcs"])
     for c in range(contacts["count"]):
@@ -155,7 +177,7 @@ def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
 @kernel
 def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, move: float, space: np.void) -> None:
     """Watch an arc come down on a piece. ``base`` [m] is the height of the mass centre over it, ``move`` how far it goes."""
-    if _touches_beside(body, space["contacts"], a, j):
+    if touches_beside(body, space["contacts"], a, j):
         return
     s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
     cx, cy, tx, ty = body["cx"][a], body["cy"][a], piece["tx"], piece["ty"]
@@ -230,7 +252,13 @@ def _watch_inside(body: np.void, code: int, space: np.void) -> None:
 
     ``space["terms"]`` holds the series of its place in the frame of the body.
     """
-    arcs, near, x, y, poly = int(body["arcs"]), AT_END * body["size"], space["terms"][0], space["terms"][1], space["poly"]
+    arcs, near, x, y, poly = (
+        int(body["arcs"]),
+        AT_END * body["size"],
+        space["terms"][0],
+        space["terms"][1],
+        space["poly"],
+    )
     if arcs == 1:
         return
     for end in range(2):

@@ -13,12 +13,11 @@ from sledenv.compiler.entries import Group, Table
 from sledenv.compiler.library import Library
 from sledenv.kernel import outline
 from sledenv.kernel.batch import Lanes, descend_lanes
-from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.books import close_books, trim
-from sledenv.kernel.contacts import SPACE
+from sledenv.kernel.collisions import collide, collide_each
+from sledenv.kernel.contacts import IMPACT, SPACE
 from sledenv.kernel.descend import SPACE as RIGID_SPACE
 from sledenv.kernel.geometry import PIECE, complete_outline, lay
-from sledenv.kernel.impact import IMPACT
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
@@ -83,7 +82,9 @@ run_rigid_lanes: Final = LIBRARY.entry(
 run_lay: Final = LIBRARY.entry("lay", lay, _ROWS, _PIECES)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
-run_collision: Final = LIBRARY.entry("collide", collide, _BODIES, ContactLaw, State, float, int, _IMPACTS, _PHASES, _COUNT)
+run_collision: Final = LIBRARY.entry(
+    "collide", collide, _BODIES, ContactLaw, State, float, int, _IMPACTS, _PHASES, _COUNT
+)
 run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS, _ROWS, int, _IMPACTS, _ROWS, _COUNT)
 run_complete: Final = LIBRARY.entry("complete", _complete, _BODIES)
 run_lowest: Final = LIBRARY.entry("lowest", _lowest, _BODIES, _DOUBLES, _COUNT, _ROWS)

@@ -76,7 +76,9 @@ def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k
 
 
 @kernel
-def _terms_of_velocities(body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
+def _terms_of_velocities(
+    body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
+) -> None:
     """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what goes with them."""
     a, piece = contact["arc"], pieces[contact["piece"]]
     nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
@@ -142,7 +144,9 @@ def _begin(body: np.void, pieces: np.ndarray, motion: np.void, contacts: np.void
 
 
 @kernel
-def _push(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> tuple[float, float, float, float, float]:
+def _push(
+    body: np.void, contact: np.void, s: np.void, terms: np.void, k: int
+) -> tuple[float, float, float, float, float]:
     """Terms of order ``k`` of the forces of a contact along x and y, of its moment, and of its parts of gs and gc."""
     a = contact["arc"]
     normal, force = terms["normal"], terms["force"]
@@ -241,7 +245,7 @@ def _terms_of_motion(body: np.void, pieces: np.ndarray, contacts: np.void, s: np
 
 
 @kernel
-def _last_forces(contact: np.void, terms: np.void) -> None:
+def last_forces(contact: np.void, terms: np.void) -> None:
     """Write the last terms of the forces of a contact; those of locked ones are not known and below rounding."""
     sign = contact["gap_sign"]
     stiffness = 0.0
@@ -283,7 +287,7 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
         _lock_terms(contacts, s, k + 1)
     s["moment"][ORDER] = 0.0
     for c in range(contacts["count"]):
-        _last_forces(contacts["at"][c], s["of"][c])
+        last_forces(contacts["at"][c], s["of"][c])
 
 
 @kernel

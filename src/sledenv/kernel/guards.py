@@ -6,6 +6,7 @@ or been released. Each zero that is found shortens what the other guards look at
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,9 @@ from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
 from sledenv.kernel.zeros import first_zero
 
-NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(12)
+NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
+    12
+)
 # Ends of the feature of a contact, told as the side of an event FEATURE.
 (
     FOOT_BEGIN,  # the foot of an arc comes to the crest where its piece begins,
@@ -30,7 +33,9 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
     SIDE_BEGIN,  # or of a side
     SIDE_END,
 ) = range(10)
-TIED: Final = 1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
+TIED: Final = (
+    1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
+)
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there
 
 
@@ -54,7 +59,7 @@ def _released(poly: np.ndarray) -> int:
 
 
 @kernel
-def _watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+def watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch how a contact ends, and its gap rate."""
     poly = space["poly"]
     if contact["gap_sign"] != 0:
@@ -79,6 +84,8 @@ def _watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None
     depth = -contact["gap"]
     for side in (-1, 1):
         bound = contact["closing"] if side < 0 else -contact["opening"]
+        if bound == math.inf:  # of rigid surfaces
+            continue
         for k in range(ORDER + 1):
             poly[k] = side * terms["normal"][k]
         poly[0] += bound * depth
@@ -86,7 +93,13 @@ def _watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None
 
 
 @kernel
-def _watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+def _is_fresh(contact: np.void) -> bool:
+    """Whether a contact has just begun, so that its load is zero by construction; that of rigid surfaces is not."""
+    return bool(contact["gap"] == 0.0 and contact["closing"] < math.inf)
+
+
+@kernel
+def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch the slip of a contact, or the friction that holds it."""
     poly, sign = space["poly"], contact["slip_sign"]
     if not contact["friction"] > 0.0 or (contact["slip_still"] != 0 and sign != 0):
@@ -99,17 +112,17 @@ def _watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> Non
     for side in (-1, 1):
         for k in range(ORDER + 1):
             poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
-        look(space, 1 if contact["gap"] == 0.0 else 0, SLIP_FREE, c, side)
+        look(space, 1 if _is_fresh(contact) else 0, SLIP_FREE, c, side)
 
 
 @kernel
-def _watch_spin(contacts: np.void, space: np.void) -> None:
+def watch_spin(contacts: np.void, space: np.void) -> None:
     """Watch the spin, or the rolling resistance that holds it."""
     poly, s, sign = space["poly"], space["series"], contacts["spin_sign"]
     arms, fresh = 0.0, 1
     for c in range(contacts["count"]):
         arms += contacts["at"][c]["arm"]
-        if contacts["at"][c]["gap"] != 0.0:
+        if not _is_fresh(contacts["at"][c]):
             fresh = 0
     if not arms > 0.0 or (contacts["spin_still"] != 0 and sign != 0):
         return
@@ -231,15 +244,15 @@ def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     contacts = space["contacts"]
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
-        _watch_gap(contact, terms, c, space)
-        _watch_slip(contact, terms, c, space)
+        watch_gap(contact, terms, c, space)
+        watch_slip(contact, terms, c, space)
         if contact["kind"] == ARC_PIECE:
             _watch_foot(body, pieces, contact, c, space)
             _watch_zone(body, contact, c, space)
         else:
             _watch_crest(body, pieces, contact, terms, c, space)
     if contacts["count"] > 0:
-        _watch_spin(contacts, space)
+        watch_spin(contacts, space)
 
 
 @kernel

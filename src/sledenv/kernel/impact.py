@@ -7,7 +7,6 @@ list of phases, each in closed form. An event is that slip, spin or gap rate bec
 from __future__ import annotations
 
 import math
-
 from typing import Final
 
 import numpy as np
@@ -15,44 +14,14 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.books import followed_by
-from sledenv.kernel.contacts import fields
-from sledenv.kernel.records import CONTACT_LOSSES
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 OVER, GOES_ON, ENDLESS = range(3)  # what comes after a phase
 MOST_PHASES: Final = 32
-SIMULTANEOUS: Final = 4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops
-TIE: Final = 1e-12  # of the normal force: a locked force may be beyond its bound by this
-
-# An impact, while it goes on and after it.
-IMPACT: Final = np.dtype(
-    [
-        ("per_mass", "f8"),  # [1/kg]
-        ("per_inertia", "f8"),  # [1/(kg m^2)]
-        ("size", "f8"),  # [m] of the body
-        ("a", "f8"),  # [m] arms of the contact point, which lies at (-a, -b) from the mass centre
-        ("b", "f8"),
-        ("friction", "f8"),  # [-]
-        ("arm", "f8"),  # [m] of rolling resistance
-        ("restitution", "f8"),  # [-] 0 of a plastic impact
-        ("v_t", "f8"),  # [m/s] slip
-        ("v_n", "f8"),  # [m/s] gap rate
-        ("omega", "f8"),  # [rad/s]
-        *fields("f8", "slip spin"),  # signs of slip and spin in the next phase, 0 where locked
-        ("mu", "f8"),  # [-] tangential force over normal force
-        ("rho", "f8"),  # [m] rolling moment over normal force
-        ("opening", "f8"),  # 1 while the gap opens, 0 while it closes
-        ("span", "f8"),  # [N s] normal impulse of the phase that has just passed
-        ("sequence", "f8"),  # code of the phases so far, see :func:`sledenv.kernel.books.followed_by`
-        *fields("f8", "normal_impulse tangential_impulse rolling_impulse"),  # [N s, N m s] so far
-        ("closed", "f8"),  # [J] work of compression
-        ("opened", "f8"),  # [J] work of restitution
-        ("stored", "f8"),  # [J] what may be given back
-        ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
-        ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
-        *fields("f8", " ".join(CONTACT_LOSSES)),  # [J]
-    ]
+SIMULTANEOUS: Final = (
+    4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops
 )
+TIE: Final = 1e-12  # of the normal force: a locked force may be beyond its bound by this
 
 
 @kernel

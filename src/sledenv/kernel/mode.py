@@ -15,6 +15,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
+from sledenv.kernel.ground import are_rigid
 
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
@@ -273,6 +274,19 @@ def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int
 
 
 @kernel
+def _opens(choice: np.void) -> bool:
+    """Whether the loads of locked gaps would open them: the determinant of the mobility is positive."""
+    lock, n = choice["lock"], choice["locks"]
+    a, b, d = lock[0]["mobility"], lock[1]["mobility"], lock[2]["mobility"]
+    if n == 1:
+        return bool(a[0] > 0.0)
+    if n == 2:
+        return bool(a[0] * b[1] - a[1] * b[0] > 0.0)
+    first, second, third = b[1] * d[2] - b[2] * d[1], b[2] * d[0] - b[0] * d[2], b[0] * d[1] - b[1] * d[0]
+    return bool(a[0] * first + a[1] * second + a[2] * third > 0.0)
+
+
+@kernel
 def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> float:
     """How far [N] a mode is from holding; what has just been released should stay so, but that weighs little."""
     _accelerate(body, slope, contacts, choice)
@@ -282,6 +296,8 @@ def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choic
         scale = max(scale, abs(choice["share"][c]["normal"]))
     choice["scale"] = scale
     wrong = 0.0
+    if choice["rigid"] != 0.0 and choice["locks"] > 0 and not _opens(choice):
+        return math.inf
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         what, c, sign = zero["what"], zero["who"], zero["sign"]
@@ -314,7 +330,9 @@ def _spread_zeros(body: np.void, slow: float, motion: np.void, contacts: np.void
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), slow)
     _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
-    if choice["locks"] == 3 and fast > slow:  # normals have jumped: the velocities of contacts are not those of one body
+    if (
+        choice["locks"] == 3 and fast > slow
+    ):  # normals have jumped: the velocities of contacts are not those of one body
         for c in range(contacts["count"]):
             contact = contacts["at"][c]
             contact["gap_rate"], contact["slip"] = velocities(motion, contact)
@@ -388,6 +406,8 @@ def _try_mode(body: np.void, slope: Any, still: float, rests: bool, contacts: np
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         _write_sign(contacts, zero["what"], zero["who"], zero["sign"])
+        if zero["what"] == GAP and zero["sign"] < 0 and contacts["at"][zero["who"]]["closing"] == math.inf:
+            return math.inf
     wrong = _violation(body, slope, still, contacts, choice)
     change = max(abs(choice["du"]), abs(choice["dv"]), body["size"] * abs(choice["domega"]))
     return math.inf if rests and not change <= still else wrong
@@ -400,7 +420,9 @@ def _keep_best(choice: np.void) -> None:
 
 
 @kernel
-def _try_all(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _try_all(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Try all modes until one holds; the best one is kept. ``side`` lets mirror images try in each other's turn."""
     total = 1
     for _ in range(choice["zeros"]):
@@ -424,7 +446,9 @@ def _try_all(body: np.void, slope: Any, still: float, rests: bool, side: int, co
 
 
 @kernel
-def _improve(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _improve(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Change one sign after the other where that makes a mode better, from the best one on, until none does."""
     for i in range(choice["zeros"]):
         choice["zero"][i]["best"] = choice["zero"][i]["before"]
@@ -447,7 +471,9 @@ def _improve(body: np.void, slope: Any, still: float, rests: bool, side: int, co
 
 
 @kernel
-def _search(body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void) -> float:
+def _search(
+    body: np.void, slope: Any, still: float, rests: bool, side: int, contacts: np.void, choice: np.void
+) -> float:
     """Find the mode that holds, or is nearest to holding: first that before, then all, or all that are near."""
     for i in range(choice["zeros"]):
         choice["zero"][i]["sign"] = choice["zero"][i]["before"]
@@ -466,11 +492,12 @@ def _settle(body: np.void, slope: Any, still: float, contacts: np.void, choice: 
     for c in range(contacts["count"]):
         contacts["at"][c]["gap_still"] = contacts["at"][c]["slip_still"] = 0
     contacts["spin_still"] = 0
+    choice["wrong"] = 0.0
     if choice["zeros"] == 0:
         return
     for i in range(choice["zeros"]):
         choice["zero"][i]["sign"] = choice["zero"][i]["best"]
-    _try_mode(body, slope, still, False, contacts, choice)
+    choice["wrong"] = _try_mode(body, slope, still, False, contacts, choice)
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         what, c = zero["what"], zero["who"]
@@ -488,19 +515,29 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     pieces : ndarray of PIECE
     slope : Incline
     space : record of SPACE
-        Its ``motion`` and ``contacts`` are what is chosen for. Velocities that must be zero are made exactly zero.
+        Its ``motion`` and ``contacts`` are what is chosen for; in a ``frozen`` impact normals and levers stand
+        still. Velocities that must be zero are made exactly zero.
     """
     motion, contacts, choice = space["motion"], space["contacts"], space["choice"]
     _remember(contacts, choice)
-    for c in range(contacts["count"]):
-        place(body, pieces, motion, contacts["at"][c])
+    frozen = space["frozen"] != 0.0
+    choice["rigid"] = 1.0 if are_rigid(space["ground"]) else 0.0
+    if not frozen:
+        for c in range(contacts["count"]):
+            place(body, pieces, motion, contacts["at"][c])
     slow = SLOW * math.sqrt(slope.gravity * body["size"]) + TINY
     _spread_zeros(body, slow, motion, contacts, choice)
     _list_zeros(body, contacts, choice)
     still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
+    if frozen:
+        still = 0.0
+        for c in range(contacts["count"]):
+            still = max(still, STEADY * contacts["at"][c]["closing"] * choice["share"][c]["depth"] / body["mass"])
     if choice["zeros"] > 0:
         for c in range(contacts["count"]):
-            _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
+            choice["share"][c]["gap_drift"] = choice["share"][c]["slip_drift"] = 0.0
+            if not frozen:
+                _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
         side = -1 if motion["sine"] < 0.0 else 1
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
             wrong = _search(body, slope, still, True, side, contacts, choice)

@@ -9,7 +9,8 @@ import numpy as np
 
 from sledenv.kernel.books import contact_mode
 from sledenv.kernel.entries import run_collision, run_collisions
-from sledenv.kernel.impact import ENERGETIC, IMPACT, MOST_PHASES, NEWTON, POISSON
+from sledenv.kernel.contacts import IMPACT
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
