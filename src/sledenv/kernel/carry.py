@@ -8,6 +8,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.books import book_spring, keep_peaks
 from sledenv.kernel.expansion import value
+from sledenv.kernel.mode import all_friction
 
 AT_SURFACE = 1e-15  # of the size: a gap this small is that of a contact which has just begun
 
@@ -34,7 +35,8 @@ def carry_contacts(body: np.void, t: float, space: np.void) -> bool:
         elastic = contact["closing"] == contact["opening"]
         if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:
             contact["gap_rate"], passed = 0.0, True
-        if contact["slip_sign"] * contact["slip"] < 0.0 and contact["friction"] > 0.0:
+        rubs = contact["friction"] > 0.0 or (contacts["alike"] != 0 and all_friction(contacts) > 0.0)
+        if contact["slip_sign"] * contact["slip"] < 0.0 and rubs:
             contact["slip"], passed = 0.0, True
     contacts["spin_left"] = 0
     motion = space["motion"]

@@ -15,6 +15,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, wrap
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
+from sledenv.kernel.mode import all_friction
 from sledenv.kernel.zeros import first_zero
 
 NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
@@ -101,8 +102,12 @@ def _is_fresh(contact: np.void) -> bool:
 @kernel
 def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch the slip of a contact, or the friction that holds it."""
-    poly, sign = space["poly"], contact["slip_sign"]
-    if not contact["friction"] > 0.0 or (contact["slip_still"] != 0 and sign != 0):
+    poly, sign, contacts = space["poly"], contact["slip_sign"], space["contacts"]
+    alike = contacts["alike"] != 0
+    if alike and c > 0:
+        return
+    friction = all_friction(contacts) if alike else contact["friction"]
+    if not friction > 0.0 or (contact["slip_still"] != 0 and sign != 0):
         return
     if sign != 0:
         for k in range(ORDER + 1):
@@ -112,6 +117,10 @@ def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None
     for side in (-1, 1):
         for k in range(ORDER + 1):
             poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
+        for q in range(1, contacts["count"] if alike else 0):
+            other, of = contacts["at"][q], space["series"]["of"][q]
+            for k in range(ORDER + 1):
+                poly[k] += other["friction"] * of["normal"][k] + side * of["force"][k]
         look(space, 1 if _is_fresh(contact) else 0, SLIP_FREE, c, side)
 
 

@@ -72,8 +72,11 @@ def _write_sign(contacts: np.void, what: int, c: int, sign: int) -> None:
         contacts["spin_sign"] = sign
     elif what == GAP:
         contacts["at"][c]["gap_sign"] = sign
-    else:
+    elif contacts["alike"] == 0:
         contacts["at"][c]["slip_sign"] = sign
+    else:
+        for q in range(contacts["count"]):
+            contacts["at"][q]["slip_sign"] = sign
 
 
 @kernel
@@ -82,8 +85,20 @@ def _write_still(contacts: np.void, what: int, c: int, still: int) -> None:
         contacts["spin_still"] = still
     elif what == GAP:
         contacts["at"][c]["gap_still"] = still
-    else:
+    elif contacts["alike"] == 0:
         contacts["at"][c]["slip_still"] = still
+    else:
+        for q in range(contacts["count"]):
+            contacts["at"][q]["slip_still"] = still
+
+
+@kernel
+def all_friction(contacts: np.void) -> float:
+    """Sum of the friction of all contacts: zero if none has any."""
+    total = 0.0
+    for c in range(contacts["count"]):
+        total += contacts["at"][c]["friction"]
+    return total
 
 
 @kernel
@@ -267,6 +282,12 @@ def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int
     if what == SPIN:
         return max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"]
     contact, share = contacts["at"][c], choice["share"][c]
+    if what == SLIP and contacts["alike"] != 0:
+        force, bound = 0.0, 0.0
+        for q in range(contacts["count"]):
+            force += choice["share"][q]["force"]
+            bound += contacts["at"][q]["friction"] * choice["share"][q]["normal"]
+        return max(abs(force) - bound, 0.0)
     if what == SLIP:
         return max(abs(share["force"]) - contact["friction"] * share["normal"], 0.0)
     above = share["normal"] - contact["closing"] * share["depth"]
@@ -396,7 +417,10 @@ def _list_zeros(body: np.void, contacts: np.void, choice: np.void) -> None:
         share["depth"] = max(-contact["gap"], SHALLOW * body["size"])
         arms += contact["arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
-        _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
+        if contacts["alike"] == 0:
+            _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
+        elif c == 0:
+            _list_zero(contacts, choice, SLIP, 0, all_friction(contacts) > 0.0, share["slip_before"])
     _list_zero(contacts, choice, SPIN, 0, arms > 0.0, choice["spin_before"])
 
 
@@ -521,7 +545,12 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     motion, contacts, choice = space["motion"], space["contacts"], space["choice"]
     _remember(contacts, choice)
     frozen = space["frozen"] != 0.0
-    choice["rigid"] = 1.0 if are_rigid(space["ground"]) else 0.0
+    choice["rigid"], contacts["alike"] = 0.0, 0
+    if are_rigid(space["ground"]):  # all that touch lie on one straight side
+        choice["rigid"], contacts["alike"] = 1.0, 1
+        for c in range(1, contacts["count"]):
+            contacts["at"][c]["slip"] = contacts["at"][0]["slip"]
+            contacts["at"][c]["slip_left"] = contacts["at"][0]["slip_left"]
     if not frozen:
         for c in range(contacts["count"]):
             place(body, pieces, motion, contacts["at"][c])

@@ -102,7 +102,7 @@ def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
         one = contacts["at"][c]
         for q in range(contacts["count"]):
             two = contacts["at"][q]
-            if body["length"][one["arc"]] > 0.0 and two["arc"] == (one["arc"] + 1) % arcs:
+            if body["length"][one["arc"]] > 0.0 and two["arc"] == (one["arc"] + 1) % arcs and two["ln"] < one["ln"]:
                 motion["phi"] -= wrap(motion["phi"] - pieces[one["piece"]]["tilt"] - body["high"][one["arc"]])
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     first = contacts["at"][0]
@@ -170,6 +170,7 @@ def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.voi
         fastest = max(fastest, abs(contact["gap_rate"]))
         left, right = left or contact["ln"] < 0.0, right or contact["ln"] > 0.0
         closes = closes or contact["gap_rate"] < 0.0
+        contact["lt"], contact["slip"] = contacts["at"][0]["lt"], contacts["at"][0]["slip"]  # they slip alike
     settles = pressing(slope, motion, contacts["at"][0]) > 0.0 and fastest < space["ground"]["settle_speed"]
     if settles and left and right:
         _lie_down(body, space)
