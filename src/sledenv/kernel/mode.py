@@ -408,13 +408,13 @@ def _list_zero(contacts: np.void, choice: np.void, what: int, c: int, bounded: b
 
 
 @kernel
-def _list_zeros(body: np.void, contacts: np.void, choice: np.void) -> None:
-    """List the velocities that are zero and whose force has two bounds."""
+def _list_zeros(shallow: float, contacts: np.void, choice: np.void) -> None:
+    """List the velocities that are zero and whose force has two bounds; no depth is less than ``shallow`` [m]."""
     choice["zeros"] = 0
     arms = 0.0
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
-        share["depth"] = max(-contact["gap"], SHALLOW * body["size"])
+        share["depth"] = max(-contact["gap"], shallow)
         arms += contact["arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
         if contacts["alike"] == 0:
@@ -556,7 +556,7 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
             place(body, pieces, motion, contacts["at"][c])
     slow = SLOW * math.sqrt(slope.gravity * body["size"]) + TINY
     _spread_zeros(body, slow, motion, contacts, choice)
-    _list_zeros(body, contacts, choice)
+    _list_zeros(0.0 if frozen else SHALLOW * body["size"], contacts, choice)
     still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
     if frozen:
         still = 0.0

@@ -61,12 +61,18 @@ def _gap(body: np.void, pieces: np.ndarray, motion: np.void, arc: int, j: int) -
 
 
 @kernel
+def _put_down(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
+    """Put a body exactly where a contact touches that has been placed."""
+    gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
+    motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
+
+
+@kernel
 def put_on(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
     """Put the body exactly where a contact says: it has moved by series of its own."""
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     place(body, pieces, motion, contact)
-    gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
-    motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
+    _put_down(body, pieces, motion, contact)
     rate = contact["gap_rate"] - velocities(motion, contact)[0]
     motion["u"], motion["v"] = motion["u"] + contact["nx"] * rate, motion["v"] + contact["ny"] * rate
 
@@ -107,8 +113,7 @@ def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     first = contacts["at"][0]
     place(body, pieces, motion, first)
-    gap = _gap(body, pieces, motion, first["arc"], first["piece"])
-    motion["x"], motion["y"] = motion["x"] - first["nx"] * gap, motion["y"] - first["ny"] * gap
+    _put_down(body, pieces, motion, first)
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         place(body, pieces, motion, contact)
@@ -218,6 +223,7 @@ def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, spac
     else:
         flat = _add_near(body, pieces, space)
     if contacts["count"] == 1:
+        _put_down(body, pieces, motion, first)
         return _strike_one(body, slope, space)
     if rebound["side"] == 0.0:
         rebound["side"] = side_that_lies(body, contacts)
