@@ -121,7 +121,7 @@ def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None
             other, of = contacts["at"][q], space["series"]["of"][q]
             for k in range(ORDER + 1):
                 poly[k] += other["friction"] * of["normal"][k] + side * of["force"][k]
-        look(space, 1 if _is_fresh(contact) else 0, SLIP_FREE, c, side)
+        look(space, 1 if _is_fresh(contact) and not alike else 0, SLIP_FREE, c, side)
 
 
 @kernel
