@@ -26,7 +26,7 @@ SECONDS = 8.0
 FREQUENCY = 4000  # [Hz] of the samples
 CASES = (("compliant", FEW), ("compliant", MANY), ("rigid", FEW))
 PYTHON = "Python"
-_LABEL = "sledenv_descend_lanes_compliant"  # an entry whose address is known
+_LABEL = "sledenv_descend_lanes"  # an entry whose address is known
 _MOST = 6  # functions in a table
 _MANGLED = re.compile(r"(?:_ZN7sledenv(?:6kernel|8compiler)\d+([a-z_]+)\d+|sledenv_)([a-z_]+)")  # module and function
 

@@ -97,6 +97,9 @@ def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
     return Scene(arcs, pieces, np.array(crests).reshape(-1, 6))
 
 
+JOIN = 1e-11  # [rad], [m] by which features overlap, so that rounding leaves no crest between two
+
+
 @njit(cache=False)
 def add(pairs, count, which, gap, nx, ny, lx, ly, z):
     if count == MOST:
@@ -146,11 +149,11 @@ def touching(arcs, pieces, crests, z, size, pairs):
             arc = arcs[a]
             ex, ey = bx - arc[CX], by - arc[CY]
             gap = math.sqrt(ex * ex + ey * ey) - arc[R]
-            if gap > least and abs(turned(math.atan2(-ex, -ey) - arc[MIDDLE])) <= arc[HALF]:
+            if gap > least and abs(turned(math.atan2(-ex, -ey) - arc[MIDDLE])) <= arc[HALF] + JOIN:
                 least, which = gap, a
             ex, ey = bx - arc[SX], by - arc[SY]
             gap, along = -arc[DY] * ex + arc[DX] * ey, arc[DX] * ex + arc[DY] * ey
-            if arc[LENGTH] > 0.0 and gap > least and along >= 0.0 and along <= arc[LENGTH]:
+            if arc[LENGTH] > 0.0 and gap > least and along >= -JOIN and along <= arc[LENGTH] + JOIN:
                 least, which = gap, 500 + a
         if which < 0 or least >= 0.0:
             continue

@@ -284,7 +284,7 @@ def test_a_disc_that_slips_on_a_crest_leaves_it_earlier() -> None:
 
 
 GRIP = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e9, friction=2.0, rolling_arm=0.0)
-TABLE: Profile = [(0.0, 0.0), (0.5, -8.0)]
+TABLE: Profile = [(0.0, 0.0), (1.5, -8.0)]
 
 
 @pytest.mark.parametrize("beyond", [-0.2, -0.02, 0.02, 0.2])

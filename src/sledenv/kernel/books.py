@@ -8,8 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.expansion import product
+from sledenv.kernel.contacts import ORDER, PER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, lowest_ground, touching_place
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import NON_FINITE, RUNNING
@@ -43,37 +42,39 @@ def note_mode(contacts: np.void, rebound: np.void) -> None:
 
 
 @kernel
-def _integral(series: np.ndarray, t: float) -> float:
-    """Integral of a series over a step."""
-    total = 0.0
+def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.void, t: float, rebound: np.void) -> None:
+    """Add impulses and losses of a contact in a step: integrals of series and of products of two."""
+    normal, force, slip, omega = terms["normal"], terms["force"], terms["slip"], s["omega"]
+    slides = contact["slip_still"] == 0 and contact["friction"] > 0.0
+    rolls = contacts["spin_still"] == 0 and contact["arm"] > 0.0
+    push = pull = sliding = rolling = 0.0
     for k in range(ORDER, -1, -1):
-        total = total * t + series[k] / (k + 1)
-    return total * t
-
-
-@kernel
-def _integral_of_product(p: np.ndarray, q: np.ndarray, t: float) -> float:
-    """Integral of the product of two series over a step."""
-    total = 0.0
-    for k in range(ORDER, -1, -1):
-        total = total * t + product(p, q, k) / (k + 1)
-    return total * t
+        per = PER[k + 1]
+        push, pull = push * t + normal[k] * per, pull * t + force[k] * per
+        slid = rolled = 0.0
+        if slides or rolls:
+            for i in range(k + 1):
+                slid += force[i] * slip[k - i]
+                rolled += normal[i] * omega[k - i]
+        sliding, rolling = sliding * t + slid * per, rolling * t + rolled * per
+    rebound["normal_impulse"] += push * t
+    rebound["tangential_impulse"] += pull * t
+    if slides:
+        rebound["sliding"] -= sliding * t
+    if rolls:
+        rebound["rolling"] += contacts["spin_sign"] * contact["arm"] * (rolling * t)
 
 
 @kernel
 def book_step(space: np.void, t: float) -> None:
     """Add what the contacts do in a step of length ``t`` [s] to the books of the rebound, but for their springs."""
     contacts, s, rebound = space["contacts"], space["series"], space["rebound"]
-    sign = contacts["spin_sign"]
     for c in range(contacts["count"]):
-        contact, terms = contacts["at"][c], s["of"][c]
-        rebound["normal_impulse"] += _integral(terms["normal"], t)
-        rebound["tangential_impulse"] += _integral(terms["force"], t)
-        if contact["slip_still"] == 0 and contact["friction"] > 0.0:
-            rebound["sliding"] -= _integral_of_product(terms["force"], terms["slip"], t)
-        if contacts["spin_still"] == 0 and contact["arm"] > 0.0:
-            rebound["rolling"] += sign * contact["arm"] * _integral_of_product(terms["normal"], s["omega"], t)
-    rebound["rolling_impulse"] += _integral(s["moment"], t)
+        _book_contact(contacts, contacts["at"][c], s["of"][c], s, t, rebound)
+    turning, moment = 0.0, s["moment"]
+    for k in range(ORDER, -1, -1):
+        turning = turning * t + moment[k] * PER[k + 1]
+    rebound["rolling_impulse"] += turning * t
 
 
 @kernel

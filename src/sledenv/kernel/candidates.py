@@ -17,6 +17,7 @@ from sledenv.kernel.expansion import place_of_crest, value
 from sledenv.kernel.geometry import (
     ARC_CREST,
     ARC_PIECE,
+    AT_JOIN,
     SAME_PLACE,
     SIDE_CREST,
     along_piece,
@@ -207,6 +208,8 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     move = abs(piece["ty"]) * reach[X] + abs(piece["tx"]) * reach[Y]
     if base - body["size"] - move >= 0.0:
         return
+    if base <= 0.0 and pieces.shape[0] > 1:  # the body is behind it, on the other side of a ridge
+        return
     relative = s["phi"][0] - piece["tilt"]
     omega = s["omega"][0]
     ahead = AT_END if omega > 0.0 else (-AT_END if omega < 0.0 else 0.0)
@@ -232,12 +235,12 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
 @kernel
 def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
     """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: an arc, or -1 less a side."""
-    best, code = -math.inf, 0
+    best, code, near = -math.inf, 0, AT_JOIN * body["size"]
     for i in range(int(body["arcs"])):
         if body["length"][i] > 0.0:
             px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
             gap, along = ox * px + oy * py, oy * px - ox * py
-            if gap > best and 0.0 <= along <= body["length"][i]:
+            if gap > best and -near <= along <= body["length"][i] + near:
                 best, code = gap, -1 - i
         ex, ey = bx - body["cx"][i], by - body["cy"][i]
         gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
@@ -290,16 +293,49 @@ def _square_distance(cx: float, cy: float, bx: np.ndarray, by: np.ndarray, poly:
 
 
 @kernel
-def _write_crest(piece: np.void, s: np.void, x: np.ndarray, y: np.ndarray) -> None:
-    """Write the series of the place of a crest in the frame of the body."""
+def _watch_feature(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, nearest: bool, space: np.void) -> None:
+    """Watch a crest come to a feature; ``nearest``: it is the one nearest to it. The gap is ``space["poly"]``.
+
+    A crest that lies behind another feature, and so outside the body, may come before it: then it is looked at again.
+    """
+    poly = space["poly"]
+    if nearest or gap >= -SAME_PLACE * body["size"]:
+        _watch_touch(body, pieces, kind, a, j, gap, space)
+        return
     for k in range(ORDER + 1):
-        place_of_crest(piece, s, x, y, k)
+        poly[k] = -poly[k]
+    look(space, 0, NOTHING, 0, 0)
+
+
+@kernel
+def _watch_side(body: np.void, pieces: np.ndarray, i: int, j: int, far: float, nearest: bool, space: np.void) -> None:
+    """Watch a crest come to a straight side, which moves by ``far`` [m] at most."""
+    x, y, poly = space["terms"][0], space["terms"][1], space["poly"]
+    px, py, ox, oy = x[0] - body["sx"][i], y[0] - body["sy"][i], body["ox"][i], body["oy"][i]
+    gap, place, length = ox * px + oy * py, oy * px - ox * py, body["length"][i]
+    if length > 0.0 and abs(gap) < far and -far < place < length + far:
+        for k in range(ORDER + 1):
+            poly[k] = ox * x[k] + oy * y[k]
+        poly[0] = gap
+        _watch_feature(body, pieces, SIDE_CREST, i, j, gap, nearest, space)
+
+
+@kernel
+def _watch_bend(body: np.void, pieces: np.ndarray, i: int, j: int, far: float, nearest: bool, space: np.void) -> None:
+    """Watch a crest come to an arc, which moves by ``far`` [m] at most."""
+    x, y, poly = space["terms"][0], space["terms"][1], space["poly"]
+    ex, ey = x[0] - body["cx"][i], y[0] - body["cy"][i]
+    gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
+    if abs(gap) < far:
+        _square_distance(body["cx"][i], body["cy"][i], x, y, poly)
+        poly[0] = gap * (gap + 2.0 * body["r"][i])
+        _watch_feature(body, pieces, ARC_CREST, i, j, gap, nearest, space)
 
 
 @kernel
 def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> None:
     """Watch a crest come to an arc or a side of the body, which it touches once."""
-    s, reach, poly, contacts = space["series"], space["reach"], space["poly"], space["contacts"]
+    s, reach, contacts = space["series"], space["reach"], space["contacts"]
     size, piece = body["size"], pieces[j]
     dx, dy = piece["x"] - s["x"][0], piece["y"] - s["y"][0]
     along = reach[X] + reach[Y]
@@ -309,36 +345,18 @@ def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
         if contacts["at"][c]["kind"] != ARC_PIECE and contacts["at"][c]["piece"] == j:
             return
     sine, cosine = s["sine"][0], s["cosine"][0]
-    bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
-    far = along + (abs(dx) + abs(dy) + along) * (reach[SINE] + reach[COSINE])
-    near = SAME_PLACE * size
-    nearest, code = _nearest_feature(body, bx, by)
-    if nearest > far and nearest < math.inf:
+    far = along + (abs(dx) + abs(dy) + along) * (reach[SINE] + reach[COSINE]) + SAME_PLACE * size
+    nearest, code = _nearest_feature(body, cosine * dx + sine * dy, cosine * dy - sine * dx)
+    if nearest > far:
         return
-    x, y, written = space["terms"][0], space["terms"][1], False
+    for k in range(ORDER + 1):
+        place_of_crest(piece, s, space["terms"][0], space["terms"][1], k)
+    if nearest < -far:
+        far = -2.0 * nearest
     for i in range(int(body["arcs"])):
-        px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
-        gap, place, length = ox * px + oy * py, oy * px - ox * py, body["length"][i]
-        deep = gap < -near
-        if length > 0.0 and gap < far and -far < place < length + far and (not deep or code == -1 - i):
-            if not written:
-                _write_crest(piece, s, x, y)
-                written = True
-            for k in range(ORDER + 1):
-                poly[k] = ox * x[k] + oy * y[k]
-            poly[0] = gap
-            _watch_touch(body, pieces, SIDE_CREST, i, j, gap, space)
-        ex, ey = bx - body["cx"][i], by - body["cy"][i]
-        gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
-        deep = gap < -near
-        if gap < far and (not deep or code == i):
-            if not written:
-                _write_crest(piece, s, x, y)
-                written = True
-            _square_distance(body["cx"][i], body["cy"][i], x, y, poly)
-            poly[0] = gap * (gap + 2.0 * body["r"][i])
-            _watch_touch(body, pieces, ARC_CREST, i, j, gap, space)
-    if nearest < -near and written:
+        _watch_side(body, pieces, i, j, far, code == -1 - i, space)
+        _watch_bend(body, pieces, i, j, far, code == i, space)
+    if nearest < -SAME_PLACE * size:
         _watch_inside(body, code, space)
 
 

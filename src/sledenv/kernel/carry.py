@@ -7,7 +7,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.books import book_spring, keep_peaks
-from sledenv.kernel.expansion import value
+from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.mode import all_friction
 
 AT_SURFACE = 1e-15  # of the size: a gap this small is that of a contact which has just begun
@@ -23,14 +23,17 @@ def carry_contacts(body: np.void, t: float, space: np.void) -> bool:
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
         before = contact["gap"]
-        contact["gap"], contact["gap_rate"] = value(terms["gap"], t), value(terms["gap_rate"], t)
-        contact["slip"] = value(terms["slip"], t)
+        gap = rate = slip = normal = 0.0
+        for k in range(ORDER, -1, -1):
+            gap, rate = gap * t + terms["gap"][k], rate * t + terms["gap_rate"][k]
+            slip, normal = slip * t + terms["slip"][k], normal * t + terms["normal"][k]
+        contact["gap"], contact["gap_rate"], contact["slip"] = gap, rate, slip
         separates = event["code"] == guards.SEPARATION and event["who"] == c
         begins = contact["gap_sign"] < 0 and contact["closing"] > 0.0 and contact["gap"] > -AT_SURFACE * body["size"]
         if separates or begins:
             contact["gap"] = 0.0
         book_spring(contact, before, rebound)
-        keep_peaks(contact, value(terms["normal"], t), rebound)
+        keep_peaks(contact, normal, rebound)
         contact["gap_left"] = contact["slip_left"] = 0
         elastic = contact["closing"] == contact["opening"]
         if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:

@@ -15,6 +15,7 @@ MOST: Final = 8  # contacts at once
 ORDER: Final = 16  # of the power series
 WIDTH: Final = ORDER + 3  # terms that have room; places have one order more than velocities
 ZEROS: Final = 2 * MOST + 1  # velocities that may be zero: gap rate and slip of each contact, and the spin
+PER: Final = np.array([0.0, *(1.0 / k for k in range(1, WIDTH + 1))])  # 1 / k
 DEEPEST: Final = 64  # rows of the stack of the root search
 
 
@@ -43,6 +44,8 @@ CONTACT: Final = np.dtype(
         *fields("f8", "nx ny"),  # [-] normal
         *fields("f8", "ln lt"),  # [m] what the spin adds to gap rate and slip
         *fields("f8", "gs gc"),  # [m] the same of the centre of an arc, times cosine and minus sine
+        *fields("f8", "push_x push_y push_s push_c"),  # what 1 N of load adds to fx, fy, gs and gc, with its friction
+        ("pull", "f8"),  # [-] tangential force over load while it slips
         ("deeper", "f8"),  # [m] how much deeper than its gap a crest lies under a side: the depth at which they began
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
         ("opening", "f8"),  # [N/m] and while it opens

@@ -16,12 +16,10 @@ from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.contacts import IMPACT, SPACE
-from sledenv.kernel.descend import SPACE as RIGID_SPACE
 from sledenv.kernel.geometry import PIECE, complete_outline, lay
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
-from sledenv.kernel.rigid_batch import RigidLanes, descend_rigid_lanes
 from sledenv.kernel.state import new
 
 
@@ -72,13 +70,9 @@ LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
 
 
 _LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
-_RIGID_LANES = Group(RigidLanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
-run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, Limits, _LANES, _WRITTEN, _SPACES, int)
-run_rigid_lanes: Final = LIBRARY.entry(
-    "descend_rigid_lanes", descend_rigid_lanes, RigidLaw, Limits, _RIGID_LANES, _WRITTEN, Table(RIGID_SPACE), int
-)
+run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _LANES, _WRITTEN, _SPACES, int)
 run_lay: Final = LIBRARY.entry("lay", lay, _ROWS, _PIECES)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
@@ -113,10 +107,7 @@ def _known() -> str:
             outcomes[name] = value
         outcomes["t_line"] = math.inf
         lanes, written = (body, law, slope, launch, np.empty((0, 2))), (outcomes, log[np.newaxis], rows)
-        if isinstance(law, RigidLaw):
-            run_rigid_lanes(law, limits, *lanes, *written, new(RIGID_SPACE), 1)
-        else:
-            run_lanes(limits, *lanes, pieces, *written, new(SPACE), 1)
+        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, pieces, *written, new(SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

@@ -13,7 +13,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sixteenth_root
-from sledenv.kernel.contacts import ORDER
+from sledenv.kernel.contacts import ORDER, PER
 from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
 from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
 
@@ -107,13 +107,13 @@ def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
             terms["gap_rate"][k] = 0.0
         if contact["slip_still"] != 0:
             terms["slip"][k] = 0.0
-        terms["gap"][k + 1] = terms["gap_rate"][k] / (k + 1)
+        terms["gap"][k + 1] = terms["gap_rate"][k] * PER[k + 1]
 
 
 @kernel
 def _terms_of_places(s: np.void, k: int) -> None:
     """Write terms of order ``k`` of where the body is, from those of its velocities."""
-    per = 1.0 / k
+    per = PER[k]
     s["x"][k], s["y"][k], s["phi"][k] = s["u"][k - 1] * per, s["v"][k - 1] * per, s["omega"][k - 1] * per
     s["sine"][k], s["cosine"][k] = s["cw"][k - 1] * per, -s["sw"][k - 1] * per
 
@@ -131,6 +131,7 @@ def _begin(body: np.void, pieces: np.ndarray, motion: np.void, contacts: np.void
         contact, terms = contacts["at"][c], s["of"][c]
         a, piece = contact["arc"], pieces[contact["piece"]]
         terms["gap"][0] = contact["gap"]
+        _write_push(body, contact)
         if contact["kind"] != ARC_PIECE:
             place_of_crest(piece, s, terms["bx"], terms["by"], 0)
         if contact["kind"] == ARC_CREST:
@@ -144,12 +145,21 @@ def _begin(body: np.void, pieces: np.ndarray, motion: np.void, contacts: np.void
 
 
 @kernel
-def _push(
+def _write_push(body: np.void, contact: np.void) -> None:
+    """Write what the load of a contact does to the body, with the friction that it brings with it."""
+    a, pull = contact["arc"], -contact["slip_sign"] * contact["friction"]
+    x, y = contact["nx"] + pull * contact["ny"], contact["ny"] - pull * contact["nx"]
+    cx, cy = body["cx"][a], body["cy"][a]
+    contact["pull"], contact["push_x"], contact["push_y"] = pull, x, y
+    contact["push_s"], contact["push_c"] = cx * y - cy * x, cy * y + cx * x
+
+
+@kernel
+def _push_of_crest(
     body: np.void, contact: np.void, s: np.void, terms: np.void, k: int
 ) -> tuple[float, float, float, float, float]:
-    """Terms of order ``k`` of the forces of a contact along x and y, of its moment, and of its parts of gs and gc."""
-    a = contact["arc"]
-    normal, force = terms["normal"], terms["force"]
+    """Terms of order ``k`` of the forces of a crest along x and y, of its moment, and of its parts of gs and gc."""
+    a, normal, force = contact["arc"], terms["normal"], terms["force"]
     if contact["kind"] == SIDE_CREST:
         ox, oy = body["ox"][a], body["oy"][a]
         sine, cosine, bx, by, gap = s["sine"], s["cosine"], terms["bx"], terms["by"], terms["gap"]
@@ -160,14 +170,28 @@ def _push(
             fy += sine[k - i] * along + cosine[k - i] * across
             moment += bx[k - i] * across - by[k - i] * along - gap[k - i] * force[i]
         return fx, fy, moment + contact["deeper"] * force[k], 0.0, 0.0
-    fx, fy = normal[k] * contact["nx"] + force[k] * contact["ny"], normal[k] * contact["ny"] - force[k] * contact["nx"]
-    if contact["kind"] == ARC_CREST:
-        nx, ny = terms["nx"], terms["ny"]
-        for i in range(k):
-            fx += normal[i] * nx[k - i] + force[i] * ny[k - i]
-            fy += normal[i] * ny[k - i] - force[i] * nx[k - i]
+    nx, ny = terms["nx"], terms["ny"]
+    fx = fy = 0.0
+    for i in range(k + 1):
+        fx += normal[i] * nx[k - i] + force[i] * ny[k - i]
+        fy += normal[i] * ny[k - i] - force[i] * nx[k - i]
     cx, cy = body["cx"][a], body["cy"][a]
     return fx, fy, body["r"][a] * force[k], cx * fy - cy * fx, cy * fy + cx * fx
+
+
+@kernel
+def _products(s: np.void, k: int) -> tuple[float, float, float]:
+    """Term of order ``k`` of the moment of forces on arcs, and those of order ``k + 1`` of sw and cw but for their last.
+
+    One loop for three sums: none of them waits for another.
+    """
+    sine, cosine, omega, gs, gc = s["sine"], s["cosine"], s["omega"], s["gs"], s["gc"]
+    moment = sw = cw = 0.0
+    for i in range(k + 1):
+        moment += cosine[k - i] * gs[i] - sine[k - i] * gc[i]
+        sw += sine[k + 1 - i] * omega[i]
+        cw += cosine[k + 1 - i] * omega[i]
+    return moment, sw, cw
 
 
 @kernel
@@ -180,19 +204,25 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
         stiffness = 0.0
         if sign != 0:
             stiffness = contact["closing"] if sign < 0 else contact["opening"]
-        terms["normal"][k] = -stiffness * terms["gap"][k]
-        terms["force"][k] = -contact["slip_sign"] * contact["friction"] * terms["normal"][k]
-        x, y, turning, s_part, c_part = _push(body, contact, s, terms, k)
-        fx, fy, moment, gs, gc = fx + x, fy + y, moment + turning, gs + s_part, gc + c_part
-        load += contact["arm"] * terms["normal"][k]
+        normal = -stiffness * terms["gap"][k]
+        terms["normal"][k], terms["force"][k] = normal, contact["pull"] * normal
+        load += contact["arm"] * normal
+        if contact["kind"] == ARC_PIECE:
+            fx, fy = fx + normal * contact["push_x"], fy + normal * contact["push_y"]
+            gs, gc = gs + normal * contact["push_s"], gc + normal * contact["push_c"]
+            moment += body["r"][contact["arc"]] * contact["pull"] * normal
+        else:
+            x, y, turning, s_part, c_part = _push_of_crest(body, contact, s, terms, k)
+            fx, fy, moment, gs, gc = fx + x, fy + y, moment + turning, gs + s_part, gc + c_part
     s["gs"][k], s["gc"][k], s["moment"][k] = gs, gc, -contacts["spin_sign"] * load
-    moment += s["moment"][k] + product(s["cosine"], s["gs"], k) - product(s["sine"], s["gc"], k)
-    per = 1.0 / (k + 1)
-    u, v = fx / body["mass"], fy / body["mass"]
+    turning, sw, cw = _products(s, k)
+    moment += s["moment"][k] + turning
+    per = PER[k + 1]
+    u, v = fx * body["per_mass"], fy * body["per_mass"]
     if k == 0:
         u, v = u + slope.downhill, v - slope.inward
-    s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u * per, v * per, moment / body["inertia"] * per
-    s["sw"][k + 1], s["cw"][k + 1] = product(s["sine"], s["omega"], k + 1), product(s["cosine"], s["omega"], k + 1)
+    s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u * per, v * per, moment * body["per_inertia"] * per
+    s["sw"][k + 1], s["cw"][k + 1] = sw + s["sine"][0] * s["omega"][k + 1], cw + s["cosine"][0] * s["omega"][k + 1]
 
 
 @kernel
@@ -210,9 +240,10 @@ def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
         push, force = lock["push"], lock["force"]
-        turned = force * push[2] / (body["inertia"] * m)
-        s["u"][m] += force * push[0] / (body["mass"] * m)
-        s["v"][m] += force * push[1] / (body["mass"] * m)
+        share = force * PER[m]
+        turned = share * push[2] * body["per_inertia"]
+        s["u"][m] += share * push[0] * body["per_mass"]
+        s["v"][m] += share * push[1] * body["per_mass"]
         s["omega"][m] += turned
         s["sw"][m] += s["sine"][0] * turned
         s["cw"][m] += s["cosine"][0] * turned
@@ -221,7 +252,7 @@ def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k
             continue
         contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
         normal = force if lock["what"] == GAP else 0.0
-        pull = -contact["slip_sign"] * contact["friction"] * force if lock["what"] == GAP else force
+        pull = contact["pull"] * force if lock["what"] == GAP else force
         terms["normal"][k] += normal
         terms["force"][k] += pull
         s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * normal
@@ -252,7 +283,7 @@ def last_forces(contact: np.void, terms: np.void) -> None:
     if sign != 0:
         stiffness = contact["closing"] if sign < 0 else contact["opening"]
     terms["normal"][ORDER] = -stiffness * terms["gap"][ORDER]
-    terms["force"][ORDER] = -contact["slip_sign"] * contact["friction"] * terms["normal"][ORDER]
+    terms["force"][ORDER] = contact["pull"] * terms["normal"][ORDER]
 
 
 @kernel

@@ -155,7 +155,9 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
     event["code"], event["time"] = guards.NOTHING, _longest(body, approach, space)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
-        guards.watch_slip(contact, terms, c, space)  # of a point that is off too: the first one tells of the slip of all
+        guards.watch_slip(
+            contact, terms, c, space
+        )  # of a point that is off too: the first one tells of the slip of all
         if contact["closing"] > 0.0:
             guards.watch_gap(contact, terms, c, space)
             continue

@@ -17,6 +17,7 @@ from sledenv.kernel.arithmetic import angle_of, sine_cosine, wrap
 
 ARC_PIECE, ARC_CREST, SIDE_CREST = range(3)
 SAME_PLACE: Final = 1e-12  # of the size: two places nearer than this are one
+AT_JOIN: Final = 1e-11  # [rad], or of the size: features overlap by this, so that rounding leaves nothing between them
 
 # A piece of the ground, with the vertex where it begins (of the first piece: where it ends).
 PIECE: Final = np.dtype(
@@ -75,9 +76,9 @@ def lay(vertices: np.ndarray, pieces: np.ndarray) -> None:
                 if first == 0:
                     piece["run_low"] = -math.inf
                 else:
-                    piece["run_low"] = along_piece(piece, begin["x"], begin["y"])
+                    piece["run_low"] = min(piece["low"], along_piece(piece, begin["x"], begin["y"]))
                 if j < n:
-                    piece["run_high"] = along_piece(piece, end["x"], end["y"])
+                    piece["run_high"] = max(piece["high"], along_piece(piece, end["x"], end["y"]))
             first = j + 1
 
 
@@ -119,6 +120,7 @@ def _height(piece: np.void, x: float) -> float:
 @kernel
 def complete_outline(body: np.void) -> None:
     """Write what contacts need of an outline: centres of arcs, directions of straight sides."""
+    body["per_mass"], body["per_inertia"] = 1.0 / body["mass"], 1.0 / body["inertia"]
     count = int(body["count"])
     arcs = count
     if count > 1 and body["low"][0] < body["begin"][0]:  # the last one is the first one again
@@ -126,9 +128,12 @@ def complete_outline(body: np.void) -> None:
     body["arcs"] = float(arcs)
     for k in range(arcs):
         body["cx"][k], body["cy"][k] = -body["across"][k], body["along"][k]
-        body["mid"][k], body["half"][k] = 0.5 * (body["low"][k] + body["high"][k]), 0.5 * (body["high"][k] - body["low"][k])
-        if count == 1:
-            body["mid"][k], body["half"][k] = 0.0, math.inf
+        body["mid"][k], body["half"][k] = 0.0, math.inf
+        if count > 1:
+            body["mid"][k], body["half"][k] = (
+                0.5 * (body["low"][k] + body["high"][k]),
+                0.5 * (body["high"][k] - body["low"][k]),
+            )
     for k in range(arcs):
         after = (k + 1) % arcs
         body["smooth"][k] = 1.0 if body["side"][k] == 0.0 else 0.0
@@ -204,7 +209,8 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
 @kernel
 def faces_arc(body: np.void, a: int, bx: float, by: float) -> bool:
     """Whether a place in the frame of the body lies within the angle of an arc, seen from its centre."""
-    return bool(abs(wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])) <= body["half"][a])
+    angle = wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])
+    return bool(abs(angle) <= body["half"][a] + AT_JOIN)
 
 
 @kernel

@@ -50,6 +50,14 @@ def look(space: np.void, zeros: int, code: int, who: int, side: int) -> None:
 
 
 @kernel
+def _begun(poly: np.ndarray, zeros: int) -> int:
+    """Leading coefficients to pass over of a load, or a bound on one, that begins with ``zeros`` of them, or more."""
+    while zeros < 3 and poly[zeros] == 0.0:
+        zeros += 1
+    return zeros
+
+
+@kernel
 def _released(poly: np.ndarray) -> int:
     """Leading coefficients to pass over of a velocity that leaves zero.
 
@@ -66,12 +74,11 @@ def watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     if contact["gap_sign"] != 0:
         for k in range(ORDER + 1):
             poly[k] = -terms["gap"][k]
-        zeros = 0
-        if contact["gap"] == 0.0:
-            zeros = 1
-            while zeros < 3 and not poly[zeros] > 0.0:
-                zeros += 1
-        look(space, zeros, SEPARATION, c, 0)
+        zeros = _begun(poly, 1) if contact["gap"] == 0.0 else 0
+        if zeros > 0 and not poly[zeros] > 0.0:  # it has opened at the end of the step before
+            space["event"]["time"], space["event"]["code"], space["event"]["who"] = 0.0, SEPARATION, c
+        else:
+            look(space, zeros, SEPARATION, c, 0)
     if contact["gap_still"] != 0 and contact["gap_sign"] != 0:
         return
     if contact["gap_sign"] != 0:
@@ -121,18 +128,17 @@ def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None
             other, of = contacts["at"][q], space["series"]["of"][q]
             for k in range(ORDER + 1):
                 poly[k] += other["friction"] * of["normal"][k] + side * of["force"][k]
-        look(space, 1 if _is_fresh(contact) and not alike else 0, SLIP_FREE, c, side)
+        look(space, _begun(poly, 1) if _is_fresh(contact) and not alike else 0, SLIP_FREE, c, side)
 
 
 @kernel
 def watch_spin(contacts: np.void, space: np.void) -> None:
     """Watch the spin, or the rolling resistance that holds it."""
     poly, s, sign = space["poly"], space["series"], contacts["spin_sign"]
-    arms, fresh = 0.0, 1
+    arms, fresh = 0.0, True
     for c in range(contacts["count"]):
         arms += contacts["at"][c]["arm"]
-        if not _is_fresh(contacts["at"][c]):
-            fresh = 0
+        fresh = fresh and _is_fresh(contacts["at"][c])
     if not arms > 0.0 or (contacts["spin_still"] != 0 and sign != 0):
         return
     if sign != 0:
@@ -147,7 +153,7 @@ def watch_spin(contacts: np.void, space: np.void) -> None:
             contact, normal = contacts["at"][c], s["of"][c]["normal"]
             for k in range(ORDER + 1):
                 poly[k] += contact["arm"] * normal[k]
-        look(space, fresh, SPIN_FREE, 0, side)
+        look(space, _begun(poly, 1) if fresh else 0, SPIN_FREE, 0, side)
 
 
 @kernel
@@ -161,11 +167,15 @@ def _watch_end(
     poly[0] += offset
     if poly[0] >= near:
         look(space, 0, code, c, side)
-    elif poly[1] < 0.0:
+        return
+    zeros = 1
+    while zeros < 3 and poly[zeros] == 0.0:
+        zeros += 1
+    if poly[zeros] < 0.0:
         if event["time"] > 0.0:
             event["time"], event["code"], event["who"], event["side"] = 0.0, code, c, side
-    elif poly[0] > -near:
-        look(space, 1, code, c, side)
+    elif poly[zeros] > 0.0 and poly[0] > -near:
+        look(space, zeros, code, c, side)
 
 
 @kernel

@@ -105,7 +105,7 @@ def all_friction(contacts: np.void) -> float:
 def _unit(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> tuple[float, float, float, float]:
     """What a row has beside the rows that are locked, in the norm of the inverse masses; and its share of the row."""
     r0, r1, r2 = _row(contacts, what, c)
-    per_mass, per_inertia = math.sqrt(1.0 / body["mass"]), math.sqrt(1.0 / body["inertia"])
+    per_mass, per_inertia = math.sqrt(body["per_mass"]), math.sqrt(body["per_inertia"])
     q0, q1, q2 = r0 * per_mass, r1 * per_mass, r2 * per_inertia
     whole = math.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
     for i in range(choice["locks"]):
@@ -152,7 +152,7 @@ def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
 @kernel
 def _write_mobility(body: np.void, choice: np.void) -> None:
     """Write what each locked force changes of each locked velocity."""
-    per_mass, per_inertia = 1.0 / body["mass"], 1.0 / body["inertia"]
+    per_mass, per_inertia = body["per_mass"], body["per_inertia"]
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
         row, mobility = lock["row"], lock["mobility"]
@@ -231,7 +231,7 @@ def _accelerate(body: np.void, slope: Any, contacts: np.void, choice: np.void) -
         load += contact["arm"] * normal
     rolling = -spin * load
     turning += rolling
-    per_mass, per_inertia = 1.0 / mass, 1.0 / body["inertia"]
+    per_mass, per_inertia = body["per_mass"], body["per_inertia"]
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
         row = lock["row"]
@@ -414,7 +414,7 @@ def _list_zeros(shallow: float, contacts: np.void, choice: np.void) -> None:
     arms = 0.0
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
-        share["depth"] = max(-contact["gap"], shallow)
+        share["depth"] = -contact["gap"] if contact["gap"] < 0.0 else shallow
         arms += contact["arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
         if contacts["alike"] == 0:

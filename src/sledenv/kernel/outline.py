@@ -67,6 +67,8 @@ BODY: Final = np.dtype(
     [
         ("mass", "f8"),  # [kg]
         ("inertia", "f8"),  # [kg m^2] about the mass centre
+        ("per_mass", "f8"),  # [1/kg]
+        ("per_inertia", "f8"),  # [1/(kg m^2)]
         ("count", "f8"),  # of intervals
         ("arcs", "f8"),  # of arcs, none listed twice
         ("size", "f8"),  # [m] largest distance of the outline from the mass centre

@@ -49,7 +49,7 @@ def first_zero(p: np.ndarray, end: float, zeros: int, stack: np.ndarray) -> floa
     if q[0] + fall > 0.0:
         return NONE
     if q[0] <= 0.0:
-        return 0.0
+        return NONE if q[0] == 0.0 and whole == 0.0 and fall == 0.0 else 0.0  # of nothing at all, or the first time
     for k in range(1, m + 1):
         rise += k * max(q[k], 0.0)
     if q[1] < 0.0 and rise + q[1] < 0.0:  # it falls throughout

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from sledenv.kernel.books import contact_mode
-from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.contacts import IMPACT
+from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.bodies import Body, made_body

@@ -1,0 +1,93 @@
+"""What tests of single kernels work on: a body, a ground and a work space as the engine reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sledenv import circular_segment, disc, polygon, sled
+from sledenv.kernel import contacts, geometry
+from sledenv.kernel.params import Incline
+from sledenv.simulation.bodies import Body
+from tests.compiled import compiled
+
+lay, complete_outline, add = compiled(geometry.lay), compiled(geometry.complete_outline), compiled(contacts.add)
+BLOCK_CORNERS = ((-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3))
+HEXAGON = [(0.4 * math.cos(a), 0.3 * math.sin(a)) for a in np.arange(6) * math.pi / 3]
+BODIES = {
+    "disc": disc(20.0, 0.3),
+    "block": polygon(50.0, BLOCK_CORNERS, rounding=0.05),
+    "triangle": polygon(50.0, [(-0.5, -0.3), (0.5, -0.3), (0.0, 0.6)], rounding=0.05),
+    "hexagon": polygon(30.0, HEXAGON, rounding=0.03),
+    "sled": sled(),
+}
+SEGMENT = circular_segment(5.0, 0.4, 1.0)
+
+
+class Spring(NamedTuple):
+    """What a contact is made of, beside its features."""
+
+    depth: float = 1e-3  # [m]
+    closing: float = 3e4  # [N/m]
+    opening: float = 1e4  # [N/m]
+    friction: float = 0.3  # [-]
+    arm: float = 0.0  # [m]
+
+
+def record_of(body: Body) -> Any:
+    """Record of a body, with all that contacts need."""
+    record = body.record.copy()
+    complete_outline(record[0])
+    return record[0]
+
+
+def pieces_of(vertices: Sequence[tuple[float, float]] | np.ndarray) -> np.ndarray:
+    """Pieces of a profile; of a plane, where it has no vertices."""
+    places = np.ascontiguousarray(np.reshape(np.asarray(vertices, dtype=float), (-1, 2)))
+    pieces = np.zeros(len(places) + 1, geometry.PIECE)
+    lay(places, pieces)
+    return pieces
+
+
+def incline(angle: float, gravity: float = 9.81) -> Incline:
+    return Incline(gravity * math.sin(angle), gravity * math.cos(angle), math.inf, gravity)
+
+
+def new_space() -> Any:
+    """Work space without contacts, on a ground without zones."""
+    space = np.zeros(1, contacts.SPACE)[0]
+    space["ground"]["count"], space["ground"]["begin"][0], space["ground"]["begin"][1] = 1.0, -math.inf, math.inf
+    return space
+
+
+def put(space: Any, place: Sequence[float], velocity: Sequence[float]) -> None:
+    """Write where the body is [m, rad] and how it moves [m/s, rad/s]."""
+    motion = space["motion"]
+    motion["t"] = 0.0
+    motion["x"], motion["y"], motion["phi"] = place
+    motion["u"], motion["v"], motion["omega"] = velocity
+    motion["sine"], motion["cosine"] = math.sin(place[2]), math.cos(place[2])
+
+
+def touch(body: Any, pieces: np.ndarray, space: Any, features: tuple[int, int, int], spring: Spring) -> Any:
+    """Add a contact of a kind, an arc and a piece, whatever the distance of the two is; return it."""
+    add(body, pieces, space, *features)
+    contact = space["contacts"]["at"][int(space["contacts"]["count"]) - 1]
+    contact["gap"] = -spring.depth
+    geometry.place(body, pieces, space["motion"], contact)
+    contact["closing"], contact["opening"] = spring.closing, spring.opening
+    contact["friction"], contact["arm"] = spring.friction, spring.arm
+    return contact
+
+
+def rows_of(space: Any) -> list[np.ndarray]:
+    """What u, v and omega add to gap rate and slip of each contact: two rows a contact."""
+    rows = []
+    for c in range(int(space["contacts"]["count"])):
+        contact = space["contacts"]["at"][c]
+        nx, ny, ln, lt = (float(contact[name]) for name in ("nx", "ny", "ln", "lt"))
+        rows += [np.array([nx, ny, ln]), np.array([ny, -nx, lt])]
+    return rows

@@ -1,0 +1,585 @@
+"""The choice of a mode: its accelerations, when a body rests, and mirror images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog, lsq_linear
+
+from sledenv.kernel import mode
+from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.params import Incline
+from tests.compiled import compiled
+from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.oracles import box_rule
+
+property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
+choose = compiled(mode.choose)
+BLOCK = record_of(BODIES["block"])
+PLANE, ROOF = pieces_of([]), pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])
+MASSES = np.array([BLOCK["mass"], BLOCK["mass"], BLOCK["inertia"]], dtype=float)
+SPIN_ROW = np.array([0.0, 0.0, 1.0])
+Features = tuple[int, int, int]
+ANYWHERE: list[Features] = [
+    (ARC_PIECE, 1, 1),
+    (ARC_PIECE, 2, 3),
+    (ARC_CREST, 1, 2),
+    (SIDE_CREST, 1, 2),
+    (ARC_PIECE, 0, 2),
+]
+FLAT: list[Features] = [(ARC_PIECE, 1, 0), (ARC_PIECE, 2, 0)]
+
+depths = st.floats(1e-4, 2e-2)
+springs = st.builds(
+    Spring,
+    depths,
+    st.floats(2e4, 5e4),
+    st.floats(2e3, 2e4),
+    st.floats(0.01, 0.8),
+    st.one_of(st.just(0.0), st.floats(1e-3, 0.1)),
+)
+speeds = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.0, 3.0))
+poses = st.tuples(st.floats(0.2, 0.6), st.floats(0.8, 1.0), st.floats(-3.0, 3.0))
+angles = st.floats(-0.5, 0.5)
+
+
+class Scene(NamedTuple):
+    """A body with its contacts, some of whose velocities are zero."""
+
+    pieces: np.ndarray
+    slope: Incline
+    pose: tuple[float, ...]
+    velocity: tuple[float, ...]
+    features: Sequence[Features]
+    springs: Sequence[Spring]
+    zeros: Sequence[int]  # velocities that are zero: 2 c is gap rate, 2 c + 1 slip of contact c, -1 the spin
+
+
+def row(space: Any, zero: int) -> np.ndarray:
+    return SPIN_ROW if zero < 0 else rows_of(space)[zero]
+
+
+def prepared(scene: Scene) -> Any:
+    """Work space of a scene; what depends on velocities that are zero is zero too."""
+    space = new_space()
+    put(space, scene.pose, scene.velocity)
+    for feature, spring in zip(scene.features, scene.springs, strict=True):
+        touch(BLOCK, scene.pieces, space, feature, spring)
+    velocity = np.array(scene.velocity)
+    if scene.zeros:
+        held = np.array([row(space, zero) for zero in scene.zeros])
+        velocity = velocity - np.linalg.pinv(held, rcond=1e-9) @ (held @ velocity)
+        velocity[abs(velocity) < 1e-12] = 0.0
+    if -1 in scene.zeros:
+        velocity[2] = 0.0
+    put(space, scene.pose, velocity)
+    for c in range(len(scene.features)):
+        contact = space["contacts"]["at"][c]
+        for zero, name in ((2 * c, "gap_rate"), (2 * c + 1, "slip")):
+            rate = row(space, zero) @ velocity
+            contact[name] = 0.0 if zero in scene.zeros or abs(rate) < 1e-12 else rate
+    return space
+
+
+def drifts(scene: Scene, space: Any) -> np.ndarray:
+    """How gap rates and slips change while u, v and omega do not: difference quotients of their rows."""
+    velocity, step = np.array([space["motion"][name] for name in ("u", "v", "omega")]), 1e-5
+    ahead, behind = (
+        np.array(rows_of(prepared(scene._replace(pose=tuple(np.array(scene.pose) + sign * step * velocity), zeros=()))))
+        for sign in (1, -1)
+    )
+    return np.asarray((ahead - behind) @ velocity / (2.0 * step))
+
+
+def free(scene: Scene) -> np.ndarray:
+    """Acceleration without contacts."""
+    return np.array([scene.slope.downhill, -scene.slope.inward, 0.0])
+
+
+def chosen(space: Any) -> np.ndarray:
+    return np.array([space["choice"][name] for name in ("du", "dv", "domega")])
+
+
+def least(
+    start: np.ndarray, rows: np.ndarray, drift: np.ndarray, low: np.ndarray, high: np.ndarray, unit: np.ndarray
+) -> np.ndarray:
+    """Acceleration with the forces between bounds that make the least of Gauss's function, by scipy's least squares.
+
+    Where a force is between its bounds its velocity keeps its value; ``unit`` [N, N m] makes forces comparable.
+    """
+    moved, *_ = np.linalg.lstsq(rows, drift, rcond=None)
+    assume(np.allclose(rows @ moved, drift, atol=1e-6))  # what depends on zeros does not leave
+    roots = np.sqrt(MASSES)
+    wide = high - low > 1e-12 * unit
+    known = start + (rows[~wide].T @ low[~wide]) / MASSES
+    if not np.any(wide):
+        return known
+    matrix = (rows[wide] / roots).T * unit[wide]
+    found = lsq_linear(
+        matrix, -roots * (known + moved), (low[wide] / unit[wide], high[wide] / unit[wide]), method="bvls", tol=1e-15
+    )
+    return known + (rows[wide].T @ (found.x * unit[wide])) / MASSES
+
+
+def loads_of_moving_gaps(space: Any) -> np.ndarray:
+    at = space["contacts"]["at"][: int(space["contacts"]["count"])]
+    return np.array([-c["gap"] * (c["closing"] if c["gap_rate"] < 0.0 else c["opening"]) for c in at])
+
+
+def friction_oracle(scene: Scene, space: Any) -> np.ndarray:
+    """Acceleration where all gaps move: friction and rolling resistance make the least of Gauss's function."""
+    at = space["contacts"]["at"][: len(scene.features)]
+    normals, omega = loads_of_moving_gaps(space), float(space["motion"]["omega"])
+    rows, turning = np.array(rows_of(space)), drifts(scene, space)
+    start = free(scene) + rows[0::2].T @ normals / MASSES
+    bounds = [*(c["friction"] * n for c, n in zip(at, normals, strict=True)), sum(at["arm"] * normals)]
+    speed = np.array([*at["slip"], omega])
+    low = np.array([-b if v >= 0.0 else b for b, v in zip(bounds, speed, strict=True)])
+    high = np.array([b if v <= 0.0 else -b for b, v in zip(bounds, speed, strict=True)])
+    unit = np.array([100.0] * len(at) + [30.0])
+    every, drift = np.vstack([rows[1::2], SPIN_ROW]), np.array([*turning[1::2], 0.0])
+    return least_of_zeros(start, every, drift, low, high, unit, speed == 0.0)
+
+
+def least_of_zeros(
+    start: np.ndarray,
+    rows: np.ndarray,
+    drift: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    unit: np.ndarray,
+    zero: np.ndarray,
+) -> np.ndarray:
+    known = start + rows[~zero].T @ low[~zero] / MASSES
+    return least(known, rows[zero], drift[zero], low[zero], high[zero], unit[zero])
+
+
+def same_acceleration(found: np.ndarray, expected: np.ndarray, size: float = 1e3) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-9 * size)
+
+
+def check_laws(scene: Scene, space: Any) -> None:
+    """The forces move the body as Newton says, and each one is within its bounds, or at the one its velocity tells."""
+    choice, contacts = space["choice"], space["contacts"]
+    count = len(scene.features)
+    rows, turning, found = np.array(rows_of(space)), drifts(scene, space), chosen(space)
+    share = choice["share"][:count]
+    forces = np.ravel([[s["normal"], s["force"]] for s in share])
+    push = rows.T @ forces + SPIN_ROW * choice["moment"]
+    same_acceleration(found, free(scene) + push / MASSES)
+    changes = rows @ found + turning
+    slack, slow = 1e-8 * max(500.0, *abs(forces)), 1e-6
+    load = 0.0
+    for c in range(count):
+        contact = contacts["at"][c]
+        normal, force = share[c]["normal"], share[c]["force"]
+        depth, bound = -contact["gap"], contact["friction"] * normal
+        load += contact["arm"] * normal
+        ends = (contact["opening"] * depth, contact["closing"] * depth)
+        assert ends[0] - slack <= normal <= ends[1] + slack
+        assert abs(force) <= bound + slack
+        for speed, change, at_bound in (
+            (contact["gap_rate"], changes[2 * c], (normal - ends[1], normal - ends[0])),
+            (contact["slip"], changes[2 * c + 1], (force - bound, force + bound)),
+        ):
+            if speed < 0.0 or (speed == 0.0 and change < -slow):
+                assert abs(at_bound[0]) <= slack
+            if speed > 0.0 or (speed == 0.0 and change > slow):
+                assert abs(at_bound[1]) <= slack
+    moment, omega = choice["moment"], space["motion"]["omega"]
+    assert abs(moment) <= load + slack
+    if omega > 0.0 or (omega == 0.0 and found[2] > slow):
+        assert abs(moment + load) <= slack
+    if omega < 0.0 or (omega == 0.0 and found[2] < -slow):
+        assert abs(moment - load) <= slack
+
+
+# --- one contact -----------------------------------------------------------------------------------------------------
+
+
+@property_of_all
+@given(st.floats(-3.0, 3.0), angles, springs, speeds, st.sampled_from([(1,), (-1,), (1, -1)]))
+def test_one_contact_obeys_the_box_rule(
+    phi: float, angle: float, spring: Spring, speed: tuple[float, ...], zeros: tuple[int, ...]
+) -> None:
+    """Oracle: the box rule of physics.md, sections 4 and 5, by coordinate descent."""
+    scene = Scene(PLANE, incline(angle), (0.0, 0.5, phi), speed, [(ARC_PIECE, 1, 0)], [spring], zeros)
+    space = prepared(scene)
+    contact, omega = space["contacts"]["at"][0], float(space["motion"]["omega"])
+    assume(abs(contact["gap_rate"]) > 1e-3 and (1 in zeros or abs(contact["slip"]) > 1e-3))
+    assume(-1 in zeros or abs(omega) > 1e-3)
+    assume(spring.arm > 0.0 or 1 in zeros)
+    (normal,) = loads_of_moving_gaps(space)
+    normal_row, slip_row = rows_of(space)
+    pushes = np.array([slip_row, SPIN_ROW])
+    w = pushes @ (pushes / MASSES).T
+    start = free(scene) + normal_row * normal / MASSES
+    rates = pushes @ start + [drifts(scene, space)[1], 0.0]
+    bounds = (spring.friction * normal, spring.arm * normal)
+    pinned = tuple(
+        None if zero in zeros else -math.copysign(bound, v)
+        for zero, bound, v in ((1, bounds[0], contact["slip"]), (-1, bounds[1], omega))
+    )
+    forces, _ = box_rule(w, rates, bounds, pinned)
+    assert not choose(BLOCK, PLANE, scene.slope, space)
+    same_acceleration(chosen(space), start + pushes.T @ forces / MASSES)
+
+
+@property_of_all
+@given(
+    st.sampled_from(ANYWHERE), poses, angles, springs, speeds, st.sampled_from([(0,), (0, 1), (0, -1), (1,), (1, -1)])
+)
+def test_forces_of_one_contact_are_within_their_bounds(
+    feature: Features,
+    pose: tuple[float, ...],
+    angle: float,
+    spring: Spring,
+    speed: tuple[float, ...],
+    zeros: tuple[int, ...],
+) -> None:
+    """Oracle: the laws of physics.md, section 5, read off the forces; a gap rate that is zero counts among them."""
+    scene = Scene(ROOF, incline(angle), pose, speed, [feature], [spring], zeros)
+    space = prepared(scene)
+    choose(BLOCK, ROOF, scene.slope, space)
+    assume(space["choice"]["zeros"] > 0)
+    check_laws(scene, space)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, 0.4])
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_touch_without_depth_has_no_force_yet(angle: float, speed: float) -> None:
+    """Oracle: free fall; a slip that is zero leaves down the slope."""
+    spring = Spring(depth=0.0, friction=0.5)
+    scene = Scene(PLANE, incline(angle), (0.0, 0.3, 0.2), (0.0, -speed, 0.0), [(ARC_PIECE, 1, 0)], [spring], (1,))
+    space = prepared(scene)
+    space["motion"]["u"] = space["motion"]["omega"] = 0.0
+    space["motion"]["v"] = -speed
+    space["contacts"]["at"][0]["gap_rate"], space["contacts"]["at"][0]["slip"] = -speed, 0.0
+    assert not choose(BLOCK, PLANE, scene.slope, space)
+    same_acceleration(chosen(space), free(scene), 10.0)
+    if angle > 0.0:
+        assert space["contacts"]["at"][0]["slip_sign"] == 1
+
+
+@pytest.mark.parametrize("zeros", [(), (0,), (1,), (-1,), (0, 1, -1)])
+def test_where_e_is_one_and_nothing_rubs_there_is_nothing_to_choose(zeros: tuple[int, ...]) -> None:
+    """Oracle: every force has one value whatever its velocity, so that nothing is held or watched, not even at rest."""
+    spring = Spring(1e-2, 3e4, 3e4, 0.0, 0.0)
+    scene = Scene(PLANE, incline(0.1), (0.0, 0.3, 0.2), (0.3, -0.5, 0.2), [(ARC_PIECE, 1, 0)], [spring], zeros)
+    space = prepared(scene)
+    assert not choose(BLOCK, PLANE, scene.slope, space)
+    contact = space["contacts"]["at"][0]
+    assert space["choice"]["zeros"] == 0
+    assert contact["gap_sign"] != 0
+    assert contact["gap_still"] == contact["slip_still"] == space["contacts"]["spin_still"] == 0
+
+
+# --- several contacts ------------------------------------------------------------------------------------------------
+
+several = st.lists(st.sampled_from(ANYWHERE), min_size=2, max_size=3, unique=True)
+
+
+@property_of_all
+@given(
+    several,
+    st.lists(springs, min_size=3, max_size=3),
+    poses,
+    angles,
+    speeds,
+    st.lists(st.sampled_from([1, 3, -1]), min_size=1, max_size=2, unique=True),
+)
+def test_friction_of_several_contacts_makes_the_least_of_gauss_function(
+    features: list[Features],
+    each: list[Spring],
+    pose: tuple[float, ...],
+    angle: float,
+    speed: tuple[float, ...],
+    zeros: list[int],
+) -> None:
+    """Oracle: a least-squares problem with bounds, by scipy; gap rates are not zero, so that bounds are known."""
+    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
+    space = prepared(scene)
+    at = space["contacts"]["at"][: len(features)]
+    assume(np.all(abs(at["gap_rate"]) > 1e-3))
+    assume(np.all((abs(at["slip"]) > 1e-3) | (at["slip"] == 0.0)) and not 0.0 < abs(space["motion"]["omega"]) < 1e-3)
+    expected = friction_oracle(scene, space)
+    assert not choose(BLOCK, ROOF, scene.slope, space)
+    assume(space["choice"]["zeros"] > 0)
+    same_acceleration(chosen(space), expected)
+    check_laws(scene, space)
+
+
+@property_of_all
+@given(
+    several,
+    st.lists(springs, min_size=3, max_size=3),
+    poses,
+    angles,
+    speeds,
+    st.lists(st.sampled_from([0, 2]), min_size=1, max_size=2, unique=True),
+)
+def test_springs_without_friction_make_the_least_of_gauss_function(
+    features: list[Features],
+    each: list[Spring],
+    pose: tuple[float, ...],
+    angle: float,
+    speed: tuple[float, ...],
+    zeros: list[int],
+) -> None:
+    """Oracle: a least-squares problem with bounds, by scipy: loads between the two stiffnesses of each spring."""
+    each = [spring._replace(friction=0.0, arm=0.0) for spring in each[: len(features)]]
+    scene = Scene(ROOF, incline(angle), pose, speed, features, each, zeros)
+    space = prepared(scene)
+    at = space["contacts"]["at"][: len(features)]
+    assume(np.all((abs(at["gap_rate"]) > 1e-3) | (at["gap_rate"] == 0.0)))
+    zero = np.asarray(at["gap_rate"] == 0.0)
+    rows, turning = np.array(rows_of(space))[0::2], drifts(scene, space)[0::2]
+    ends = -at["gap"] * at["opening"], -at["gap"] * at["closing"]
+    moving = loads_of_moving_gaps(space)
+    low, high = np.where(zero, ends[0], moving), np.where(zero, ends[1], moving)
+    expected = least_of_zeros(free(scene), rows, turning, low, high, np.full(len(at), 100.0), zero)
+    choose(BLOCK, ROOF, scene.slope, space)
+    assume(space["choice"]["zeros"] > 0)
+    same_acceleration(chosen(space), expected)
+
+
+@property_of_all
+@given(
+    several,
+    st.lists(springs, min_size=3, max_size=3),
+    poses,
+    angles,
+    speeds,
+    st.lists(st.sampled_from([0, 1, 2, 3, -1]), min_size=1, max_size=2, unique=True),
+)
+def test_forces_of_several_contacts_are_within_their_bounds(
+    features: list[Features],
+    each: list[Spring],
+    pose: tuple[float, ...],
+    angle: float,
+    speed: tuple[float, ...],
+    zeros: list[int],
+) -> None:
+    """Oracle: the laws of physics.md, section 5, read off the forces; gap rates that are zero count among them."""
+    each = [spring._replace(friction=min(spring.friction, 0.3), arm=0.3 * spring.arm) for spring in each]
+    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
+    space = prepared(scene)
+    choose(BLOCK, ROOF, scene.slope, space)
+    assume(space["choice"]["zeros"] > 0)
+    check_laws(scene, space)
+
+
+# --- locks that depend on each other ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [-2.0, 3.0])
+@pytest.mark.parametrize("friction", [0.05, 0.3])
+def test_a_block_that_slides_flat_keeps_flat(speed: float, friction: float) -> None:
+    """Oracle: m u' = m (g sin(beta) - f g cos(beta) sgn u); gap rates stay zero, exactly."""
+    slope = incline(0.2)
+    share = float(BLOCK["mass"]) * slope.inward / 2.0
+    each = [Spring(share / 2e4, 3e4, 1e4, friction, 0.0)] * 2
+    scene = Scene(PLANE, slope, (0.0, 0.3, 0.0), (speed, 0.0, 0.0), FLAT, each, (0, 2, -1))
+    space = prepared(scene)
+    assert not choose(BLOCK, PLANE, slope, space)
+    assert space["choice"]["du"] == pytest.approx(
+        slope.downhill - math.copysign(friction, speed) * slope.inward, rel=1e-12
+    )
+    assert abs(space["choice"]["dv"]) + abs(space["choice"]["domega"]) < 1e-9
+    assert all(space["contacts"]["at"][c]["gap_still"] for c in (0, 1))
+    check_laws(scene, space)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-13])
+def test_what_depends_on_zeros_becomes_exactly_zero(noise: float) -> None:
+    """Oracle: two gap rates of one normal are zero, so the spin is; a slip is then the same everywhere."""
+    each = [Spring(1.2e-2, 3e4, 1e4, 0.3, 0.0)] * 2
+    scene = Scene(PLANE, incline(0.2), (0.0, 0.3, 0.0), (2.0, 0.0, 0.0), FLAT, each, (0, 2))
+    space = prepared(scene)
+    space["motion"]["omega"] = noise
+    choose(BLOCK, PLANE, scene.slope, space)
+    assert space["motion"]["omega"] == 0.0
+    assert space["contacts"]["at"][0]["slip"] == pytest.approx(2.0) == space["contacts"]["at"][1]["slip"]
+
+
+# --- rest ------------------------------------------------------------------------------------------------------------
+
+
+def margin(scene: Scene, space: Any) -> float:
+    """By what part all forces could be smaller, or the bounds wider, for the sum of wrenches to hold the weight.
+
+    A linear programme: loads between their bounds, friction and rolling within the loads times coefficients, both ``t``
+    times as large as they are, and ``t`` as small as possible. The body rests if it is below 1.
+    """
+    contacts = space["contacts"]
+    count = len(scene.features)
+    rows, weight = np.array(rows_of(space)), MASSES * free(scene)
+    # Unknowns: N and F of each contact, M, t.
+    width = 2 * count + 2
+    balance = np.zeros((3, width))
+    balance[:, : 2 * count], balance[2, -2] = rows.T, 1.0
+    above: list[np.ndarray] = []
+    rolling = np.zeros(width)
+    for c in range(count):
+        contact = contacts["at"][c]
+        middle = -0.5 * contact["gap"] * (contact["opening"] + contact["closing"])
+        spread = -0.5 * contact["gap"] * (contact["closing"] - contact["opening"])
+        rolling[2 * c] = contact["arm"]
+        for sign in (-1.0, 1.0):
+            load, slide = np.zeros(width + 1), np.zeros(width + 1)
+            load[2 * c], load[-2], load[-1] = sign, -spread, sign * middle
+            slide[2 * c], slide[2 * c + 1] = -contact["friction"], sign
+            above += [load, slide]
+    for sign in (-1.0, 1.0):
+        turn = np.zeros(width + 1)
+        turn[:width], turn[-3] = -rolling, sign
+        above.append(turn)
+    matrix = np.array(above)
+    found = linprog(
+        np.eye(width)[-1],
+        A_ub=matrix[:, :-1],
+        b_ub=matrix[:, -1],
+        A_eq=balance,
+        b_eq=-weight,
+        bounds=[(None, None)] * (width - 1) + [(0.0, None)],
+    )
+    return float(found.fun) if found.status == 0 else math.inf
+
+
+def rests_where_it_should(scene: Scene) -> None:
+    space = prepared(scene)
+    widest = margin(scene, space)
+    assume(not 1.0 - 1e-6 < widest < 1.0 + 1e-6)
+    if widest < 1.0:  # with a margin in friction and rolling too
+        tight = prepared(scene)
+        tight["contacts"]["at"]["friction"] *= 1.0 - 1e-6
+        tight["contacts"]["at"]["arm"] *= 1.0 - 1e-6
+        assume(margin(scene, tight) < 1.0)
+    else:
+        loose = prepared(scene)
+        loose["contacts"]["at"]["friction"] *= 1.0 + 1e-6
+        loose["contacts"]["at"]["arm"] *= 1.0 + 1e-6
+        assume(margin(scene, loose) > 1.0)
+    assert choose(BLOCK, scene.pieces, scene.slope, space) == (widest < 1.0)
+    if widest < 1.0:
+        check_laws(scene, space)
+        same_acceleration(chosen(space), np.zeros(3))
+
+
+holding = st.builds(
+    Spring,
+    st.floats(2e-3, 2e-2),
+    st.floats(3e4, 6e4),
+    st.floats(2e3, 2e4),
+    st.one_of(st.just(0.0), st.floats(0.05, 1.0)),
+    st.one_of(st.just(0.0), st.floats(0.01, 0.3)),
+)
+EVERYTHING = (0, 1, 2, 3, 4, 5, -1)
+
+
+@property_of_all
+@given(st.floats(-1.5, -0.6), angles, holding)
+def test_a_body_on_one_contact_rests_if_a_wrench_balances_its_weight(phi: float, angle: float, spring: Spring) -> None:
+    """Oracle: a linear programme over the wrenches that the contact offers, by scipy."""
+    rests_where_it_should(
+        Scene(PLANE, incline(angle), (0.0, 0.3, phi), (0.0,) * 3, [(ARC_PIECE, 1, 0)], [spring], (0, 1, -1))
+    )
+
+
+@property_of_all
+@given(angles, st.tuples(holding, holding))
+def test_a_block_that_lies_flat_rests_if_wrenches_balance_its_weight(angle: float, each: tuple[Spring, Spring]) -> None:
+    """Oracle: a linear programme over the wrenches that both contacts offer; all locks depend on each other."""
+    rests_where_it_should(Scene(PLANE, incline(angle), (0.0, 0.3, 0.0), (0.0,) * 3, FLAT, each, (0, 1, 2, 3, -1)))
+
+
+@property_of_all
+@given(
+    st.lists(st.sampled_from(ANYWHERE), min_size=2, max_size=3, unique=True),
+    st.tuples(holding, holding, holding),
+    poses,
+    angles,
+)
+def test_a_body_on_several_contacts_rests_if_wrenches_balance_its_weight(
+    features: list[Features], each: tuple[Spring, ...], pose: tuple[float, ...], angle: float
+) -> None:
+    """Oracle: a linear programme over the wrenches that all contacts offer, by scipy."""
+    zeros = [zero for zero in EVERYTHING if zero < 2 * len(features)]
+    rests_where_it_should(Scene(ROOF, incline(angle), pose, (0.0,) * 3, features, each[: len(features)], zeros))
+
+
+@property_of_all
+@given(angles, st.tuples(holding, holding, holding), st.floats(0.3, 0.7))
+def test_a_block_with_a_crest_under_its_side_rests_if_wrenches_balance_its_weight(
+    angle: float, each: tuple[Spring, ...], x: float
+) -> None:
+    """Oracle: a linear programme over the wrenches of three contacts with one normal."""
+    features = [(ARC_PIECE, 1, 0), (ARC_PIECE, 2, 0), (SIDE_CREST, 1, 2)]
+    rests_where_it_should(Scene(ROOF, incline(angle), (x, 0.8, 0.0), (0.0,) * 3, features, each, EVERYTHING))
+
+
+def test_a_body_that_moves_does_not_rest() -> None:
+    """Oracle: it moves, whatever could hold it."""
+    share = float(BLOCK["mass"]) * 9.81 / 2.0
+    each = [Spring(share / 2e4, 3e4, 1e4, 0.8, 0.0)] * 2
+    scene = Scene(PLANE, incline(0.0), (0.0, 0.3, 0.0), (1e-2, 0.0, 0.0), FLAT, each, (0, 2, -1))
+    assert not choose(BLOCK, PLANE, scene.slope, prepared(scene))
+    assert choose(BLOCK, PLANE, scene.slope, prepared(scene._replace(velocity=(0.0, 0.0, 0.0))))
+
+
+# --- mirror images ---------------------------------------------------------------------------------------------------
+
+
+def mirrored(scene: Scene) -> Scene:
+    """Image of a scene of the block on the roof, seen from behind."""
+    image = []
+    for kind, arc, piece in scene.features:
+        image.append((kind, 2 - arc if kind == SIDE_CREST else 3 - arc, piece if kind != ARC_PIECE else 3 - piece))
+    (x, y, phi), (u, v, omega), slope = scene.pose, scene.velocity, scene.slope
+    slope = slope._replace(downhill=-slope.downhill)
+    return scene._replace(slope=slope, pose=(-x, y, -phi), velocity=(-u, v, -omega), features=image)
+
+
+@property_of_all
+@given(
+    st.lists(st.sampled_from(ANYWHERE), min_size=1, max_size=3, unique=True),
+    st.tuples(springs, springs, springs),
+    poses,
+    angles,
+    speeds,
+    st.lists(st.sampled_from([0, 1, 2, 3, -1]), max_size=3, unique=True),
+)
+def test_mirror_images_choose_mirrored_modes(
+    features: list[Features],
+    each: tuple[Spring, ...],
+    pose: tuple[float, ...],
+    angle: float,
+    speed: tuple[float, ...],
+    zeros: list[int],
+) -> None:
+    """Oracle: the image of the mode: slips and spin have the other sign.
+
+    Of a body that lies level neither image comes first: shares that are not unique are then the same in both.
+    """
+    assume(abs(pose[2]) > 1e-3)
+    zeros = [zero for zero in zeros if zero < 2 * len(features)]
+    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
+    spaces = [prepared(scene), prepared(mirrored(scene))]
+    rests = [choose(BLOCK, ROOF, one.slope, space) for one, space in zip((scene, mirrored(scene)), spaces, strict=True)]
+    assert rests[0] == rests[1]
+    one, two = (space["contacts"] for space in spaces)
+    for c in range(len(features)):
+        assert one["at"][c]["gap_sign"] == two["at"][c]["gap_sign"]
+        assert one["at"][c]["slip_sign"] == -two["at"][c]["slip_sign"]
+        assert one["at"][c]["gap_still"] == two["at"][c]["gap_still"]
+        assert one["at"][c]["slip_still"] == two["at"][c]["slip_still"]
+    if any(spring.arm > 0.0 for spring in scene.springs):
+        assert one["spin_sign"] == -two["spin_sign"]
+    if spaces[0]["choice"]["zeros"] > 0:
+        same_acceleration(chosen(spaces[1]), chosen(spaces[0]) * [-1.0, 1.0, -1.0], 1.0)
