@@ -15,7 +15,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.arithmetic import sixteenth_root
 from sledenv.kernel.books import book_step, note_mode
-from sledenv.kernel.carry import carry_contacts, stop_or_release
+from sledenv.kernel.carry import AT_SURFACE, carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, write_surface
 from sledenv.kernel.expansion import last_forces, value
 from sledenv.kernel.mode import GAP, SPIN, choose, find_locks, solve_locks
@@ -134,12 +134,16 @@ def _let_go(contact: np.void) -> None:
 
 
 @kernel
-def _pushes(contacts: np.void, rebound: np.void) -> bool:
-    """Whether some spring pushes; one that gives nothing back lets go as soon as it opens, and its energy is lost."""
-    pushes = False
+def _pushes(body: np.void, contacts: np.void, rebound: np.void) -> bool:
+    """Whether some spring pushes; one that gives nothing back lets go as soon as it opens, and its energy is lost.
+
+    One that opens and is relaxed but for rounding lets go too: friction comes to its bound where the load ends.
+    """
+    pushes, relaxed = False, -AT_SURFACE * body["size"]
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        if contact["closing"] > 0.0 and contact["gap_sign"] > 0 and contact["opening"] == 0.0:
+        opens = contact["closing"] > 0.0 and contact["gap_sign"] > 0
+        if opens and (contact["opening"] == 0.0 or contact["gap"] > relaxed):
             rebound["hysteresis"] += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
             contact["gap"] = 0.0
             _let_go(contact)
@@ -246,7 +250,7 @@ def hit_together(body: np.void, pieces: np.ndarray, plastic: bool, space: np.voi
         count = 0
         for c in range(contacts["count"]):
             count += 1 if contacts["at"][c]["closing"] > 0.0 else 0
-        pushes = _pushes(contacts, rebound)
+        pushes = _pushes(body, contacts, rebound)
         for c in range(contacts["count"]):
             count -= 1 if contacts["at"][c]["closing"] > 0.0 else 0
         if count > 0:  # some have been let go
