@@ -195,9 +195,10 @@ def _be_born(
     contact = contacts["at"][contacts["count"] - 1]
     motion = space["motion"]
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-    if abs(contact["gap_rate"]) < STILL * fast:
-        contact["gap_rate"] = 0.0
     begins, rigid = contacts["count"] == 1, are_rigid(space["ground"])
+    # Rigid surfaces that touch although they open have parted too slowly for any time to pass.
+    if abs(contact["gap_rate"]) < STILL * fast or (rigid and contact["gap_rate"] > 0.0):
+        contact["gap_rate"] = 0.0
     if begins:
         contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0
         open_rebound(body, motion, contact, space["rebound"])

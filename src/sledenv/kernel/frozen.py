@@ -143,7 +143,7 @@ def _pushes(body: np.void, contacts: np.void, rebound: np.void) -> bool:
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         opens = contact["closing"] > 0.0 and contact["gap_sign"] > 0
-        if opens and (contact["opening"] == 0.0 or contact["gap"] > relaxed):
+        if opens and (contact["opening"] == 0.0 or (contact["gap_rate"] > 0.0 and contact["gap"] > relaxed)):
             rebound["hysteresis"] += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
             contact["gap"] = 0.0
             _let_go(contact)

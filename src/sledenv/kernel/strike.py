@@ -11,6 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import side_that_lies
 from sledenv.kernel.candidates import touches_beside
+from sledenv.kernel.carry import AT_SURFACE
 from sledenv.kernel.contacts import MOST, add, drop
 from sledenv.kernel.frozen import hit_together
 from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
@@ -62,9 +63,10 @@ def _gap(body: np.void, pieces: np.ndarray, motion: np.void, arc: int, j: int) -
 
 @kernel
 def _put_down(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
-    """Put a body exactly where a contact touches that has been placed."""
+    """Put a body exactly where a contact touches that has been placed, unless it is there but for rounding."""
     gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
-    motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
+    if abs(gap) > AT_SURFACE * body["size"]:
+        motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
 
 
 @kernel
