@@ -152,7 +152,7 @@ def _strike_one(body: np.void, slope: Incline, space: np.void) -> int:
 def _lie_down(body: np.void, space: np.void) -> None:
     """Bring a body whose ends are slow to rest on them: what they have left is lost, and the slope gives the impulse.
 
-    Impacts in turn would take ever less.
+    Impacts in turn would take ever less. Friction stops a slip that its share of the impulse can stop.
     """
     contacts, motion, rebound = space["contacts"], space["motion"], space["rebound"]
     first = contacts["at"][0]
@@ -161,6 +161,13 @@ def _lie_down(body: np.void, space: np.void) -> None:
     omega = motion["omega"]
     rebound["hysteresis"] += 0.5 * (body["inertia"] * omega * omega + body["mass"] * rate * rate)
     rebound["normal_impulse"] -= body["mass"] * rate
+    friction = math.inf
+    for c in range(contacts["count"]):
+        friction = min(friction, contacts["at"][c]["friction"])
+    if abs(along) <= friction * abs(rate):
+        rebound["sliding"] += 0.5 * body["mass"] * along * along
+        rebound["tangential_impulse"] -= body["mass"] * along
+        along = 0.0
     motion["omega"] = 0.0
     motion["u"], motion["v"] = ny * along, -nx * along
     for c in range(contacts["count"]):
