@@ -11,7 +11,6 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import side_that_lies
 from sledenv.kernel.candidates import touches_beside
-from sledenv.kernel.carry import AT_SURFACE
 from sledenv.kernel.contacts import MOST, add, drop
 from sledenv.kernel.frozen import hit_together
 from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
@@ -24,6 +23,7 @@ MOST_STRIKES: Final = 10000  # impacts without a flight between them
 NEARLY: Final = (
     1e-6  # of the size: with another point as close to the slope as this, stiff springs would touch with both
 )
+DOWN: Final = 4e-15  # of the size: a gap this small is rounding
 LEVEL: Final = 1e-12  # of the size: a point this close to the slope touches
 JOLT: Final = 1e-12  # of the speed scale: approach of an impact that friction brings about
 MOST_NORMAL: Final = 1e9  # times the weight and the centrifugal forces
@@ -65,7 +65,7 @@ def _gap(body: np.void, pieces: np.ndarray, motion: np.void, arc: int, j: int) -
 def _put_down(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
     """Put a body exactly where a contact touches that has been placed, unless it is there but for rounding."""
     gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
-    if abs(gap) > AT_SURFACE * body["size"]:
+    if abs(gap) > DOWN * body["size"]:
         motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
 
 
