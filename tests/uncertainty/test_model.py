@@ -101,6 +101,7 @@ def test_every_number_of_a_section_can_be_uncertain() -> None:
     parts = {"slope": SlopeSection, "contact": ContactSection, "zone": ZoneSection, "launch": LaunchSection}
     keys = {f"{part}.{key}" for part, section in parts.items() for key in section.quantities()}
     certain = {"slope.run_out_m", "zone.end_m", "zone.rolling_arm_m", "zone.corner_rolling_arm_m"}
+    certain |= {"zone.restitution", "zone.stiffness_n_m"}
     assert _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() == keys - certain
     for name in certain:
         with pytest.raises(StudyError, match=rf"{name}: must be certain, a number alone"):
