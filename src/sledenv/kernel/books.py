@@ -125,7 +125,8 @@ def side_that_lies(body: np.void, contacts: np.void) -> float:
             continue
         for q in range(contacts["count"]):
             two = contacts["at"][q]
-            if two["kind"] == ARC_PIECE and two["piece"] == one["piece"] and two["arc"] == (one["arc"] + 1) % arcs:
+            ends = two["kind"] == ARC_PIECE and two["piece"] == one["piece"] and two["arc"] == (one["arc"] + 1) % arcs
+            if ends and two["ln"] < one["ln"]:  # the side below: of a rod both sides have these ends
                 return float(body["side"][one["arc"]])
     return 0.0
 
