@@ -26,12 +26,11 @@ from sledenv.kernel.geometry import (
     first_piece,
     in_cone,
 )
-from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, look
+from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, look
 from sledenv.kernel.outline import arc_at
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
-STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 
 
 @kernel
@@ -98,8 +97,7 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
 
     It touches at once if it closes, or else it is looked at again when it does.
     """
-    poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
-    fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
+    poly, event, near = space["poly"], space["event"], SAME_PLACE * body["size"]
     piece, reached = pieces[j], _in_reach(body, pieces, kind, a, j, 0.0, space)
     if kind == ARC_PIECE and reached and gap < -near:  # a foot at a crest is about to leave, or has just left
         foot, margin = _foot(body, piece, a, 0.0, space["series"]), AT_END * body["size"]
@@ -108,10 +106,11 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
         if kind == ARC_PIECE:
             _watch_entry(body, piece, a, space)
         return
-    if poly[1] < -STILL * fast or (poly[1] <= STILL * fast and poly[2] < 0.0):
+    first = first_term(body, space)
+    if poly[first] < 0.0:
         if event["time"] > 0.0 or event["code"] == NOTHING:
             event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, BORN, kind, a, j
-    elif poly[1] > STILL * fast:
+    elif first == 1:
         for k in range(ORDER):
             poly[k] = (k + 1) * poly[k + 1]
         poly[ORDER] = 0.0
@@ -124,12 +123,10 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
     poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
     zeros = 0
     if gap <= near:
-        fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-        opens = poly[1] > STILL * fast or (poly[1] >= -STILL * fast and poly[2] >= 0.0)
-        if gap < -near or not opens:
+        zeros = first_term(body, space)
+        if gap < -near or poly[zeros] < 0.0:
             _touch_now(body, pieces, kind, a, j, gap, space)
             return
-        zeros = 1 if poly[1] > 0.0 else 2
     t = first_zero(poly, event["time"], zeros, space["stack"])
     if not (t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"])):
         return

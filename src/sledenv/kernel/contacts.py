@@ -93,7 +93,7 @@ CHOICE: Final = np.dtype(
 )
 
 # What ends a step: when [s after its begin], and what happens there to whom.
-EVENT: Final = np.dtype([("time", "f8"), *fields("i8", "code who side piece")])
+EVENT: Final = np.dtype([("time", "f8"), ("longest", "f8"), *fields("i8", "code who side piece")])
 
 # What a rebound adds up and keeps: impulses and losses, peaks, and how it began.
 SUMS: Final = ("normal_impulse", "tangential_impulse", "rolling_impulse", *CONTACT_LOSSES)

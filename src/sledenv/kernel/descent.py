@@ -21,7 +21,7 @@ from sledenv.kernel.books import (
     side_that_lies,
     stored,
 )
-from sledenv.kernel.candidates import STILL, watch_others
+from sledenv.kernel.candidates import watch_others
 from sledenv.kernel.contacts import MOST, ORDER, add, drop, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
@@ -43,6 +43,7 @@ from sledenv.kernel.records import (
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
+AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no progress
 SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
 FASTER: Final = 8.0
 LARGEST: Final = 1e-4
@@ -125,6 +126,7 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         if speed > 0.0:
             longest = min(longest, AHEAD * size / speed)
     event["code"], event["time"] = guards.NOTHING, min(longest, left)
+    event["longest"] = event["time"]
     s = space["series"]
     last = s["x"][ORDER] + s["y"][ORDER] + s["sine"][ORDER] + s["cosine"][ORDER] + s["omega"][ORDER]
     if not longest > 0.0 or not math.isfinite(last):
@@ -189,9 +191,12 @@ def _move(body: np.void, space: np.void) -> bool:
         space["stalled"] += 1.0
         space["event"]["time"] = 0.0
         return bool(space["undecided"] != 0.0)
-    if space["stalled"] <= MOST_STALLED:
-        space["forced"] = SMALL
-    space["stalled"] = 0.0
+    if not t > AT_ONCE * space["event"]["longest"]:
+        space["stalled"] += 1.0
+    else:
+        if space["stalled"] <= MOST_STALLED:
+            space["forced"] = SMALL
+        space["stalled"] = 0.0
     motion["t"] += t
     _write_motion(s, t, motion)
     if contacts["count"] == 0:
@@ -219,7 +224,7 @@ def _be_born(body: np.void, pieces: np.ndarray, limits: Limits, space: np.void) 
     contact = contacts["at"][contacts["count"] - 1]
     motion = space["motion"]
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-    if abs(contact["gap_rate"]) < STILL * fast:
+    if abs(contact["gap_rate"]) < guards.STILL * fast:
         contact["gap_rate"] = 0.0
     if contacts["count"] == 1:
         contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0

@@ -323,22 +323,25 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
 
 @kernel
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
-    """How long [s] the series of a step hold: their last terms stay below ``tolerance`` times the speed."""
+    """How long [s] the series of a step hold: their last terms stay below ``tolerance`` times the speed, those of arcs to that times the size."""
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
     if turning > 0.0:
         longest = MOST_TURN / turning
     if contacts["count"] == 0:
         return longest
-    u, v, omega = s["u"], s["v"], s["omega"]
-    scale = tolerance * max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
-    last = max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER]))
+    u, v, omega, sine, cosine = s["u"], s["v"], s["omega"], s["sine"], s["cosine"]
+    speed = max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
+    of_speed, turned = 1.0 / (tolerance * speed), max(size, body["furthest"]) / (tolerance * size)
+    last = max(max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER])) * of_speed, abs(sine[ORDER]) * turned)
+    last = max(last, abs(cosine[ORDER]) * turned)
     if last > 0.0:
-        longest = min(longest, sixteenth_root(scale / last))
-    last = max(abs(u[ORDER - 1]), abs(v[ORDER - 1]), size * abs(omega[ORDER - 1]))
+        longest = min(longest, sixteenth_root(1.0 / last))
+    k = ORDER - 1
+    last = max(max(abs(u[k]), abs(v[k]), size * abs(omega[k])) * of_speed, abs(sine[k]) * turned)
+    last = max(last, abs(cosine[k]) * turned)
     if last > 0.0:
-        ratio = scale / last
-        longest = min(longest, sixteenth_root(ratio * sixteenth_root(ratio)))  # its root of order 15, nearly
+        longest = min(longest, sixteenth_root(sixteenth_root(1.0 / last) / last))  # its root of order 15, nearly
     for c in range(contacts["count"]):
         if contacts["at"][c]["kind"] == ARC_CREST:  # its normal turns
             terms = s["of"][c]

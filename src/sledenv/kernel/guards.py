@@ -35,6 +35,8 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
 TIED: Final = (
     1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
 )
+STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
+STEADY: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there
 
 
@@ -45,6 +47,17 @@ def look(space: np.void, zeros: int, code: int, who: int, side: int) -> None:
     t = first_zero(space["poly"], event["time"], zeros, space["stack"])
     if t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"]):
         event["time"], event["code"], event["who"], event["side"] = t, code, who, side
+
+
+@kernel
+def first_term(body: np.void, space: np.void) -> int:
+    """Order of the first term of a gap that begins at zero which is more than rounding, 3 at most."""
+    poly, motion, s, size = space["poly"], space["motion"], space["series"], body["size"]
+    speed = max(abs(motion["u"]), abs(motion["v"]), size * abs(motion["omega"]))
+    if abs(poly[1]) > STILL * speed:
+        return 1
+    turning = size * max(abs(s["sine"][2]), abs(s["cosine"][2]))
+    return 2 if abs(poly[2]) > STEADY * max(abs(s["x"][2]), abs(s["y"][2]), turning) else 3
 
 
 @kernel
@@ -66,13 +79,13 @@ def _released(poly: np.ndarray) -> int:
 
 
 @kernel
-def _watch_gap(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+def _watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch how a contact ends, and its gap rate."""
     poly = space["poly"]
     if contact["gap_sign"] != 0:
         for k in range(ORDER + 1):
             poly[k] = -terms["gap"][k]
-        zeros = _begun(poly, 1) if contact["gap"] == 0.0 else 0
+        zeros = first_term(body, space) if contact["gap"] == 0.0 else 0
         if zeros > 0 and not poly[zeros] > 0.0:  # it has opened at the end of the step before
             space["event"]["time"], space["event"]["code"], space["event"]["who"] = 0.0, SEPARATION, c
         else:
@@ -248,7 +261,7 @@ def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     contacts = space["contacts"]
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
-        _watch_gap(contact, terms, c, space)
+        _watch_gap(body, contact, terms, c, space)
         _watch_slip(contact, terms, c, space)
         if contact["kind"] == ARC_PIECE:
             _watch_foot(body, pieces, contact, c, space)

@@ -18,11 +18,12 @@ from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
-DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others
+DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others,
+NEARLY: Final = 1e-5  # and of that of a slip: points that stick at different depths are not to hold the spin as well
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
-SLOW: Final = 1e-2  # of the speed of a fall of one size: what is VANISHING is seen on this speed at least,
-STANDING: Final = 1e-6  # of that speed: a body that is slower stands still where all its velocities are locked
+SLOW: Final = 1e-2  # of the speed of a fall or of the springs: what is VANISHING is seen on this speed at least,
 TINY: Final = 1e-12  # [m/s] and on this
+STANDING: Final = 1e-8  # of the speed of a fall: a body that is slower stands still where all its velocities are locked
 STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
 SLIGHT: Final = 1e-12  # of the forces: a mode that is violated by less holds
 SHALLOW: Final = 1e-13  # of the size: depth that decides where there is no force yet
@@ -105,7 +106,7 @@ def _unit(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) 
 @kernel
 def depends(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> bool:
     """Whether a velocity follows from those that are locked."""
-    return _unit(body, contacts, choice, what, c)[3] < DEPENDENT
+    return _unit(body, contacts, choice, what, c)[3] < (NEARLY if what == SLIP else DEPENDENT)
 
 
 @kernel
@@ -117,7 +118,7 @@ def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
             if choice["locks"] == 3 or _sign(contacts, what, c) != 0:
                 continue
             q0, q1, q2, part = _unit(body, contacts, choice, what, c)
-            if part < DEPENDENT:
+            if part < (NEARLY if what == SLIP else DEPENDENT):
                 continue
             lock, length = choice["lock"][choice["locks"]], math.sqrt(q0 * q0 + q1 * q1 + q2 * q2)
             lock["what"], lock["who"] = what, c
@@ -311,13 +312,13 @@ def _write_signs(motion: np.void, contacts: np.void) -> None:
 
 
 @kernel
-def _spread_zeros(body: np.void, slow: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
+def _spread_zeros(body: np.void, slow: float, standing: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
     """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
     speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
     fast = max(speed, slow)
     _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
-    if choice["locks"] == 3 and speed > STANDING * slow:
+    if choice["locks"] == 3 and speed > standing:
         # Normals have jumped: the velocities of contacts are not those of one body.
         for c in range(contacts["count"]):
             contact = contacts["at"][c]
@@ -504,6 +505,16 @@ def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.
 
 
 @kernel
+def _speed_scale(body: np.void, slope: Any, contacts: np.void) -> float:
+    """Speed [m/s] that a fall of one size gives, and the springs as far as they are pressed."""
+    speed = math.sqrt(slope.gravity * body["size"])
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        speed = max(speed, -contact["gap"] * math.sqrt(contact["closing"] * body["per_mass"]))
+    return speed
+
+
+@kernel
 def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> bool:
     """Choose the mode of the contacts; return whether the body is at rest for good.
 
@@ -519,8 +530,9 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     _remember(contacts, choice)
     for c in range(contacts["count"]):
         place(body, pieces, motion, contacts["at"][c])
-    slow = SLOW * math.sqrt(slope.gravity * body["size"]) + TINY
-    _spread_zeros(body, slow, motion, contacts, choice)
+    slow = SLOW * _speed_scale(body, slope, contacts) + TINY
+    standing = STANDING * math.sqrt(slope.gravity * body["size"]) + SLOW * TINY
+    _spread_zeros(body, slow, standing, motion, contacts, choice)
     _list_zeros(body, contacts, choice)
     still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
     if choice["zeros"] > 0:
