@@ -17,9 +17,10 @@ from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
+UNRESISTED: Final = 2  # a spin that is still without rolling resistance: its sign means nothing
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others,
-NEARLY: Final = 1e-5  # and of that of a slip: points that stick at different depths are not to hold the spin as well
+NEARLY: Final = 1e-5  # and of a slip that is not locked: points that stick at different depths do not hold the spin
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
 SLOW: Final = 1e-2  # of the speed of a fall or of the springs: what is VANISHING is seen on this speed at least,
 TINY: Final = 1e-12  # [m/s] and on this
@@ -106,7 +107,7 @@ def _unit(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) 
 @kernel
 def depends(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> bool:
     """Whether a velocity follows from those that are locked."""
-    return _unit(body, contacts, choice, what, c)[3] < (NEARLY if what == SLIP else DEPENDENT)
+    return _unit(body, contacts, choice, what, c)[3] < DEPENDENT
 
 
 @kernel
@@ -357,7 +358,8 @@ def _remember(contacts: np.void, choice: np.void) -> None:
         contact, share = contacts["at"][c], choice["share"][c]
         share["gap_before"] = _before(contact["gap_sign"], contact["gap_still"], contact["gap_left"])
         share["slip_before"] = _before(contact["slip_sign"], contact["slip_still"], contact["slip_left"])
-    choice["spin_before"] = _before(contacts["spin_sign"], contacts["spin_still"], contacts["spin_left"])
+    still = contacts["spin_still"] if contacts["spin_still"] != UNRESISTED else 0
+    choice["spin_before"] = _before(contacts["spin_sign"], still, contacts["spin_left"])
 
 
 @kernel
@@ -500,8 +502,9 @@ def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.
         if what == SLIP and still_now == 1 and not _is_locked(choice, what, c):
             still_now = FOLLOWS
         _write_still(contacts, what, c, still_now)
-    if omega == 0.0 and abs(_change(body, choice, SPIN, 0)) <= still and depends(body, contacts, choice, SPIN, 0):
-        contacts["spin_still"] = 1  # without rolling resistance too
+    held = abs(_change(body, choice, SPIN, 0)) <= still and depends(body, contacts, choice, SPIN, 0)
+    if omega == 0.0 and held and contacts["spin_still"] == 0:
+        contacts["spin_still"] = UNRESISTED
 
 
 @kernel
