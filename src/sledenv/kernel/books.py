@@ -62,7 +62,7 @@ def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.voi
     if slides:
         rebound["sliding"] = max(rebound["sliding"] - sliding * t, 0.0)
     if rolls:
-        rebound["rolling"] += contacts["spin_sign"] * contact["arm"] * (rolling * t)
+        rebound["rolling"] = max(rebound["rolling"] + contacts["spin_sign"] * contact["arm"] * (rolling * t), 0.0)
 
 
 @kernel
