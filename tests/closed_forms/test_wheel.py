@@ -14,10 +14,10 @@ import pytest
 import sledenv
 from sledenv.closed_forms import wheel
 from sledenv.closed_forms.wheel import BRANCHES, collide_wheel, is_stuck, wheel_stuck_ratio
-from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.books import contact_mode
+from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.state import HOP, new
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, State
 from tests.closed_forms.make import WHEEL
@@ -28,23 +28,23 @@ NO_PHASES = np.empty(0, PHASE)
 SIZES = [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
 
 
-def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray, hops: np.ndarray) -> None:
+def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray, hits: np.ndarray) -> None:
     """Solve each row of cases (m, J, r, f, delta, e, u, v, omega) by the general solver with a = 0, b = r."""
-    hop = hops[0]
+    hit = hits[0]
     for i in range(len(cases)):
         m, inertia, r, f, delta, e, u, v, omega = cases[i]
         slip = u + r * omega
-        hop["per_mass"], hop["per_inertia"], hop["size"] = 1.0 / m, 1.0 / inertia, r
-        hop["a"], hop["b"], hop["friction"], hop["arm"], hop["restitution"] = 0.0, r, f, delta, e
-        hop["v_t"], hop["omega"], hop["v_n"] = slip, omega, v
-        count = impact(ENERGETIC, hop, phases)
-        out[i, 0] = hop["v_t"] - r * hop["omega"]
-        out[i, 1] = hop["v_n"]
-        out[i, 2] = hop["omega"]
-        out[i, 3] = hop["tangential_impulse"]
-        out[i, 4] = hop["normal_impulse"]
-        out[i, 5] = hop["rolling_impulse"]
-        modes[i] = contact_mode(slip, omega, hop["v_t"], hop["omega"]) if count <= MOST_PHASES else 0
+        hit["per_mass"], hit["per_inertia"], hit["size"] = 1.0 / m, 1.0 / inertia, r
+        hit["a"], hit["b"], hit["friction"], hit["arm"], hit["restitution"] = 0.0, r, f, delta, e
+        hit["v_t"], hit["omega"], hit["v_n"] = slip, omega, v
+        count = impact(ENERGETIC, hit, phases)
+        out[i, 0] = hit["v_t"] - r * hit["omega"]
+        out[i, 1] = hit["v_n"]
+        out[i, 2] = hit["omega"]
+        out[i, 3] = hit["tangential_impulse"]
+        out[i, 4] = hit["normal_impulse"]
+        out[i, 5] = hit["rolling_impulse"]
+        modes[i] = contact_mode(slip, omega, hit["v_t"], hit["omega"]) if count <= MOST_PHASES else 0
 
 
 kernel_impacts = compiled(impacts)
@@ -53,7 +53,7 @@ kernel_impacts = compiled(impacts)
 def solve(cases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(u, v, omega, SF, P, moment impulse) of every case and the name of its mode, by the general solver."""
     out, modes = np.zeros((len(cases), 6)), np.zeros(len(cases), np.int64)
-    kernel_impacts(cases, out, modes, NO_PHASES, new(HOP))
+    kernel_impacts(cases, out, modes, NO_PHASES, np.zeros(1, IMPACT))
     return out, MODE_NAMES[modes]
 
 

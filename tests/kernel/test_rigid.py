@@ -8,9 +8,9 @@ import random
 import numpy as np
 import pytest
 
+from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import PHASE
-from sledenv.kernel.state import HOP, new
 from tests.compiled import compiled
 from tests.oracles import ImpactResult, rational_impact, wang_mason
 
@@ -65,19 +65,19 @@ def coarse_impacts(n: int, seed: int) -> np.ndarray:
     return np.array([[rng.choice(values) for values in columns] for _ in range(n)])
 
 
-def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
+def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hits: np.ndarray, found: np.ndarray) -> None:
     """Fill found with v_t, omega, v_n, three impulses, three losses, phases, how often compression began anew."""
-    hop = hops[0]
+    hit = hits[0]
     for i in range(len(cases)):
         case, row = cases[i], found[i]
-        hop["per_mass"], hop["per_inertia"], hop["size"] = 1.0 / case[MASS], 1.0 / case[INERTIA], case[SIZE]
-        hop["a"], hop["b"], hop["friction"], hop["arm"] = case[A], case[B], case[FRICTION], case[ARM]
-        hop["restitution"] = case[RESTITUTION]
-        hop["v_t"], hop["omega"], hop["v_n"] = case[V_T], case[OMEGA], case[V_N]
-        count = impact(hypothesis, hop, phases)
-        row[0], row[1], row[2] = hop["v_t"], hop["omega"], hop["v_n"]
-        row[3], row[4], row[5] = hop["normal_impulse"], hop["tangential_impulse"], hop["rolling_impulse"]
-        row[6], row[7], row[8] = hop["hysteresis"], hop["sliding"], hop["rolling"]
+        hit["per_mass"], hit["per_inertia"], hit["size"] = 1.0 / case[MASS], 1.0 / case[INERTIA], case[SIZE]
+        hit["a"], hit["b"], hit["friction"], hit["arm"] = case[A], case[B], case[FRICTION], case[ARM]
+        hit["restitution"] = case[RESTITUTION]
+        hit["v_t"], hit["omega"], hit["v_n"] = case[V_T], case[OMEGA], case[V_N]
+        count = impact(hypothesis, hit, phases)
+        row[0], row[1], row[2] = hit["v_t"], hit["omega"], hit["v_n"]
+        row[3], row[4], row[5] = hit["normal_impulse"], hit["tangential_impulse"], hit["rolling_impulse"]
+        row[6], row[7], row[8] = hit["hysteresis"], hit["sliding"], hit["rolling"]
         row[9], row[10] = count, 0
         for k in range(1, min(count, len(phases))):
             if phases[k]["restitution"] < phases[k - 1]["restitution"]:
@@ -90,7 +90,7 @@ compiled_impacts = compiled(impacts)
 def solve(case: list[float], hypothesis: int = ENERGETIC, phases: np.ndarray = NO_PHASES) -> tuple:
     """Velocities, impulses and losses of one impact, and the number of its phases."""
     found = np.zeros((1, 11))
-    compiled_impacts(np.array([case]), hypothesis, phases, new(HOP), found)
+    compiled_impacts(np.array([case]), hypothesis, phases, np.zeros(1, IMPACT), found)
     return *found[0, :9].tolist(), int(found[0, 9])
 
 
@@ -120,7 +120,7 @@ def worst_error(case: list[float], found: tuple, expected: ImpactResult) -> floa
 def surveyed(cases: np.ndarray, hypothesis: int = ENERGETIC) -> np.ndarray:
     """Energy before, after, three losses, phases, v_n, how often compression began anew."""
     found = np.zeros((len(cases), 11))
-    compiled_impacts(cases, hypothesis, np.zeros(MOST_PHASES, PHASE), new(HOP), found)
+    compiled_impacts(cases, hypothesis, np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT), found)
 
     def energies(v_t: np.ndarray, omega: np.ndarray, v_n: np.ndarray) -> np.ndarray:
         u, v = v_t - cases[:, B] * omega, v_n + cases[:, A] * omega

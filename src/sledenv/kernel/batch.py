@@ -8,12 +8,13 @@ import numpy as np
 
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.descent import descend
-from sledenv.kernel.ground import lay_ground, lay_springs
+from sledenv.kernel.ground import lay_ground, lay_rigid, lay_springs
 from sledenv.kernel.outline import incline_of
-from sledenv.kernel.params import ContactLaw, Limits, Slope, State, reader, row_of
+from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, reader, row_of
 from sledenv.kernel.records import RUNNING, Written
 
-_slope_of, _launch_of, _law_of = reader(Slope), reader(State), reader(ContactLaw)
+_slope_of, _launch_of = reader(Slope), reader(State)
+_law_of, _rigid_law_of = reader(ContactLaw), reader(RigidLaw)
 
 
 class Lanes(NamedTuple):
@@ -29,13 +30,15 @@ class Lanes(NamedTuple):
     pieces: np.ndarray  # of PIECE: the ground, the same for all lanes
 
 
-def descend_lanes(limits: Limits, lanes: Lanes, written: Written, spaces: np.ndarray, last: int) -> None:
+def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, spaces: np.ndarray, last: int) -> None:
     """Follow the descents of some lanes, or one hop of each. No lane depends on the other lanes.
 
     A call returns once it has done ``limits.most_work``. The next call then goes on where this one has stopped.
 
     Parameters
     ----------
+    rigid : int
+        1 if the laws are those of rigid surfaces, 0 if they are those of compliant ones.
     limits : Limits
         Shared by all lanes.
     lanes : Lanes
@@ -55,9 +58,19 @@ def descend_lanes(limits: Limits, lanes: Lanes, written: Written, spaces: np.nda
         if flight["status"] == RUNNING:
             if trims.shape[0] > 0 and space["begun"] == 0.0:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])
-            incline, law = incline_of(_slope_of(lanes.slopes, lane)), _law_of(lanes.laws, lane)
-            lay_ground(law, row_of(lanes.slopes, lane), space["ground"])
-            lay_springs(law, space["ground"])
+            incline, slope, ground = (
+                incline_of(_slope_of(lanes.slopes, lane)),
+                row_of(lanes.slopes, lane),
+                space["ground"],
+            )
+            if rigid != 0:
+                stiff = _rigid_law_of(lanes.laws, lane)
+                lay_ground(stiff, slope, ground)
+                lay_rigid(stiff, ground)
+            else:
+                law = _law_of(lanes.laws, lane)
+                lay_ground(law, slope, ground)
+                lay_springs(law, ground)
             log = row_of(written.logs, lane)
             done = descend(body, lanes.pieces, incline, limits, flight, log, space, written.trajectory)
             close_books(body, lanes.pieces, incline, _launch_of(lanes.launches, lane), flight)

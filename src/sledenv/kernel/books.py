@@ -98,7 +98,8 @@ def stored(contacts: np.void) -> float:
     total = 0.0
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        total += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
+        if contact["gap"] != 0.0:  # that of rigid surfaces is zero
+            total += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
     return total
 
 
@@ -124,11 +125,17 @@ def side_that_lies(body: np.void, contacts: np.void) -> float:
         if one["kind"] != ARC_PIECE or body["side"][one["arc"]] == 0.0:
             continue
         for q in range(contacts["count"]):
-            two = contacts["at"][q]
-            ends = two["kind"] == ARC_PIECE and two["piece"] == one["piece"] and two["arc"] == (one["arc"] + 1) % arcs
-            if ends and two["ln"] < one["ln"]:  # the side below: of a rod both sides have these ends
+            if _lie_on(one, contacts["at"][q], arcs):
                 return float(body["side"][one["arc"]])
     return 0.0
+
+
+@kernel
+def _lie_on(one: np.void, two: np.void, arcs: int) -> bool:
+    """Whether two arcs touch the same piece with both ends of the side after the first one, and not of its back."""
+    if two["kind"] != ARC_PIECE or two["piece"] != one["piece"] or two["arc"] != (one["arc"] + 1) % arcs:
+        return False
+    return bool(two["ln"] < one["ln"])
 
 
 @kernel

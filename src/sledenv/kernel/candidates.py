@@ -31,6 +31,8 @@ from sledenv.kernel.outline import arc_at
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
+LIFTED: Final = 1e-12  # of the speed: rate of a gap that has just been let go by a rigid contact,
+LIFTED_LATER: Final = 1e-9  # and of the accelerations: the acceleration with which it starts
 
 
 @kernel
@@ -118,11 +120,29 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
 
 
 @kernel
+def _zeros_of_lifted(body: np.void, space: np.void) -> int:
+    """Leading coefficients to pass over of a gap that a rigid contact has just let go, as its load is zero; or 0.
+
+    It starts without rate, and often without acceleration: docs/physics.md (6.2).
+    """
+    poly, s, omega = space["poly"], space["series"], space["motion"]["omega"]
+    fast = max(abs(space["motion"]["u"]), abs(space["motion"]["v"]), body["size"] * abs(omega))
+    if abs(poly[1]) > LIFTED * fast:
+        return 0
+    slight = LIFTED_LATER * (abs(s["u"][1]) + abs(s["v"][1]) + body["size"] * omega * omega)
+    if poly[2] > slight:
+        return 2
+    return 3 if poly[2] >= -slight and poly[3] > 0.0 else 0
+
+
+@kernel
 def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap: float, space: np.void) -> None:
     """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin."""
     poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
     zeros = 0
-    if gap <= near:
+    if space["lifted"] != 0.0 and abs(gap) <= near:
+        zeros = _zeros_of_lifted(body, space)
+    if gap <= near and zeros == 0:
         zeros = first_term(body, space)
         if gap < -near or poly[zeros] < 0.0:
             _touch_now(body, pieces, kind, a, j, gap, space)
@@ -137,7 +157,7 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
 
 
 @kernel
-def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
+def touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
     """Whether an arc touches a piece, or another arc that joins it smoothly: both have one lowest point."""
     arcs = int(body["arcs"])
     for c in range(contacts["count"]):
@@ -155,7 +175,7 @@ def _touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
 @kernel
 def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, move: float, space: np.void) -> None:
     """Watch an arc come down on a piece, over which the mass centre is at ``base`` [m], and moves by ``move``."""
-    if _touches_beside(body, space["contacts"], a, j):
+    if touches_beside(body, space["contacts"], a, j):
         return
     s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
     cx, cy, tx, ty = body["cx"][a], body["cy"][a], piece["tx"], piece["ty"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.flight import write_body
 from sledenv.kernel.impact import MOST_PHASES, impact
 from sledenv.kernel.outline import distance, lowest_arms, rolling_arm, whole_turns
 from sledenv.kernel.params import ContactLaw, State
@@ -18,7 +17,7 @@ def collide(
     state: State,
     restitution: float,
     hypothesis: int,
-    hops: np.ndarray,
+    hits: np.ndarray,
     phases: np.ndarray,
     count: np.ndarray,
 ) -> None:
@@ -33,28 +32,27 @@ def collide(
         [-].
     hypothesis : int
         As for :func:`sledenv.kernel.impact.impact`.
-    hops : ndarray of HOP, shape (1,)
+    hits : ndarray of IMPACT, shape (1,)
         Overwritten.
     phases : ndarray of PHASE
         Filled from the front.
     count : ndarray of int, shape (1,)
         Set to the number of phases; to MOST_PHASES + 1 if the impact does not end in MOST_PHASES of them.
     """
-    hop, body = hops[0], bodies[0]
-    write_body(body, hop)
+    hit, body = hits[0], bodies[0]
+    hit["size"], hit["per_mass"], hit["per_inertia"] = body["size"], 1.0 / body["mass"], 1.0 / body["inertia"]
     arc, a, b = lowest_arms(body, state.phi - whole_turns(state.phi))
-    hop["friction"], hop["restitution"] = law.friction, restitution
-    hop["arm"] = rolling_arm(body, law, arc)
-    _touch(hop, a, b, state.u, state.v, state.omega)
-    count[0] = impact(hypothesis, hop, phases)
+    hit["friction"], hit["restitution"] = law.friction, restitution
+    hit["arm"] = rolling_arm(body, law, arc)
+    _touch(hit, a, b, state.u, state.v, state.omega)
+    count[0] = impact(hypothesis, hit, phases)
 
 
 @kernel
-def _touch(hop: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
+def _touch(hit: np.void, a: float, b: float, u: float, v: float, omega: float) -> None:
     """Write the arms of the contact point and the velocities of the body at touch."""
-    hop["a"], hop["b"] = a, b
-    hop["v_t_landing"] = hop["v_t"] = u + b * omega
-    hop["v_n"], hop["omega"] = v - a * omega, omega
+    hit["a"], hit["b"] = a, b
+    hit["v_t"], hit["v_n"], hit["omega"] = u + b * omega, v - a * omega, omega
 
 
 @kernel
@@ -63,7 +61,7 @@ def collide_each(
     contacts: np.ndarray,
     laws: np.ndarray,
     hypothesis: int,
-    hops: np.ndarray,
+    hits: np.ndarray,
     after: np.ndarray,
     lost: np.ndarray,
 ) -> None:
@@ -79,23 +77,23 @@ def collide_each(
         Restitution [-], friction [-] and rolling arm [m].
     hypothesis : int
         As for :func:`sledenv.kernel.impact.impact`.
-    hops : ndarray of HOP, shape (1,)
+    hits : ndarray of IMPACT, shape (1,)
         Overwritten.
     after : ndarray, shape (N, 3)
         Filled with u, v and omega.
     lost : ndarray of int, shape (1,)
         Set to the row of the first impact that does not end, or to -1 if all end. Later impacts are not followed.
     """
-    hop = hops[0]
-    hop["per_mass"], hop["per_inertia"] = 1.0, 1.0 / gyration_radius**2
+    hit = hits[0]
+    hit["per_mass"], hit["per_inertia"] = 1.0, 1.0 / gyration_radius**2
     lost[0] = -1
     for i in range(contacts.shape[0]):
         a, b = contacts[i, 0], contacts[i, 1]
-        hop["size"] = gyration_radius + distance(a, b)
-        hop["restitution"], hop["friction"], hop["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
-        _touch(hop, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
-        if impact(hypothesis, hop, None) > MOST_PHASES:
+        hit["size"] = gyration_radius + distance(a, b)
+        hit["restitution"], hit["friction"], hit["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
+        _touch(hit, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
+        if impact(hypothesis, hit, None) > MOST_PHASES:
             lost[0] = i
             return
-        omega = hop["omega"]
-        after[i, 0], after[i, 1], after[i, 2] = hop["v_t"] - b * omega, hop["v_n"] + a * omega, omega
+        omega = hit["omega"]
+        after[i, 0], after[i, 1], after[i, 2] = hit["v_t"] - b * omega, hit["v_n"] + a * omega, omega

@@ -57,6 +57,7 @@ CONTACTS: Final = np.dtype(
     [
         *fields("i8", "count"),
         *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
+        ("alike", "i8"),  # 1 if all slip alike, so that only the sum of their friction counts; the first tells of the slip
         ("at", CONTACT, (MOST,)),
     ]
 )
@@ -89,6 +90,8 @@ CHOICE: Final = np.dtype(
         ("share", SHARE, (MOST,)),
         *fields("f8", "du dv domega"),  # [m/s^2, rad/s^2]
         *fields("f8", "moment load scale"),  # [N m] of rolling, [N] all loads, [N] scale of forces
+        ("wrong", "f8"),  # [N] how far the mode is from holding
+        ("rigid", "f8"),  # 1 of rigid surfaces: a gap is locked only if a load can open it
     ]
 )
 
@@ -105,6 +108,36 @@ REBOUNDING: Final = np.dtype(
     ]
 )
 
+# An impact, while it goes on and after it.
+IMPACT: Final = np.dtype(
+    [
+        ("per_mass", "f8"),  # [1/kg]
+        ("per_inertia", "f8"),  # [1/(kg m^2)]
+        ("size", "f8"),  # [m] of the body
+        ("a", "f8"),  # [m] arms of the contact point, which lies at (-a, -b) from the mass centre
+        ("b", "f8"),
+        ("friction", "f8"),  # [-]
+        ("arm", "f8"),  # [m] of rolling resistance
+        ("restitution", "f8"),  # [-] 0 of a plastic impact
+        ("v_t", "f8"),  # [m/s] slip
+        ("v_n", "f8"),  # [m/s] gap rate
+        ("omega", "f8"),  # [rad/s]
+        *fields("f8", "slip spin"),  # signs of slip and spin in the next phase, 0 where locked
+        ("mu", "f8"),  # [-] tangential force over normal force
+        ("rho", "f8"),  # [m] rolling moment over normal force
+        ("opening", "f8"),  # 1 while the gap opens, 0 while it closes
+        ("span", "f8"),  # [N s] normal impulse of the phase that has just passed
+        ("sequence", "f8"),  # code of the phases so far, see :func:`sledenv.kernel.books.followed_by`
+        *fields("f8", "normal_impulse tangential_impulse rolling_impulse"),  # [N s, N m s] so far
+        ("closed", "f8"),  # [J] work of compression
+        ("opened", "f8"),  # [J] work of restitution
+        ("stored", "f8"),  # [J] what may be given back
+        ("v_n_entry", "f8"),  # [m/s] gap rate at the touch
+        ("compressed", "f8"),  # [N s] normal impulse at the end of the first compression, of Poisson's hypothesis
+        *fields("f8", " ".join(CONTACT_LOSSES)),  # [J]
+    ]
+)
+
 SPACE: Final = np.dtype(
     [
         ("motion", MOTION),
@@ -114,6 +147,7 @@ SPACE: Final = np.dtype(
         ("event", EVENT),
         ("rebound", REBOUNDING),
         ("ground", GROUND),
+        ("hit", IMPACT),
         ("poly", "f8", (WIDTH,)),
         ("terms", "f8", (3, WIDTH)),
         ("stack", "f8", (DEEPEST, WIDTH + 2)),
@@ -124,6 +158,9 @@ SPACE: Final = np.dtype(
         ("undecided", "f8"),  # 1 if the mode is to be chosen
         ("stalled", "f8"),  # events in a row without any progress in time,
         ("forced", "f8"),  # and the part of a step that is then taken in spite of them
+        ("frozen", "f8"),  # 1 in an impact of several points: all stands still but velocities and depths
+        ("lifted", "f8"),  # 1 if a rigid contact has ended with a load of zero, and no time has passed since
+        ("strikes", "f8"),  # impacts of rigid surfaces in this rebound
         ("work", "f8"),  # [-] steps of this call
         ("most_work", "f8"),  # [-] at this number the call stops
         ("once", "f8"),  # 1 if the call ends with a rebound

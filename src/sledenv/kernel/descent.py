@@ -11,10 +11,8 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import (
-    book_spring,
     book_step,
     close_rebound,
-    keep_peaks,
     note_mode,
     open_rebound,
     part_of,
@@ -22,10 +20,12 @@ from sledenv.kernel.books import (
     stored,
 )
 from sledenv.kernel.candidates import watch_others
+from sledenv.kernel.carry import carry_contacts, stop_or_release
 from sledenv.kernel.contacts import MOST, ORDER, add, drop, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
 from sledenv.kernel.geometry import place
+from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.recording import record_end, record_step
@@ -40,6 +40,7 @@ from sledenv.kernel.records import (
     TIMEOUT,
     TUMBLED,
 )
+from sledenv.kernel.strike import drop_moving, most_normal, pressing, put_on, strike
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
@@ -48,7 +49,8 @@ SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row 
 FASTER: Final = 8.0
 LARGEST: Final = 1e-4
 AHEAD: Final = 2.0  # sizes that a step of a flight goes over a profile: few pieces lie under it
-AT_SURFACE: Final = 1e-15  # of the size: a gap this small is that of a contact which has just begun
+CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
+AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
 
 
 @kernel
@@ -59,7 +61,7 @@ def take_up(flight: np.void, limits: Limits, space: np.void) -> None:
     motion["u"], motion["v"], motion["omega"] = flight["u"], flight["v"], flight["omega"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     space["contacts"]["count"] = 0
-    space["stalled"], space["forced"] = 0.0, SMALL
+    space["stalled"], space["forced"], space["frozen"], space["lifted"] = 0.0, SMALL, 0.0, 0.0
     space["undecided"] = 1.0
 
 
@@ -142,35 +144,6 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
 
 
 @kernel
-def _move_contacts(body: np.void, t: float, space: np.void) -> bool:
-    """Carry the contacts along to the end of a step; return whether a velocity has passed zero by rounding.
-
-    Of two events at the same time the later one must not leave its velocity with the wrong sign.
-    """
-    contacts, event, rebound, passed = space["contacts"], space["event"], space["rebound"], False
-    for c in range(contacts["count"]):
-        contact, terms = contacts["at"][c], space["series"]["of"][c]
-        before = contact["gap"]
-        gap = rate = slip = normal = 0.0
-        for k in range(ORDER, -1, -1):
-            gap, rate = gap * t + terms["gap"][k], rate * t + terms["gap_rate"][k]
-            slip, normal = slip * t + terms["slip"][k], normal * t + terms["normal"][k]
-        contact["gap"], contact["gap_rate"], contact["slip"] = gap, rate, slip
-        separates = event["code"] == guards.SEPARATION and event["who"] == c
-        if separates or (contact["gap_sign"] < 0 and contact["gap"] > -AT_SURFACE * body["size"]):
-            contact["gap"] = 0.0
-        book_spring(contact, before, rebound)
-        keep_peaks(contact, normal, rebound)
-        contact["gap_left"] = contact["slip_left"] = 0
-        elastic = contact["closing"] == contact["opening"]
-        if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:
-            contact["gap_rate"], passed = 0.0, True
-        if contact["slip_sign"] * contact["slip"] < 0.0 and contact["friction"] > 0.0:
-            contact["slip"], passed = 0.0, True
-    return passed
-
-
-@kernel
 def _write_motion(s: np.void, t: float, motion: np.void) -> None:
     """Write the values of all series of the body at a time of the step, in one loop: no sum waits for another."""
     x = y = phi = u = v = omega = sine = cosine = 0.0
@@ -197,25 +170,32 @@ def _move(body: np.void, space: np.void) -> bool:
         if space["stalled"] <= MOST_STALLED:
             space["forced"] = SMALL
         space["stalled"] = 0.0
+    space["lifted"] = 0.0
     motion["t"] += t
     _write_motion(s, t, motion)
     if contacts["count"] == 0:
         motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
         return False
     book_step(space, t)
-    passed = _move_contacts(body, t, space)
-    contacts["spin_left"] = 0
-    if contacts["spin_sign"] * motion["omega"] < 0.0:
-        arms = 0.0
-        for c in range(contacts["count"]):
-            arms += contacts["at"][c]["arm"]
-        if arms > 0.0:
-            motion["omega"], passed = 0.0, True
-    return passed
+    return carry_contacts(body, t, space)
 
 
 @kernel
-def _be_born(body: np.void, pieces: np.ndarray, limits: Limits, space: np.void) -> int:
+def _touches_end(body: np.void, limits: Limits, space: np.void) -> bool:
+    """Whether the part of the body touches whose touch ends the descent."""
+    contacts, part = space["contacts"], limits.end_part
+    if part == 0.0:
+        return False
+    for c in range(contacts["count"]):
+        if part_of(body, contacts["at"][c]) == part:
+            return True
+    return bool(side_that_lies(body, contacts) == part)
+
+
+@kernel
+def _be_born(
+    body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
+) -> int:
     """Add the pair that has come to touch to the contacts; return the status."""
     contacts, event = space["contacts"], space["event"]
     if contacts["count"] == MOST:
@@ -224,30 +204,106 @@ def _be_born(body: np.void, pieces: np.ndarray, limits: Limits, space: np.void) 
     contact = contacts["at"][contacts["count"] - 1]
     motion = space["motion"]
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-    if abs(contact["gap_rate"]) < guards.STILL * fast:
+    begins, rigid = contacts["count"] == 1, are_rigid(space["ground"])
+    # Rigid surfaces that touch although they open have parted too slowly for any time to pass.
+    if abs(contact["gap_rate"]) < guards.STILL * fast or (rigid and contact["gap_rate"] > 0.0):
         contact["gap_rate"] = 0.0
-    if contacts["count"] == 1:
+    if begins:
         contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0
         open_rebound(body, motion, contact, space["rebound"])
-    part = limits.end_part
-    ends = part != 0.0 and (part_of(body, contact) == part or side_that_lies(body, contacts) == part)
-    return TUMBLED if ends else RUNNING
+        space["strikes"] = 0.0
+    if (begins or not rigid) and _touches_end(body, limits, space):
+        return TUMBLED
+    if not rigid:
+        return RUNNING
+    if begins:
+        space["rebound"]["peak_force"] = math.inf
+    return _strike(body, pieces, slope, limits, False, flight, log, space)
 
 
 @kernel
-def _separate(body: np.void, limits: Limits, flight: np.void, log: np.ndarray, space: np.void) -> int:
-    """Take the contact that has ended off the list; the rebound is over with the last one. Return the status."""
-    contacts, c = space["contacts"], space["event"]["who"]
-    slip = contacts["at"][c]["slip"]
-    drop(contacts, c)
-    if contacts["count"] > 0:
-        return RUNNING
+def _strike(
+    body: np.void,
+    pieces: np.ndarray,
+    slope: Incline,
+    limits: Limits,
+    jolted: bool,
+    flight: np.void,
+    log: np.ndarray,
+    space: np.void,
+) -> int:
+    """Let rigid surfaces hit each other, and go on with what stays in contact; return the status."""
+    contacts = space["contacts"]
+    status = strike(body, pieces, slope, jolted, space)
+    space["event"]["time"] = 0.0
+    if status != RUNNING:
+        return status
+    if _touches_end(body, limits, space):
+        return TUMBLED
+    slip = contacts["at"][0]["slip"]
+    drop_moving(contacts)
+    return RUNNING if contacts["count"] > 0 else _take_off(body, limits, slip, flight, log, space)
+
+
+@kernel
+def _take_off(body: np.void, limits: Limits, slip: float, flight: np.void, log: np.ndarray, space: np.void) -> int:
+    """Record a rebound whose last contact has ended with some slip [m/s]; return the status."""
     close_rebound(body, space, slip, flight, log[min(flight["rebounds"], log.shape[0] - 1)])
     motion = space["motion"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     space["stalled"], space["forced"] = 0.0, SMALL
     _put_back(space, flight)
     return LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
+
+
+@kernel
+def _separate(
+    body: np.void, pieces: np.ndarray, limits: Limits, c: int, flight: np.void, log: np.ndarray, space: np.void
+) -> int:
+    """Take a contact that has ended off the list; the rebound is over with the last one. Return the status."""
+    contacts = space["contacts"]
+    slip = contacts["at"][c]["slip"]
+    if are_rigid(space["ground"]):
+        space["lifted"] = space["undecided"] = 1.0
+        if contacts["count"] == 1:
+            put_on(body, pieces, space["motion"], contacts["at"][0])
+    drop(contacts, c)
+    return RUNNING if contacts["count"] > 0 else _take_off(body, limits, slip, flight, log, space)
+
+
+@kernel
+def _hold(
+    body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
+) -> int:
+    """Let those rigid contacts go that the chosen mode does not hold; an impact follows where no finite load holds them.
+
+    Returns RUNNING if all are held, AGAIN if a mode is to be chosen anew, or the status with which the descent ends.
+    """
+    contacts, choice, motion = space["contacts"], space["choice"], space["motion"]
+    leaving, count = 0, contacts["count"]
+    for c in range(count):
+        leaving += 1 if contacts["at"][c]["gap_sign"] > 0 else 0
+    fails = count > 1 and choice["wrong"] > CLEAR * choice["scale"]
+    if leaving == 0 and not fails:
+        return RUNNING
+    jolted = False
+    if leaving == count or fails:
+        jolted = slope.inward > 0.0 if count > 1 else pressing(slope, motion, contacts["at"][0]) > 0.0
+        if jolted and count > 1:  # friction tips the body over the point ahead
+            ahead = 0
+            for c in range(count):
+                if contacts["at"][c]["ln"] * contacts["at"][c]["slip"] > 0.0:
+                    ahead = c
+            contacts["at"][0] = contacts["at"][ahead]
+            contacts["count"] = 1
+    if jolted:
+        status = _strike(body, pieces, slope, limits, True, flight, log, space)
+    else:
+        status = RUNNING
+        for c in range(count - 1, -1, -1):
+            if status == RUNNING and (fails or contacts["at"][c]["gap_sign"] > 0):
+                status = _separate(body, pieces, limits, c, flight, log, space)
+    return AGAIN if status == RUNNING else status
 
 
 @kernel
@@ -263,7 +319,9 @@ def _pass_line(limits: Limits, flight: np.void, space: np.void) -> int:
 
 
 @kernel
-def _apply(body: np.void, pieces: np.ndarray, limits: Limits, flight: np.void, log: np.ndarray, space: np.void) -> int:
+def _apply(
+    body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
+) -> int:
     """Change what the event at the end of a step changes; return the status, RUNNING if the descent goes on."""
     contacts, event, motion = space["contacts"], space["event"], space["motion"]
     code, side = event["code"], event["side"]
@@ -276,29 +334,17 @@ def _apply(body: np.void, pieces: np.ndarray, limits: Limits, flight: np.void, l
         return _pass_line(limits, flight, space)
     space["undecided"] = 1.0
     if code == guards.BORN:
-        return _be_born(body, pieces, limits, space)
-    if code == guards.SPIN_ZERO:
-        motion["omega"] = 0.0
-        return RUNNING
-    if code == guards.SPIN_FREE:
-        contacts["spin_left"] = side
-        return RUNNING
-    if code == guards.SEPARATION:
-        return _separate(body, limits, flight, log, space)
+        return _be_born(body, pieces, slope, limits, flight, log, space)
+    if code == guards.SEPARATION or (code == guards.GAP_FREE and are_rigid(space["ground"])):
+        return _separate(body, pieces, limits, event["who"], flight, log, space)
     if code == guards.FEATURE:
         return RUNNING if pass_on(body, pieces, space, event["who"], side) else BURIED
-    contact = contacts["at"][event["who"]]
-    if code == guards.GAP_ZERO:
-        contact["gap_rate"] = 0.0
-    elif code == guards.GAP_FREE:
-        contact["gap_left"] = side
-    elif code == guards.SLIP_ZERO:
-        contact["slip"] = 0.0
-    elif code == guards.SLIP_FREE:
-        contact["slip_left"] = side
-    else:
+    if code == guards.ZONE:
+        contact = contacts["at"][event["who"]]
         contact["zone"] += side
         write_surface(body, space["ground"], contact)
+        return RUNNING
+    stop_or_release(space)
     return RUNNING
 
 
@@ -314,14 +360,20 @@ def _step(
     rows: np.ndarray,
 ) -> int:
     """One turn of the loop: mode, series, first event, motion up to it, what it changes. Return the status."""
-    contacts, event = space["contacts"], space["event"]
+    contacts, event, rigid = space["contacts"], space["event"], are_rigid(space["ground"])
     if space["stalled"] > GIVEN_UP:
         return STEP_BUDGET
     if contacts["count"] > 0:
         status = _decide(body, pieces, slope, limits, flight, space)
+        if status == RUNNING and rigid and space["undecided"] != 0.0:
+            status = _hold(body, pieces, slope, limits, flight, log, space)
         if status != RUNNING:
-            return status
+            return RUNNING if status == AGAIN else status
     expand(body, pieces, slope, space)
+    if rigid and contacts["count"] == 1:
+        load = space["series"]["of"][0]["normal"][0]
+        if not 0.0 <= load <= most_normal(body, slope, space["rebound"]):
+            return _strike(body, pieces, slope, limits, True, flight, log, space)
     _find_event(body, pieces, slope, limits, space)
     if not event["time"] < math.inf:
         return NON_FINITE
@@ -330,7 +382,7 @@ def _step(
     forced = space["stalled"] > MOST_STALLED
     passed = _move(body, space)
     space["undecided"] = 1.0 if passed or forced else 0.0
-    return _apply(body, pieces, limits, flight, log, space)
+    return _apply(body, pieces, slope, limits, flight, log, space)
 
 
 @kernel

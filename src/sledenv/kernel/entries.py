@@ -15,14 +15,12 @@ from sledenv.kernel import outline
 from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.collisions import collide, collide_each
-from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.descend import SPACE as RIGID_SPACE
+from sledenv.kernel.contacts import IMPACT, SPACE
 from sledenv.kernel.geometry import PIECE, complete_outline, lay
 from sledenv.kernel.outline import BODY
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
-from sledenv.kernel.rigid_batch import RigidLanes, descend_rigid_lanes
-from sledenv.kernel.state import HOP, new
+from sledenv.kernel.state import new
 
 
 def _embark(bodies: np.ndarray, pieces: np.ndarray, slope: Slope, launch: State, flights: np.ndarray) -> None:
@@ -65,25 +63,23 @@ def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
 
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
 _LOGS, _TRAJECTORY, _OUTCOMES = Table(REBOUND, 2), Table(TRAJECTORY), Table(OUTCOME)
-_SPACES, _HOPS, _PHASES, _BODIES, _PIECES = map(Table, (SPACE, HOP, PHASE, BODY, PIECE))
+_SPACES, _IMPACTS, _PHASES, _BODIES, _PIECES = map(Table, (SPACE, IMPACT, PHASE, BODY, PIECE))
 
 _HOME = Path(__file__).parents[1]
 LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
 
 
 _LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
-_RIGID_LANES = Group(RigidLanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
-run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, Limits, _LANES, _WRITTEN, _SPACES, int)
-run_rigid_lanes: Final = LIBRARY.entry(
-    "descend_rigid_lanes", descend_rigid_lanes, RigidLaw, Limits, _RIGID_LANES, _WRITTEN, Table(RIGID_SPACE), int
-)
+run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _LANES, _WRITTEN, _SPACES, int)
 run_lay: Final = LIBRARY.entry("lay", lay, _ROWS, _PIECES)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
-run_collision: Final = LIBRARY.entry("collide", collide, _BODIES, ContactLaw, State, float, int, _HOPS, _PHASES, _COUNT)
-run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS, _ROWS, int, _HOPS, _ROWS, _COUNT)
+run_collision: Final = LIBRARY.entry(
+    "collide", collide, _BODIES, ContactLaw, State, float, int, _IMPACTS, _PHASES, _COUNT
+)
+run_collisions: Final = LIBRARY.entry("collide_each", collide_each, float, _ROWS, _ROWS, int, _IMPACTS, _ROWS, _COUNT)
 run_complete: Final = LIBRARY.entry("complete", _complete, _BODIES)
 run_lowest: Final = LIBRARY.entry("lowest", _lowest, _BODIES, _DOUBLES, _COUNT, _ROWS)
 run_directions: Final = LIBRARY.entry("directions", _directions, _DOUBLES, _DOUBLES, _DOUBLES)
@@ -111,10 +107,7 @@ def _known() -> str:
             outcomes[name] = value
         outcomes["t_line"] = math.inf
         lanes, written = (body, law, slope, launch, np.empty((0, 2))), (outcomes, log[np.newaxis], rows)
-        if isinstance(law, RigidLaw):
-            run_rigid_lanes(law, limits, *lanes, *written, new(RIGID_SPACE), 1)
-        else:
-            run_lanes(limits, *lanes, pieces, *written, new(SPACE), 1)
+        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, pieces, *written, new(SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

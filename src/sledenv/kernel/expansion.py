@@ -276,7 +276,7 @@ def _terms_of_motion(body: np.void, pieces: np.ndarray, contacts: np.void, s: np
 
 
 @kernel
-def _last_forces(contact: np.void, terms: np.void) -> None:
+def last_forces(contact: np.void, terms: np.void) -> None:
     """Write the last terms of the forces of a contact; those of locked ones are not known and below rounding."""
     sign = contact["gap_sign"]
     stiffness = 0.0
@@ -318,7 +318,7 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
         _lock_terms(contacts, s, k + 1)
     s["moment"][ORDER] = 0.0
     for c in range(contacts["count"]):
-        _last_forces(contacts["at"][c], s["of"][c])
+        last_forces(contacts["at"][c], s["of"][c])
 
 
 @kernel

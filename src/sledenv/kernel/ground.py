@@ -26,6 +26,7 @@ GROUND: Final = np.dtype(
         # Of a contact that begins on it; NaN where they are those of the law.
         ("restitution", "f8", (PIECES,)),  # [-]
         ("stiffness", "f8", (PIECES,)),  # [N/m]
+        ("settle_speed", "f8"),  # [m/s] below which an impact of rigid surfaces is plastic
     ]
 )
 
@@ -72,6 +73,22 @@ def lay_springs(law: Any, ground: np.void) -> None:
             stiffness = law.stiffness
         ground["closing"][piece] = stiffness * (1.0 + asymmetry)
         ground["opening"][piece] = stiffness * (1.0 - asymmetry)
+
+
+@kernel
+def lay_rigid(law: Any, ground: np.void) -> None:
+    """Write that the surfaces of a ground that has been laid are rigid: any load without depth, none of what opens."""
+    for piece in range(int(ground["count"])):
+        ground["closing"][piece], ground["opening"][piece] = math.inf, 0.0
+        if math.isnan(ground["restitution"][piece]):
+            ground["restitution"][piece] = law.restitution
+    ground["settle_speed"] = law.settle_speed
+
+
+@kernel
+def are_rigid(ground: np.void) -> bool:
+    """Whether the surfaces are rigid: the one place where a descent asks for its law."""
+    return bool(ground["closing"][0] == math.inf)
 
 
 @kernel

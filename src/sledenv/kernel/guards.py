@@ -6,6 +6,7 @@ or been released. Each zero that is found shortens what the other guards look at
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, wrap
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
+from sledenv.kernel.mode import all_friction
 from sledenv.kernel.zeros import first_zero
 
 NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
@@ -79,7 +81,7 @@ def _released(poly: np.ndarray) -> int:
 
 
 @kernel
-def _watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+def watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch how a contact ends, and its gap rate."""
     poly = space["poly"]
     if contact["gap_sign"] != 0:
@@ -103,6 +105,8 @@ def _watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: n
     depth = -contact["gap"]
     for side in (-1, 1):
         bound = contact["closing"] if side < 0 else -contact["opening"]
+        if bound == math.inf:  # of rigid surfaces
+            continue
         for k in range(ORDER + 1):
             poly[k] = side * terms["normal"][k]
         poly[0] += bound * depth
@@ -110,10 +114,20 @@ def _watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: n
 
 
 @kernel
-def _watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+def _is_fresh(contact: np.void) -> bool:
+    """Whether a contact has just begun, so that its load is zero by construction; that of rigid surfaces is not."""
+    return bool(contact["gap"] == 0.0 and contact["closing"] < math.inf)
+
+
+@kernel
+def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch the slip of a contact, or the friction that holds it."""
-    poly, sign = space["poly"], contact["slip_sign"]
-    if not contact["friction"] > 0.0 or (contact["slip_still"] != 0 and sign != 0):
+    poly, sign, contacts = space["poly"], contact["slip_sign"], space["contacts"]
+    alike = contacts["alike"] != 0
+    if alike and c > 0:
+        return
+    friction = all_friction(contacts) if alike else contact["friction"]
+    if not friction > 0.0 or (contact["slip_still"] != 0 and sign != 0):
         return
     if sign != 0:
         for k in range(ORDER + 1):
@@ -123,18 +137,21 @@ def _watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> Non
     for side in (-1, 1):
         for k in range(ORDER + 1):
             poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
-        look(space, _begun(poly, 1) if contact["gap"] == 0.0 else 0, SLIP_FREE, c, side)
+        for q in range(1, contacts["count"] if alike else 0):
+            other, of = contacts["at"][q], space["series"]["of"][q]
+            for k in range(ORDER + 1):
+                poly[k] += other["friction"] * of["normal"][k] + side * of["force"][k]
+        look(space, _begun(poly, 1) if _is_fresh(contact) and not alike else 0, SLIP_FREE, c, side)
 
 
 @kernel
-def _watch_spin(contacts: np.void, space: np.void) -> None:
+def watch_spin(contacts: np.void, space: np.void) -> None:
     """Watch the spin, or the rolling resistance that holds it."""
     poly, s, sign = space["poly"], space["series"], contacts["spin_sign"]
     arms, fresh = 0.0, True
     for c in range(contacts["count"]):
         arms += contacts["at"][c]["arm"]
-        if contacts["at"][c]["gap"] != 0.0:
-            fresh = False
+        fresh = fresh and _is_fresh(contacts["at"][c])
     if not arms > 0.0 or (contacts["spin_still"] != 0 and sign != 0):
         return
     if sign != 0:
@@ -261,15 +278,15 @@ def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     contacts = space["contacts"]
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
-        _watch_gap(body, contact, terms, c, space)
-        _watch_slip(contact, terms, c, space)
+        watch_gap(body, contact, terms, c, space)
+        watch_slip(contact, terms, c, space)
         if contact["kind"] == ARC_PIECE:
             _watch_foot(body, pieces, contact, c, space)
             _watch_zone(body, contact, c, space)
         else:
             _watch_crest(body, pieces, contact, terms, c, space)
     if contacts["count"] > 0:
-        _watch_spin(contacts, space)
+        watch_spin(contacts, space)
 
 
 @kernel

@@ -7,41 +7,70 @@ list of phases, each in closed form. An event is that slip, spin or gap rate bec
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import scalar
-from sledenv.kernel.friction import Bounds, Branch, Drive, Mobility, branch_forces, rates, resolve, sign_of
-from sledenv.kernel.state import followed_by
+from sledenv.kernel.arithmetic import sign_of
+from sledenv.kernel.books import followed_by
 
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 OVER, GOES_ON, ENDLESS = range(3)  # what comes after a phase
-MOST_PHASES = 32
-SIMULTANEOUS = 4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops too
-
-_followed = scalar(lambda sequence, phase: (followed_by(sequence, phase),))
-
-
-@kernel
-def _mobility(hop: np.void) -> Mobility:
-    return Mobility(hop["per_mass"], hop["per_inertia"], hop["a"], hop["b"])
+MOST_PHASES: Final = 32
+SIMULTANEOUS: Final = (
+    4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops
+)
+TIE: Final = 1e-12  # of the normal force: a locked force may be beyond its bound by this
 
 
 @kernel
-def _choose_forces(hop: np.void) -> None:
+def _held_moment(slip_force: float, spin: int, hit: np.void) -> tuple[int, float]:
+    """Sign of a spin that is zero, and the rolling moment over the normal force: it is held, or at its bound."""
+    if spin != 0:
+        return spin, -spin * hit["arm"]
+    held = hit["a"] - hit["b"] * slip_force
+    if abs(held) - hit["arm"] <= TIE * hit["size"]:
+        return 0, held
+    return (-1, hit["arm"]) if held > 0.0 else (1, -hit["arm"])
+
+
+@kernel
+def _held_force(rho: float, hit: np.void) -> tuple[int, float]:
+    """Sign of a slip that is zero while the body spins, and the friction over the normal force, as for the moment."""
+    mass, b = 1.0 / hit["per_mass"], hit["b"]
+    held = -mass * b * ((rho - hit["a"]) * hit["per_inertia"] / (1.0 + mass * b * b * hit["per_inertia"]))
+    if abs(held) - hit["friction"] <= TIE:
+        return 0, held
+    return (-1, hit["friction"]) if held > 0.0 else (1, -hit["friction"])
+
+
+@kernel
+def _choose_forces(hit: np.void) -> None:
     """Write the signs of slip and spin in the next phase, and its tangential force and moment over the normal force.
 
-    A velocity that is zero stays locked, or leaves with either sign.
+    A velocity that is zero stays locked, or leaves with either sign: the box rule, docs/physics.md (4.2). Without any
+    slip no friction acts unless the body spins: then only the moment holds it.
     """
-    slip, spin = sign_of(hop["v_t"]), sign_of(hop["omega"])
-    mu, rho = -slip * hop["friction"], -spin * hop["arm"]
-    if slip == 0 or spin == 0:
-        w, drive = _mobility(hop), Drive(0.0, 0.0)
-        branch = resolve(w, drive, hop["friction"], hop["arm"], hop["size"], Bounds(1.0, 1.0), Branch(-1, slip, spin))
-        slip, spin = branch.slip, branch.spin
-        mu, rho, _ = branch_forces(w, drive, hop["friction"], hop["arm"], 1.0, False, slip, spin)
-    hop["slip"], hop["spin"], hop["mu"], hop["rho"] = slip, spin, mu, rho
+    slip, spin = sign_of(hit["v_t"]), sign_of(hit["omega"])
+    if slip != 0:
+        mu = -slip * hit["friction"]
+        spin, rho = _held_moment(mu, spin, hit)
+    else:
+        mu = 0.0
+        spin, rho = _held_moment(mu, spin, hit)
+        if spin != 0:
+            slip, mu = _held_force(rho, hit)
+    hit["slip"], hit["spin"], hit["mu"], hit["rho"] = slip, spin, mu, rho
+
+
+@kernel
+def _rates(hit: np.void) -> tuple[float, float, float]:
+    """Rates of slip, spin and gap rate under a unit normal force."""
+    spin_rate = (hit["rho"] - hit["a"] + hit["b"] * hit["mu"]) * hit["per_inertia"]
+    rate_t = hit["mu"] * hit["per_mass"] + hit["b"] * spin_rate
+    rate_n = hit["per_mass"] - hit["a"] * spin_rate
+    return rate_t if hit["slip"] != 0.0 else 0.0, spin_rate if hit["spin"] != 0.0 else 0.0, rate_n
 
 
 @kernel
@@ -52,19 +81,19 @@ def _until_zero(velocity: float, rate: float) -> float:
 
 
 @kernel
-def _until_end(hypothesis: int, rate_n: float, hop: np.void) -> float:
+def _until_end(hypothesis: int, rate_n: float, hit: np.void) -> float:
     """Normal impulse [N s] after which an impact whose gap opens ends, by its hypothesis; inf if it does not end."""
-    v_n, restitution = hop["v_n"], hop["restitution"]
+    v_n, restitution = hit["v_n"], hit["restitution"]
     if hypothesis == POISSON:
-        return float(max((1.0 + restitution) * hop["compressed"] - hop["normal_impulse"], 0.0))
+        return float(max((1.0 + restitution) * hit["compressed"] - hit["normal_impulse"], 0.0))
     if hypothesis == NEWTON:
-        target = -restitution * hop["v_n_entry"]
+        target = -restitution * hit["v_n_entry"]
         if v_n >= target:
             return 0.0
         return (target - v_n) / rate_n if rate_n > 0.0 else math.inf
-    square = v_n * v_n + 2.0 * rate_n * hop["stored"]
+    square = v_n * v_n + 2.0 * rate_n * hit["stored"]
     speed = v_n + math.sqrt(square) if square >= 0.0 else 0.0
-    return 2.0 * hop["stored"] / speed if speed > 0.0 else math.inf
+    return 2.0 * hit["stored"] / speed if speed > 0.0 else math.inf
 
 
 @kernel
@@ -75,20 +104,19 @@ def _after(velocity: float, rate: float, span: float) -> float:
 
 
 @kernel
-def _pass_phase(hypothesis: int, hop: np.void) -> int:
+def _pass_phase(hypothesis: int, hit: np.void) -> int:
     """Follow a phase up to its first event: slip or spin stops, the gap turns, the impact ends. Return what is next."""
-    v_t, omega, v_n, mu, rho = hop["v_t"], hop["omega"], hop["v_n"], hop["mu"], hop["rho"]
-    rate_t, rate_w, rate_n = rates(_mobility(hop), Drive(0.0, 0.0), mu, rho, 1.0)
-    rate_t, rate_w = rate_t if hop["slip"] != 0.0 else 0.0, rate_w if hop["spin"] != 0.0 else 0.0
-    hop["span"] = 0.0
+    v_t, omega, v_n, mu, rho = hit["v_t"], hit["omega"], hit["v_n"], hit["mu"], hit["rho"]
+    rate_t, rate_w, rate_n = _rates(hit)
+    hit["span"] = 0.0
     if v_n == 0.0:
-        hop["opening"] = 1.0 if rate_n > 0.0 else 0.0
-        if rate_n == 0.0 or (rate_n > 0.0 and not hop["stored"] > 0.0):
+        hit["opening"] = 1.0 if rate_n > 0.0 else 0.0
+        if rate_n == 0.0 or (rate_n > 0.0 and not hit["stored"] > 0.0):
             return OVER  # the gap does not close, and there is no energy to give back
-        if rate_n > 0.0 and hop["compressed"] == 0.0:
-            hop["compressed"] = hop["normal_impulse"]
-    opens = hop["opening"] > 0.0
-    end = _until_end(hypothesis, rate_n, hop) if opens else math.inf
+        if rate_n > 0.0 and hit["compressed"] == 0.0:
+            hit["compressed"] = hit["normal_impulse"]
+    opens = hit["opening"] > 0.0
+    end = _until_end(hypothesis, rate_n, hit) if opens else math.inf
     until_t, until_w, until_n = _until_zero(v_t, rate_t), _until_zero(omega, rate_w), _until_zero(v_n, rate_n)
     stopping = min(until_t, until_w)
     span = min(stopping, min(until_n, end))
@@ -103,41 +131,41 @@ def _pass_phase(hypothesis: int, hop: np.void) -> int:
     rate_then = 0.0 if turns else v_n + rate_n * span
     work = 0.5 * (v_n + rate_then) * span
     if opens:
-        hop["opened"] += work
+        hit["opened"] += work
     else:
-        hop["closed"] -= work
-    given_back = work if opens else hop["restitution"] * hop["restitution"] * work
-    hop["stored"] = 0.0 if ends else max(hop["stored"] - given_back, 0.0)
-    hop["sliding"] -= 0.5 * mu * (v_t + slip_then) * span
-    hop["rolling"] -= 0.5 * rho * (omega + spin_then) * span
-    hop["normal_impulse"] += span
-    hop["tangential_impulse"] += mu * span
-    hop["rolling_impulse"] += rho * span
-    hop["v_t"], hop["omega"], hop["v_n"], hop["span"] = slip_then, spin_then, rate_then, span
+        hit["closed"] -= work
+    given_back = work if opens else hit["restitution"] * hit["restitution"] * work
+    hit["stored"] = 0.0 if ends else max(hit["stored"] - given_back, 0.0)
+    hit["sliding"] -= 0.5 * mu * (v_t + slip_then) * span
+    hit["rolling"] -= 0.5 * rho * (omega + spin_then) * span
+    hit["normal_impulse"] += span
+    hit["tangential_impulse"] += mu * span
+    hit["rolling_impulse"] += rho * span
+    hit["v_t"], hit["omega"], hit["v_n"], hit["span"] = slip_then, spin_then, rate_then, span
     if span > 0.0:
-        phase = (hop["slip"] + 1.0) + 3.0 * (hop["spin"] + 1.0) + 9.0 * hop["opening"]
-        hop["sequence"] = _followed(hop["sequence"], phase)[0]
+        phase = (hit["slip"] + 1.0) + 3.0 * (hit["spin"] + 1.0) + 9.0 * hit["opening"]
+        hit["sequence"] = followed_by(hit["sequence"], phase)
     return OVER if ends else GOES_ON
 
 
 @kernel
-def _begin(hop: np.void) -> None:
+def _begin(hit: np.void) -> None:
     """Write the numbers of an impact before its first phase."""
-    hop["normal_impulse"] = hop["tangential_impulse"] = hop["rolling_impulse"] = 0.0
-    hop["closed"] = hop["opened"] = hop["stored"] = hop["opening"] = hop["compressed"] = 0.0
-    hop["sliding"] = hop["rolling"] = hop["hysteresis"] = 0.0
-    hop["v_n_entry"] = hop["v_n"]
+    hit["normal_impulse"] = hit["tangential_impulse"] = hit["rolling_impulse"] = 0.0
+    hit["closed"] = hit["opened"] = hit["stored"] = hit["opening"] = hit["compressed"] = 0.0
+    hit["sliding"] = hit["rolling"] = hit["hysteresis"] = 0.0
+    hit["v_n_entry"] = hit["v_n"]
 
 
 @kernel
-def _write_phase(start: float, hop: np.void, phase: np.void) -> None:
-    phase["start"], phase["impulse"] = start, hop["span"]
-    phase["slip"], phase["spin"] = int(hop["slip"]), int(hop["spin"])
-    phase["restitution"] = 1 if hop["opening"] > 0.0 else 0
+def _write_phase(start: float, hit: np.void, phase: np.void) -> None:
+    phase["start"], phase["impulse"] = start, hit["span"]
+    phase["slip"], phase["spin"] = int(hit["slip"]), int(hit["spin"])
+    phase["restitution"] = 1 if hit["opening"] > 0.0 else 0
 
 
 @kernel
-def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
+def impact(hypothesis: int, hit: np.void, phases: np.ndarray | None) -> int:
     """Follow one impact from touch to separation.
 
     Parameters
@@ -145,7 +173,7 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
     hypothesis : int
         ENERGETIC (Stronge): the normal work of restitution is e^2 times that of compression. POISSON: its impulse is
         e times that of compression. NEWTON: the gap opens e times as fast as it closed.
-    hop : record of HOP
+    hit : record of IMPACT
         Given ``per_mass``, ``per_inertia`` and ``size`` of the body, arms ``a`` and ``b`` of the contact point,
         ``friction``, rolling ``arm``, ``restitution``, and ``v_t``, ``omega``, ``v_n`` at touch; v_n > 0 is no impact.
         Afterwards it holds these velocities at the end, and the impulses and losses of the impact.
@@ -157,23 +185,23 @@ def impact(hypothesis: int, hop: np.void, phases: np.ndarray | None) -> int:
     int
         Number of phases; MOST_PHASES + 1 if the impact does not end in MOST_PHASES of them.
     """
-    _begin(hop)
-    count, then = 0, OVER if hop["v_n"] > 0.0 else GOES_ON
+    _begin(hit)
+    count, then = 0, OVER if hit["v_n"] > 0.0 else GOES_ON
     for _ in range(2 * MOST_PHASES - 1):  # some have no length
         if then != GOES_ON or count == MOST_PHASES:
             break
-        _choose_forces(hop)
-        start = hop["normal_impulse"]
-        then = _pass_phase(hypothesis, hop)
-        if hop["span"] > 0.0:
+        _choose_forces(hit)
+        start = hit["normal_impulse"]
+        then = _pass_phase(hypothesis, hit)
+        if hit["span"] > 0.0:
             if phases is not None:  # noqa: SIM102 - numba drops a branch on this alone when it compiles
                 if count < phases.shape[0]:
-                    _write_phase(start, hop, phases[count])
+                    _write_phase(start, hit, phases[count])
             count += 1
     if hypothesis == ENERGETIC:  # from one work: the difference of both would cancel
-        hop["hysteresis"] = (1.0 - hop["restitution"] * hop["restitution"]) * hop["closed"]
+        hit["hysteresis"] = (1.0 - hit["restitution"] * hit["restitution"]) * hit["closed"]
     else:
-        hop["hysteresis"] = hop["closed"] - hop["opened"]
+        hit["hysteresis"] = hit["closed"] - hit["opened"]
     return count if then == OVER else MOST_PHASES + 1
 
 

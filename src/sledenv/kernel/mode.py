@@ -15,6 +15,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
+from sledenv.kernel.ground import are_rigid
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
 UNRESISTED: Final = 2  # a spin that is still without rolling resistance: its sign means nothing
@@ -75,8 +76,11 @@ def _write_sign(contacts: np.void, what: int, c: int, sign: int) -> None:
         contacts["spin_sign"] = sign
     elif what == GAP:
         contacts["at"][c]["gap_sign"] = sign
-    else:
+    elif contacts["alike"] == 0:
         contacts["at"][c]["slip_sign"] = sign
+    else:
+        for q in range(contacts["count"]):
+            contacts["at"][q]["slip_sign"] = sign
 
 
 @kernel
@@ -85,8 +89,20 @@ def _write_still(contacts: np.void, what: int, c: int, still: int) -> None:
         contacts["spin_still"] = still
     elif what == GAP:
         contacts["at"][c]["gap_still"] = still
-    else:
+    elif contacts["alike"] == 0:
         contacts["at"][c]["slip_still"] = still
+    else:
+        for q in range(contacts["count"]):
+            contacts["at"][q]["slip_still"] = still
+
+
+@kernel
+def all_friction(contacts: np.void) -> float:
+    """Sum of the friction of all contacts: zero if none has any."""
+    total = 0.0
+    for c in range(contacts["count"]):
+        total += contacts["at"][c]["friction"]
+    return total
 
 
 @kernel
@@ -270,10 +286,29 @@ def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int
     if what == SPIN:
         return float(max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"])
     contact, share = contacts["at"][c], choice["share"][c]
+    if what == SLIP and contacts["alike"] != 0:
+        force, bound = 0.0, 0.0
+        for q in range(contacts["count"]):
+            force += choice["share"][q]["force"]
+            bound += contacts["at"][q]["friction"] * choice["share"][q]["normal"]
+        return max(abs(force) - bound, 0.0)
     if what == SLIP:
         return float(max(abs(share["force"]) - contact["friction"] * share["normal"], 0.0))
     above = share["normal"] - contact["closing"] * share["depth"]
     return float(max(above, contact["opening"] * share["depth"] - share["normal"], 0.0))
+
+
+@kernel
+def _opens(choice: np.void) -> bool:
+    """Whether the loads of locked gaps would open them: the determinant of the mobility is positive."""
+    lock, n = choice["lock"], choice["locks"]
+    a, b, d = lock[0]["mobility"], lock[1]["mobility"], lock[2]["mobility"]
+    if n == 1:
+        return bool(a[0] > 0.0)
+    if n == 2:
+        return bool(a[0] * b[1] - a[1] * b[0] > 0.0)
+    first, second, third = b[1] * d[2] - b[2] * d[1], b[2] * d[0] - b[0] * d[2], b[0] * d[1] - b[1] * d[0]
+    return bool(a[0] * first + a[1] * second + a[2] * third > 0.0)
 
 
 @kernel
@@ -286,6 +321,8 @@ def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choic
         scale = max(scale, abs(choice["share"][c]["normal"]))
     choice["scale"] = scale
     wrong = 0.0
+    if choice["rigid"] != 0.0 and choice["locks"] > 0 and not _opens(choice):
+        return math.inf
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         what, c, sign = zero["what"], zero["who"], zero["sign"]
@@ -376,16 +413,19 @@ def _list_zero(contacts: np.void, choice: np.void, what: int, c: int, bounded: b
 
 
 @kernel
-def _list_zeros(body: np.void, contacts: np.void, choice: np.void) -> None:
-    """List the velocities that are zero and whose force has two bounds."""
+def _list_zeros(shallow: float, contacts: np.void, choice: np.void) -> None:
+    """List the velocities that are zero and whose force has two bounds; no depth is less than ``shallow`` [m]."""
     choice["zeros"] = 0
     arms = 0.0
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
-        share["depth"] = -contact["gap"] if contact["gap"] < 0.0 else SHALLOW * body["size"]
+        share["depth"] = -contact["gap"] if contact["gap"] < 0.0 else shallow
         arms += contact["arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
-        _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
+        if contacts["alike"] == 0:
+            _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
+        elif c == 0:
+            _list_zero(contacts, choice, SLIP, 0, all_friction(contacts) > 0.0, share["slip_before"])
     _list_zero(contacts, choice, SPIN, 0, arms > 0.0, choice["spin_before"])
 
 
@@ -395,6 +435,8 @@ def _try_mode(body: np.void, slope: Any, still: float, rests: bool, contacts: np
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         _write_sign(contacts, zero["what"], zero["who"], zero["sign"])
+        if zero["what"] == GAP and zero["sign"] < 0 and contacts["at"][zero["who"]]["closing"] == math.inf:
+            return math.inf
     wrong = _violation(body, slope, still, contacts, choice)
     change = max(abs(choice["du"]), abs(choice["dv"]), body["size"] * abs(choice["domega"]))
     return math.inf if rests and not change <= still else wrong
@@ -489,11 +531,12 @@ def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.
     for c in range(contacts["count"]):
         contacts["at"][c]["gap_still"] = contacts["at"][c]["slip_still"] = 0
     contacts["spin_still"] = 0
+    choice["wrong"] = 0.0
     if choice["zeros"] == 0:
         return
     for i in range(choice["zeros"]):
         choice["zero"][i]["sign"] = choice["zero"][i]["best"]
-    _try_mode(body, slope, still, False, contacts, choice)
+    choice["wrong"] = _try_mode(body, slope, still, False, contacts, choice)
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
         what, c = zero["what"], zero["who"]
@@ -513,7 +556,8 @@ def _speed_scale(body: np.void, slope: Any, contacts: np.void) -> float:
     speed = math.sqrt(slope.gravity * body["size"])
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        speed = max(speed, -contact["gap"] * math.sqrt(contact["closing"] * body["per_mass"]))
+        if contact["gap"] < 0.0:
+            speed = max(speed, -contact["gap"] * math.sqrt(contact["closing"] * body["per_mass"]))
     return speed
 
 
@@ -527,20 +571,35 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     pieces : ndarray of PIECE
     slope : Incline
     space : record of SPACE
-        Its ``motion`` and ``contacts`` are what is chosen for. Velocities that must be zero are made exactly zero.
+        Its ``motion`` and ``contacts`` are what is chosen for; in a ``frozen`` impact normals and levers stand
+        still. Velocities that must be zero are made exactly zero.
     """
     motion, contacts, choice = space["motion"], space["contacts"], space["choice"]
     _remember(contacts, choice)
-    for c in range(contacts["count"]):
-        place(body, pieces, motion, contacts["at"][c])
+    frozen = space["frozen"] != 0.0
+    choice["rigid"], contacts["alike"] = 0.0, 0
+    if are_rigid(space["ground"]):  # all that touch lie on one straight side
+        choice["rigid"], contacts["alike"] = 1.0, 1
+        for c in range(1, contacts["count"]):
+            contacts["at"][c]["slip"] = contacts["at"][0]["slip"]
+            contacts["at"][c]["slip_left"] = contacts["at"][0]["slip_left"]
+    if not frozen:
+        for c in range(contacts["count"]):
+            place(body, pieces, motion, contacts["at"][c])
     slow = SLOW * _speed_scale(body, slope, contacts) + TINY
     standing = STANDING * math.sqrt(slope.gravity * body["size"]) + SLOW * TINY
     _spread_zeros(body, slow, standing, motion, contacts, choice)
-    _list_zeros(body, contacts, choice)
+    _list_zeros(0.0 if frozen else SHALLOW * body["size"], contacts, choice)
     still = STEADY * (slope.gravity + motion["omega"] * motion["omega"] * body["size"])
+    if frozen:
+        still = 0.0
+        for c in range(contacts["count"]):
+            still = max(still, STEADY * contacts["at"][c]["closing"] * choice["share"][c]["depth"] / body["mass"])
     if choice["zeros"] > 0:
         for c in range(contacts["count"]):
-            _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
+            choice["share"][c]["gap_drift"] = choice["share"][c]["slip_drift"] = 0.0
+            if not frozen:
+                _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
         side = -1 if motion["sine"] < 0.0 else 1
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
             wrong = _search(body, slope, still, True, side, contacts, choice)

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.descend import SPACE as RIGID_SPACE
-from sledenv.kernel.entries import run_lanes, run_rigid_lanes
+from sledenv.kernel.entries import run_lanes
 from sledenv.kernel.laws import Law
 from sledenv.kernel.params import Limits, RigidLaw
 from sledenv.kernel.records import REBOUND, TRAJECTORY
@@ -67,14 +66,10 @@ def follower(
 
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
-    rigid = isinstance(tables.like, RigidLaw)
-    space, logs = new(RIGID_SPACE if rigid else SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    space, logs = new(SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     like, limits, *given, pieces = tables
     written = flights, logs, trajectory, space
-    if rigid:
-        run = run_rigid_lanes.prepared(like, limits, *given, trims, *written)
-    else:
-        run = run_lanes.prepared(limits, *given, trims, pieces, *written)
+    run = run_lanes.prepared(int(isinstance(like, RigidLaw)), limits, *given, trims, pieces, *written)
     lane = space["lane"]
 
     def follow(first: int, last: int) -> None:

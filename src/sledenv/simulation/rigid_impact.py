@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from sledenv.kernel.descend import contact_mode
+from sledenv.kernel.books import contact_mode
+from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.kernel.state import HOP, new
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
 from sledenv.simulation.scene import ContactLaw, State
@@ -94,7 +94,7 @@ def velocities_after(
     after = np.empty((len(contacts), 3))
     contacts, laws = np.ascontiguousarray(contacts, float), np.ascontiguousarray(laws, float)
     lost = np.empty(1, np.int64)
-    run_collisions(float(gyration_radius), contacts, laws, _CODES[hypothesis], new(HOP), after, lost)
+    run_collisions(float(gyration_radius), contacts, laws, _CODES[hypothesis], np.zeros(1, IMPACT), after, lost)
     if lost[0] >= 0:
         raise ArithmeticError(f"the impact of row {lost[0]} did not end within {MOST_PHASES} phases")
     return after
@@ -139,30 +139,30 @@ def rigid_impact(
         raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
     body, law, state = made_body(body), made("law", ContactLaw, law), State(*made("state", State, state))
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
-    rows, hops = np.zeros(MOST_PHASES, PHASE), new(HOP)
+    rows, hits = np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
     phases_found = np.empty(1, np.int64)
-    run_collision(body.record, law, touching, e, _CODES[hypothesis], hops, rows, phases_found)
+    run_collision(body.record, law, touching, e, _CODES[hypothesis], hits, rows, phases_found)
     count = int(phases_found[0])
     if count > MOST_PHASES:
         raise ArithmeticError(f"the impact of {state} did not end within {MOST_PHASES} phases")
-    hop = {name: float(hops[name][0]) for name in HOP.names or () if name != "filling"}
-    slip, omega = hop["v_t"], hop["omega"]
+    hit = {name: float(hits[name][0]) for name in IMPACT.names or ()}
+    slip, omega = hit["v_t"], hit["omega"]
     after = state
     if count > 0:
-        after = State.found((*state[:3], slip - hop["b"] * omega, hop["v_n"] + hop["a"] * omega, omega))
+        after = State.found((*state[:3], slip - hit["b"] * omega, hit["v_n"] + hit["a"] * omega, omega))
     phases = tuple(
         Phase(float(row["start"]), float(row["impulse"]), int(row["slip"]), int(row["spin"]), bool(row["restitution"]))
         for row in rows[:count]
     )
     return RigidImpact(
         after,
-        hop["normal_impulse"],
-        hop["tangential_impulse"],
-        hop["rolling_impulse"],
-        Mode(contact_mode(hop["v_t_landing"], state.omega, slip, omega)),
+        hit["normal_impulse"],
+        hit["tangential_impulse"],
+        hit["rolling_impulse"],
+        Mode(contact_mode(state.u + hit["b"] * state.omega, state.omega, slip, omega)),
         phases,
-        hop["hysteresis"],
-        hop["sliding"],
-        hop["rolling"],
+        hit["hysteresis"],
+        hit["sliding"],
+        hit["rolling"],
     )

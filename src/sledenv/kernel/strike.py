@@ -1,0 +1,252 @@
+"""What rigid surfaces do when they touch: impacts of one point and of several, and what stays in contact after them."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import sine_cosine, wrap
+from sledenv.kernel.books import side_that_lies
+from sledenv.kernel.candidates import touches_beside
+from sledenv.kernel.contacts import MOST, add, drop
+from sledenv.kernel.frozen import hit_together
+from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
+from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
+from sledenv.kernel.outline import arc_at
+from sledenv.kernel.params import Incline
+from sledenv.kernel.records import RUNNING, STEP_BUDGET
+
+MOST_STRIKES: Final = 10000  # impacts without a flight between them
+NEARLY: Final = (
+    1e-6  # of the size: with another point as close to the slope as this, stiff springs would touch with both
+)
+DOWN: Final = 4e-15  # of the size: a gap this small is rounding
+LEVEL: Final = 1e-12  # of the size: a point this close to the slope touches
+JOLT: Final = 1e-12  # of the speed scale: approach of an impact that friction brings about
+MOST_NORMAL: Final = 1e9  # times the weight and the centrifugal forces
+
+
+@kernel
+def pressing(slope: Incline, motion: np.void, contact: np.void) -> float:
+    """Acceleration [m/s^2] with which a free body would press a contact onto the slope."""
+    turning = motion["cosine"] * contact["gc"] + motion["sine"] * contact["gs"]
+    gravity = slope.inward * contact["ny"] - slope.downhill * contact["nx"]
+    return float(gravity + motion["omega"] * motion["omega"] * turning)
+
+
+@kernel
+def most_normal(body: np.void, slope: Incline, rebound: np.void) -> float:
+    """Load [N] above which rigid surfaces count as having no finite one."""
+    size, spin, slip = body["size"], rebound["omega"], rebound["slip"]
+    return float(MOST_NORMAL * body["mass"] * (slope.inward + size * spin * spin + slip * slip / size))
+
+
+@kernel
+def _move_along(motion: np.void, contact: np.void) -> None:
+    """Give the body the gap rate and the slip of a contact."""
+    nx, ny, omega = contact["nx"], contact["ny"], motion["omega"]
+    rate, slip = contact["gap_rate"] - contact["ln"] * omega, contact["slip"] - contact["lt"] * omega
+    motion["u"], motion["v"] = nx * rate + ny * slip, ny * rate - nx * slip
+
+
+@kernel
+def _gap(body: np.void, pieces: np.ndarray, motion: np.void, arc: int, j: int) -> float:
+    """Gap [m] of an arc to a piece where the body is."""
+    piece, s, c = pieces[j], motion["sine"], motion["cosine"]
+    x, y = c * body["cx"][arc] - s * body["cy"][arc], s * body["cx"][arc] + c * body["cy"][arc]
+    x, y = x + (motion["x"] - piece["x"]), y + (motion["y"] - piece["y"])
+    return float(piece["tx"] * y - piece["ty"] * x - body["r"][arc])
+
+
+@kernel
+def _put_down(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
+    """Put a body exactly where a contact touches that has been placed, unless it is there but for rounding."""
+    gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
+    if abs(gap) > DOWN * body["size"]:
+        motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
+
+
+@kernel
+def put_on(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
+    """Put the body exactly where a contact says: it has moved by series of its own."""
+    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
+    place(body, pieces, motion, contact)
+    _put_down(body, pieces, motion, contact)
+    rate = contact["gap_rate"] - velocities(motion, contact)[0]
+    motion["u"], motion["v"] = motion["u"] + contact["nx"] * rate, motion["v"] + contact["ny"] * rate
+
+
+@kernel
+def _add_near(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
+    """Let the point across a straight side touch too, if it is nearly down; return whether all touch."""
+    contacts, motion, flat = space["contacts"], space["motion"], True
+    j = contacts["at"][0]["piece"]
+    lowest = arc_at(body, wrap(motion["phi"] - pieces[j]["tilt"]))
+    if body["sinks"][lowest] != 0.0:
+        return True
+    here = _gap(body, pieces, motion, contacts["at"][0]["arc"], j)
+    for other in (lowest, int(body["falling"][lowest]), int(body["rising"][lowest])):
+        if other < 0 or contacts["count"] == MOST:
+            continue
+        arc = arc_number(body, other)
+        if touches_beside(body, contacts, arc, j):
+            continue
+        apart = abs(_gap(body, pieces, motion, arc, j) - here)
+        if apart <= NEARLY * body["size"]:
+            add(body, pieces, space, ARC_PIECE, arc, j)
+            flat = flat and apart <= LEVEL * body["size"]
+    return flat
+
+
+@kernel
+def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
+    """Turn a body whose straight side is down so that neither end is lower."""
+    contacts, motion = space["contacts"], space["motion"]
+    arcs = int(body["arcs"])
+    for c in range(contacts["count"]):
+        one = contacts["at"][c]
+        for q in range(contacts["count"]):
+            two = contacts["at"][q]
+            if body["length"][one["arc"]] > 0.0 and two["arc"] == (one["arc"] + 1) % arcs and two["ln"] < one["ln"]:
+                motion["phi"] -= wrap(motion["phi"] - pieces[one["piece"]]["tilt"] - body["high"][one["arc"]])
+    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
+    first = contacts["at"][0]
+    place(body, pieces, motion, first)
+    _put_down(body, pieces, motion, first)
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        place(body, pieces, motion, contact)
+        rate, slip = velocities(motion, contact)
+        contact["gap_rate"] = rate if contact["gap_rate"] != 0.0 else 0.0
+        contact["slip"] = slip if contact["slip"] != 0.0 else 0.0
+
+
+@kernel
+def _strike_one(body: np.void, slope: Incline, space: np.void) -> int:
+    """Follow the impact of the one point that touches, in closed phases."""
+    contact, motion, hit, ground = space["contacts"]["at"][0], space["motion"], space["hit"], space["ground"]
+    rebound = space["rebound"]
+    hit["size"], hit["per_mass"], hit["per_inertia"] = body["size"], 1.0 / body["mass"], 1.0 / body["inertia"]
+    hit["a"], hit["b"], hit["friction"], hit["arm"] = -contact["ln"], contact["lt"], contact["friction"], contact["arm"]
+    hit["v_n"], hit["v_t"], hit["omega"] = contact["gap_rate"], contact["slip"], motion["omega"]
+    restitution = ground["restitution"][contact["zone"]]
+    hit["restitution"] = softened(restitution, ground["settle_speed"], hit["v_n"], pressing(slope, motion, contact))
+    hit["sequence"] = rebound["sequence"]
+    count = impact(ENERGETIC, hit, None)
+    contact["gap_rate"], contact["slip"], motion["omega"] = hit["v_n"], hit["v_t"], hit["omega"]
+    _move_along(motion, contact)
+    rebound["sequence"] = hit["sequence"]
+    rebound["normal_impulse"] += hit["normal_impulse"]
+    rebound["tangential_impulse"] += hit["tangential_impulse"]
+    rebound["rolling_impulse"] += hit["rolling_impulse"]
+    rebound["hysteresis"] += hit["hysteresis"]
+    rebound["sliding"] += hit["sliding"]
+    rebound["rolling"] += hit["rolling"]
+    return RUNNING if count <= MOST_PHASES else STEP_BUDGET
+
+
+@kernel
+def _lie_down(body: np.void, space: np.void) -> None:
+    """Bring a body whose ends are slow to rest on them: what they have left is lost, and the slope gives the impulse.
+
+    Impacts in turn would take ever less. Friction stops a slip that its share of the impulse can stop.
+    """
+    contacts, motion, rebound = space["contacts"], space["motion"], space["rebound"]
+    first = contacts["at"][0]
+    nx, ny = first["nx"], first["ny"]
+    rate, along = nx * motion["u"] + ny * motion["v"], ny * motion["u"] - nx * motion["v"]
+    omega = motion["omega"]
+    rebound["hysteresis"] += 0.5 * (body["inertia"] * omega * omega + body["mass"] * rate * rate)
+    rebound["normal_impulse"] -= body["mass"] * rate
+    friction = math.inf
+    for c in range(contacts["count"]):
+        friction = min(friction, contacts["at"][c]["friction"])
+    if abs(along) <= friction * abs(rate):
+        rebound["sliding"] += 0.5 * body["mass"] * along * along
+        rebound["tangential_impulse"] -= body["mass"] * along
+        along = 0.0
+    motion["omega"] = 0.0
+    motion["u"], motion["v"] = ny * along, -nx * along
+    for c in range(contacts["count"]):
+        contacts["at"][c]["gap_rate"], contacts["at"][c]["slip"] = 0.0, along
+
+
+@kernel
+def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.void) -> int:
+    """Follow the impact of all points that touch. A slow one is plastic if the body is pressed onto the slope."""
+    contacts, motion = space["contacts"], space["motion"]
+    fastest, left, right, closes = 0.0, False, False, False
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        fastest = max(fastest, abs(contact["gap_rate"]))
+        left, right = left or contact["ln"] < 0.0, right or contact["ln"] > 0.0
+        closes = closes or contact["gap_rate"] < 0.0
+        contact["lt"], contact["slip"] = contacts["at"][0]["lt"], contacts["at"][0]["slip"]  # they slip alike
+    settles = pressing(slope, motion, contacts["at"][0]) > 0.0 and fastest < space["ground"]["settle_speed"]
+    if settles and left and right:
+        _lie_down(body, space)
+    elif closes:
+        if not hit_together(body, pieces, settles, space):
+            return STEP_BUDGET
+        for c in range(contacts["count"]):
+            if contacts["at"][c]["gap_rate"] == 0.0:
+                _move_along(motion, contacts["at"][c])
+                break
+    return RUNNING
+
+
+@kernel
+def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, space: np.void) -> int:
+    """Let rigid surfaces hit each other at the points that touch; then drop those that do not stay.
+
+    Parameters
+    ----------
+    body : record of BODY
+    pieces : ndarray of PIECE
+    slope : Incline
+    jolted : bool
+        Whether no finite load keeps apart the one point that touches. Without an approach, forces that only grow very
+        large would not act at all.
+    space : record of SPACE
+
+    Returns
+    -------
+    int
+        RUNNING or STEP_BUDGET.
+    """
+    contacts, motion, rebound = space["contacts"], space["motion"], space["rebound"]
+    space["strikes"] += 1.0
+    space["undecided"] = 1.0
+    if space["strikes"] > MOST_STRIKES:
+        return STEP_BUDGET
+    first, flat = contacts["at"][0], True
+    if jolted:
+        size = body["size"]
+        scale = max(
+            abs(first["gap_rate"]), abs(first["slip"]), size * abs(motion["omega"]), math.sqrt(slope.gravity * size)
+        )
+        first["gap_rate"] = min(first["gap_rate"], -JOLT * max(scale, JOLT))
+    else:
+        flat = _add_near(body, pieces, space)
+    if contacts["count"] == 1:
+        _put_down(body, pieces, motion, first)
+        return _strike_one(body, slope, space)
+    if rebound["side"] == 0.0:
+        rebound["side"] = side_that_lies(body, contacts)
+    if flat:
+        _lay_flat(body, pieces, space)
+    status = _strike_all(body, pieces, slope, space)
+    if not flat:  # the other end is off the slope
+        contacts["count"] = 1
+    return status
+
+
+@kernel
+def drop_moving(contacts: np.void) -> None:
+    """Take the contacts off the list whose gap is not still; one that closes will touch anew."""
+    for c in range(contacts["count"] - 1, -1, -1):
+        if contacts["at"][c]["gap_rate"] != 0.0:
+            drop(contacts, c)
