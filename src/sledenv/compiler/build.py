@@ -15,7 +15,6 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from sledenv.compiler.entries import Entry, Table
-from sledenv.compiler.fused import EXACTLY, exactly, without_instruction
 from sledenv.compiler.jit import OPTIONS, kernel, register_all
 from sledenv.compiler.library import Library
 from sledenv.compiler.targets import Target, machine, target_of
@@ -78,16 +77,15 @@ def _module(library: Library) -> Any:
     register_all()
     whole = llvm.parse_assembly(_NO_COUNTS)
     exported = {}
-    made: dict[str, Any] = {f"sledenv_{entry.name}": _in_c(entry) for entry in library.entries.values()}
-    made[EXACTLY] = exactly, numba.types.float64(*[numba.types.float64] * 3)
-    for name, (function, signature) in made.items():
+    for entry in library.entries.values():
+        function, signature = _in_c(entry)
         compiled = numba.cfunc(signature, **OPTIONS)(function)
         part = llvm.parse_assembly(compiled.inspect_llvm())
         for variable in part.global_variables:
             if variable.linkage == llvm.Linkage.common:
                 variable.linkage = llvm.Linkage.weak_any
         part.get_function(compiled.native_name).linkage = llvm.Linkage.internal  # it would raise errors of Python
-        exported[compiled.native_name.removeprefix("cfunc.")] = name
+        exported[compiled.native_name.removeprefix("cfunc.")] = f"sledenv_{entry.name}"
         whole.link_in(part)
     for value in (*whole.functions, *whole.global_variables):
         if not value.is_declaration and value.name not in exported:
@@ -104,7 +102,7 @@ def _emitted(module: Any, target: Target) -> bytes:
     machine = llvm.Target.from_triple(target.triple).create_target_machine(
         cpu=target.processor, features=target.features, opt=3, **kind
     )
-    module = module.clone() if target.fused else without_instruction(module)
+    module = module.clone()
     if "windows" in target.triple:  # there every object with doubles asks for this, which Python does not have
         module.link_in(llvm.parse_assembly("@_fltused = constant i32 0"))
     module.triple, module.data_layout = target.triple, str(machine.target_data)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -25,7 +25,7 @@ def register_all() -> None:
 
 
 def kernel(function: _F) -> _F:
-    """Let compiled code call a function; for Python it stays as it is, slow and without fused multiply-adds."""
+    """Let compiled code call a function; for Python it stays as it is, and slow."""
     when_compiled(lambda: _register(function))
     return function
 
@@ -34,27 +34,3 @@ def _register(function: Callable[..., Any]) -> None:
     from numba.extending import register_jitable
 
     register_jitable(**OPTIONS)(function)
-
-
-def by_type(place: int, kinds: Mapping[type, Callable[..., Any]], otherwise: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that the type of the tuple at a place of its arguments chooses, when it is compiled.
-
-    It is called without keywords.
-    """
-
-    def chosen(kind: type) -> Callable[..., Any]:
-        return next((function for of, function in kinds.items() if issubclass(kind, of)), otherwise)
-
-    def choice(*given: Any) -> Any:
-        return chosen(type(given[place]))(*given)
-
-    def compiled(*given: Any) -> Any:
-        return chosen(given[place].instance_class)
-
-    def register() -> None:
-        from numba.extending import overload
-
-        overload(choice, strict=False)(compiled)
-
-    when_compiled(register)
-    return choice

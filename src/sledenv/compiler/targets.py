@@ -16,7 +16,6 @@ class Target(NamedTuple):
     triple: str
     processor: str
     features: str = ""  # of the processor, besides what its name says
-    fused: bool = True  # it has an instruction for a fused multiply-add, or programs stand for it: see fused.py
     small: bool = False  # its size matters more than a tenth of its speed
 
 
@@ -26,7 +25,7 @@ TARGETS: Final = {
     "darwin-arm64": Target("arm64-apple-macosx11.0.0", "apple-m1"),
     "win32-x86_64": Target("x86_64-pc-windows-msvc", "x86-64-v3"),
     # To be linked: see pages/kernel.py.
-    "wasm32": Target("wasm32-unknown-unknown", "generic", "+simd128", fused=False, small=True),
+    "wasm32": Target("wasm32-unknown-unknown", "generic", "+simd128", small=True),
 }
 OTHER: Final = "other"  # any other machine: an object that it makes for itself
 _V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
@@ -46,5 +45,4 @@ def target_of(name: str) -> Target:
     if name in TARGETS:
         return TARGETS[name]
     triple = llvm.get_default_triple()
-    x86 = triple.startswith("x86_64")
-    return Target(triple, "x86-64" if x86 else "generic", fused=not x86)
+    return Target(triple, "x86-64" if triple.startswith("x86_64") else "generic")

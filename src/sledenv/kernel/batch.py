@@ -9,12 +9,8 @@ import numpy as np
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.descent import descend
 from sledenv.kernel.ground import lay_ground, lay_rigid, lay_springs
-from sledenv.kernel.outline import incline_of
-from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, reader, row_of
+from sledenv.kernel.params import Limits, incline_of, launch_of, law_of, rigid_law_of, row_of, slope_of
 from sledenv.kernel.records import RUNNING, Written
-
-_slope_of, _launch_of = reader(Slope), reader(State)
-_law_of, _rigid_law_of = reader(ContactLaw), reader(RigidLaw)
 
 
 class Lanes(NamedTuple):
@@ -58,22 +54,18 @@ def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, sp
         if flight["status"] == RUNNING:
             if trims.shape[0] > 0 and space["begun"] == 0.0:
                 trim(body, trims[lane, 1], flight, trims[lane, 0])
-            incline, slope, ground = (
-                incline_of(_slope_of(lanes.slopes, lane)),
-                row_of(lanes.slopes, lane),
-                space["ground"],
-            )
+            incline, ground = incline_of(slope_of(lanes.slopes, lane)), space["ground"]
             if rigid != 0:
-                stiff = _rigid_law_of(lanes.laws, lane)
-                lay_ground(stiff, slope, ground)
+                stiff = rigid_law_of(lanes.laws, lane)
+                lay_ground(stiff, row_of(lanes.slopes, lane), ground)
                 lay_rigid(stiff, ground)
             else:
-                law = _law_of(lanes.laws, lane)
-                lay_ground(law, slope, ground)
+                law = law_of(lanes.laws, lane)
+                lay_ground(law, row_of(lanes.slopes, lane), ground)
                 lay_springs(law, ground)
             log = row_of(written.logs, lane)
             done = descend(body, lanes.pieces, incline, limits, flight, log, space, written.trajectory)
-            close_books(body, lanes.pieces, incline, _launch_of(lanes.launches, lane), flight)
+            close_books(body, lanes.pieces, incline, launch_of(lanes.launches, lane), flight)
             if not done:
                 return
         space["lane"] += 1.0

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sledenv.compiler.jit import kernel
+from sledenv.kernel.arithmetic import wrap
 from sledenv.kernel.impact import MOST_PHASES, impact
-from sledenv.kernel.outline import distance, lowest_arms, rolling_arm, whole_turns
+from sledenv.kernel.outline import distance, lowest_arms, rolling_arm
 from sledenv.kernel.params import ContactLaw, State
 
 
@@ -41,7 +42,7 @@ def collide(
     """
     hit, body = hits[0], bodies[0]
     hit["size"], hit["per_mass"], hit["per_inertia"] = body["size"], 1.0 / body["mass"], 1.0 / body["inertia"]
-    arc, a, b = lowest_arms(body, state.phi - whole_turns(state.phi))
+    arc, a, b = lowest_arms(body, wrap(state.phi))
     hit["friction"], hit["restitution"] = law.friction, restitution
     hit["arm"] = rolling_arm(body, law, arc)
     _touch(hit, a, b, state.u, state.v, state.omega)

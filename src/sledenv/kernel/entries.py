@@ -11,21 +11,20 @@ import numpy as np
 
 from sledenv.compiler.entries import Group, Table
 from sledenv.compiler.library import Library
-from sledenv.kernel import outline
+from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.contacts import IMPACT, SPACE
-from sledenv.kernel.geometry import PIECE, complete_outline, lay
-from sledenv.kernel.outline import BODY
-from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, row_of
+from sledenv.kernel.geometry import PIECE, lay
+from sledenv.kernel.outline import BODY, complete, lowest_arms
+from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, incline_of, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
-from sledenv.kernel.state import new
 
 
 def _embark(bodies: np.ndarray, pieces: np.ndarray, slope: Slope, launch: State, flights: np.ndarray) -> None:
     """Write the ledger of a descent that is at its launch."""
-    close_books(bodies[0], pieces, outline.incline_of(slope), launch, flights[0])
+    close_books(bodies[0], pieces, incline_of(slope), launch, flights[0])
 
 
 def _trim(
@@ -39,26 +38,25 @@ def _trim(
 ) -> None:
     """Trim a descent, and write its ledger."""
     trim(bodies[0], rotor_inertia, flights[0], spin)
-    close_books(bodies[0], pieces, outline.incline_of(slope), launch, flights[0])
+    close_books(bodies[0], pieces, incline_of(slope), launch, flights[0])
 
 
 def _complete(bodies: np.ndarray) -> None:
     """Write what follows from the outlines of bodies."""
     for i in range(bodies.shape[0]):
-        outline.complete(bodies[i])
-        complete_outline(bodies[i])
+        complete(bodies[i])
 
 
 def _lowest(bodies: np.ndarray, phi: np.ndarray, arcs: np.ndarray, arms: np.ndarray) -> None:
     """Write which arc of each body is lowest at each orientation, and its arms."""
     for i in range(phi.shape[0]):
         body = row_of(bodies, i)
-        arcs[i], arms[i, 0], arms[i, 1] = outline.lowest_arms(body, phi[i] - outline.whole_turns(phi[i]))
+        arcs[i], arms[i, 0], arms[i, 1] = lowest_arms(body, wrap(phi[i]))
 
 
 def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
     for i in range(phi.shape[0]):
-        sine[i], cosine[i] = outline.sine_and_cosine(phi[i])
+        sine[i], cosine[i] = sine_cosine(wrap(phi[i]))
 
 
 _DOUBLES, _ROWS, _COUNT = Table(np.dtype(float)), Table(np.dtype(float), 2), Table(np.dtype(np.int64))
@@ -107,7 +105,7 @@ def _known() -> str:
             outcomes[name] = value
         outcomes["t_line"] = math.inf
         lanes, written = (body, law, slope, launch, np.empty((0, 2))), (outcomes, log[np.newaxis], rows)
-        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, pieces, *written, new(SPACE), 1)
+        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, pieces, *written, np.zeros(1, SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

@@ -118,37 +118,6 @@ def _height(piece: np.void, x: float) -> float:
 
 
 @kernel
-def complete_outline(body: np.void) -> None:
-    """Write what contacts need of an outline: centres of arcs, directions of straight sides."""
-    body["per_mass"], body["per_inertia"] = 1.0 / body["mass"], 1.0 / body["inertia"]
-    count = int(body["count"])
-    arcs = count
-    if count > 1 and body["low"][0] < body["begin"][0]:  # the last one is the first one again
-        arcs = count - 1
-    body["arcs"] = float(arcs)
-    for k in range(arcs):
-        body["cx"][k], body["cy"][k] = -body["across"][k], body["along"][k]
-        body["mid"][k], body["half"][k] = 0.0, math.inf
-        if count > 1:
-            body["mid"][k], body["half"][k] = (
-                0.5 * (body["low"][k] + body["high"][k]),
-                0.5 * (body["high"][k] - body["low"][k]),
-            )
-    for k in range(arcs):
-        after = (k + 1) % arcs
-        body["smooth"][k] = 1.0 if body["side"][k] == 0.0 else 0.0
-        body["ox"][k] = body["oy"][k] = body["sx"][k] = body["sy"][k] = body["length"][k] = 0.0
-        if count > 1:
-            sine, cosine = sine_cosine(wrap(body["high"][k]))
-            r, q = body["r"][k], body["r"][after]
-            body["ox"][k], body["oy"][k] = -sine, -cosine
-            body["sx"][k], body["sy"][k] = body["cx"][k] - r * sine, body["cy"][k] - r * cosine
-            along = body["cx"][after] - q * sine - body["sx"][k], body["cy"][after] - q * cosine - body["sy"][k]
-            if body["side"][k] > 0.0:
-                body["length"][k] = math.sqrt(along[0] * along[0] + along[1] * along[1])
-
-
-@kernel
 def arc_number(body: np.void, arc: int) -> int:
     """Number of an arc that may be listed twice: the first one of the two."""
     arcs = int(body["arcs"])

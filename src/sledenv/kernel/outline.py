@@ -1,8 +1,7 @@
 """The outline of a body: which arc is lowest, where it lies from the mass centre, and what may touch beside it.
 
-An outline is convex and closed, of arcs and straight sides: docs/physics.md, section 8. Arc k is described by
-``(h, r, shift)``: with ``theta = phi + shift`` its lowest point lies at ``-a, -b`` from the mass centre, where
-``a = h sin(theta)`` and ``b = r - h cos(theta)``. A corner is an arc of radius 0. Each arc is lowest in an interval of
+An outline is convex and closed, of arcs and straight sides: docs/physics.md, section 8. The lowest point of an arc lies
+at ``-a, -b`` from the mass centre, its arms. A corner is an arc of radius 0. Each arc is lowest in an interval of
 orientations. Where it hands over to the next one, both lie equally deep: at the same place, or apart by the length of a
 straight side. An arc that is lowest at +-pi is listed twice, as the first and the last one.
 """
@@ -15,11 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import scalar
-from sledenv.compiler.values import angle_of, length_of, sine_cosine
-from sledenv.kernel.params import Incline, Slope
+from sledenv.kernel.arithmetic import TURN, angle_of, sine_cosine, wrap
 
-TURN = 2.0 * math.pi
 MOST_ARCS: Final = 12
 # One arc may be listed twice, and where the circle of an arc would reach beyond the straight side before it, the end of
 # the side is listed too, as a corner that is lowest at one orientation alone.
@@ -37,21 +33,15 @@ GIVEN: Final = (
 )
 _DERIVED: Final = (
     "h",  # [m] distance of the centre from the mass centre
-    "shift",  # [rad]
-    "reach",  # [m] largest arm a
     "low",  # [rad] ends of its interval, which may lie beyond +-pi
     "high",
     "previous",  # the arcs there
     "next",
-    # Who may touch beside it as the orientation falls or rises, -1 for nobody: the arc across the next straight side.
+    # The arcs across the straight sides that come down as the orientation falls or rises, -1 if there is none.
     "falling",
     "rising",
-    "falling_side",  # codes of the parts of these sides
-    "rising_side",
-    "middle",  # [rad] above this the rising one is to be watched, below the falling one
-    "direct",  # 1 if the nearer one is watched, 0 if the further one: the two ends of a flat arc, see ``sinks``
-    "sinks",  # 1 if the model of the contact ends where that one touches too
-    # What contacts need, of each arc once: see geometry.complete_outline.
+    "sinks",  # 1 of a flat arc between two ends, both of which touch only where it is as deep as it is thick
+    # What contacts need, of each arc once:
     "cx",  # [m] its centre in the frame of the body
     "cy",
     "mid",  # [rad] middle of its interval
@@ -78,23 +68,10 @@ BODY: Final = np.dtype(
     ]
 )
 
-# No library of mathematical functions has a say in a descent: those of two platforms round differently.
-sine_and_cosine = scalar(lambda angle: sine_cosine(angle))
-_polar = scalar(lambda across, along: (length_of(along, across), angle_of(across, along)))
-
-
-@kernel
-def polar(across: float, along: float) -> tuple[float, float]:
-    """Length of a vector, and its angle [rad]; 0 of no vector."""
-    if across == 0.0 and along >= 0.0:
-        return along, 0.0
-    return _polar(across, along)  # type: ignore[return-value]
-
-
 @kernel
 def distance(along: float, across: float) -> float:
     """Length of a vector."""
-    return _polar(across, along)[0]
+    return math.sqrt(along * along + across * across)
 
 
 @kernel
@@ -109,19 +86,6 @@ def listed_twice(body: np.void) -> bool:
     """Whether the first and the last interval are of the same arc."""
     last = int(body["count"]) - 1
     return last > 0 and same_arc(body, 0, last)
-
-
-@kernel
-def incline_of(slope: Slope) -> Incline:
-    """Return what kernels need of a slope."""
-    sine, cosine = sine_and_cosine(slope.angle)
-    return Incline(slope.gravity * sine, slope.gravity * cosine, *slope[1:])
-
-
-@kernel
-def whole_turns(phi: float) -> float:
-    """Multiple of 2 pi [rad] that brings ``phi`` into [-pi, pi] when subtracted; odd in ``phi``, as a mirror is."""
-    return TURN * float(np.rint(phi * (1.0 / TURN)))
 
 
 @kernel
@@ -144,7 +108,7 @@ def arc_at(body: np.void, local: float) -> int:
 @kernel
 def arms(body: np.void, arc: int, phi: float) -> tuple[float, float]:
     """Arms ``a``, ``b`` [m] of an arc: its lowest point lies at (-a, -b) from the mass centre."""
-    sine, cosine = sine_and_cosine(phi)
+    sine, cosine = sine_cosine(wrap(phi))
     return arms_along(body, arc, sine, cosine)
 
 
@@ -177,50 +141,7 @@ def lowest_arms(body: np.void, local: float) -> tuple[int, float, float]:
 @kernel
 def support_height(body: np.void, phi: float) -> float:
     """Height [m] of the mass centre above the slope when the lowest point of the body touches it."""
-    return lowest_arms(body, phi - whole_turns(phi))[2]
-
-
-@kernel
-def within(body: np.void, arc: int, phi: float) -> float:
-    """Multiple of 2 pi [rad] that brings an orientation to the interval of an arc when subtracted."""
-    if body["count"] == 1.0:
-        return 0.0
-    beyond = phi - 0.5 * (body["low"][arc] + body["high"][arc])
-    return math.copysign(TURN, beyond) if abs(beyond) > math.pi else 0.0
-
-
-@kernel
-def partner(body: np.void, arc: int, rising: bool) -> int:
-    """Arc that may touch beside one, on the side where it comes down as the orientation rises, or falls; -1: none."""
-    return int(body["rising"][arc] if rising else body["falling"][arc])
-
-
-@kernel
-def turn_across(body: np.void, arc: int, other: int, rising: bool) -> float:
-    """Turn [rad] by which the intervals of an arc and of its partner on a side lie apart: 0, 2 pi or -2 pi."""
-    near = int(body["next"][arc] if rising else body["previous"][arc])
-    turn = body["high"][arc] - body["low"][near] if rising else body["low"][arc] - body["high"][near]
-    if near != other:
-        turn += body["high"][near] - body["low"][other] if rising else body["low"][near] - body["high"][other]
-    return float(turn)
-
-
-@kernel
-def beside(body: np.void, arc: int, other: int) -> tuple[float, float, float]:
-    """Gap of another arc less that of an arc: a constant [m], and the factors of sine and cosine of ``theta``."""
-    sine, cosine = sine_and_cosine(body["shift"][arc])
-    across = body["across"][arc] - body["across"][other]
-    along = body["along"][other] - body["along"][arc]
-    return body["r"][arc] - body["r"][other], across * cosine + along * sine, along * cosine - across * sine
-
-
-@kernel
-def apart(body: np.void, arc: int, other: int, phi: float) -> float:
-    """Gap [m] of another arc less that of an arc at an orientation."""
-    sine, cosine = sine_and_cosine(phi)
-    across = body["across"][arc] - body["across"][other]
-    along = body["along"][other] - body["along"][arc]
-    return body["r"][arc] - body["r"][other] + across * sine + along * cosine  # type: ignore[no-any-return]
+    return lowest_arms(body, wrap(phi))[2]
 
 
 @kernel
@@ -238,43 +159,11 @@ def _beyond(body: np.void, arc: int, step: int) -> int:
 
 
 @kernel
-def _side_to(body: np.void, arc: int, other: int, step: int) -> float:
-    """Code of the side across which :func:`_beyond` has found an arc."""
-    if other < 0:
-        return 0.0
-    near = int(body["next"][arc] if step > 0 else body["previous"][arc])
-    if step > 0:
-        return float(body["side"][arc] if other == near else body["side"][near])
-    return float(body["side"][other])
-
-
-@kernel
-def _halfway(body: np.void, arc: int) -> float:
-    """Orientation [rad] at which the arcs that may touch beside one have the same gap."""
-    falling, rising = int(body["falling"][arc]), int(body["rising"][arc])
-    low, high = body["low"][arc], body["high"][arc]
-    before = apart(body, arc, rising, low) - apart(body, arc, falling, low)
-    after = apart(body, arc, rising, high) - apart(body, arc, falling, high)
-    if before * after > 0.0:  # one of them is the nearer one all along
-        return float(math.copysign(math.inf, before))
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        there = apart(body, arc, rising, middle) - apart(body, arc, falling, middle)
-        if there == 0.0:
-            break
-        if (there > 0.0) == (before > 0.0):
-            low = middle
-        else:
-            high = middle
-    return float(0.5 * (low + high))
-
-
-@kernel
 def _place(body: np.void, arc: int) -> None:
     """Write where the centre of an arc lies, and its interval with its neighbours."""
     count, last = int(body["count"]), int(body["count"]) - 1
     begin, following, before = body["begin"], body["next"], body["previous"]
-    body["h"][arc], body["shift"][arc] = polar(body["across"][arc], body["along"][arc])
+    body["h"][arc] = distance(body["along"][arc], body["across"][arc])
     twice = listed_twice(body)
     body["low"][arc], body["high"][arc] = begin[arc], begin[arc + 1] if arc < last else math.pi
     before[arc], following[arc] = (arc - 1) % count, (arc + 1) % count
@@ -288,52 +177,70 @@ def _place(body: np.void, arc: int) -> None:
 
 @kernel
 def _measure(body: np.void, arc: int) -> None:
-    """Let the sizes of a body heed an arc, and write its largest arm a."""
-    h, r, shift = body["h"][arc], body["r"][arc], body["shift"][arc]
+    """Let the sizes of a body heed an arc."""
+    h, r, shift = body["h"][arc], body["r"][arc], angle_of(body["across"][arc], body["along"][arc])
     low, high = body["low"][arc], body["high"][arc]
     if body["count"] == 1.0:
         low, high = -math.pi, math.pi
     middle, half = 0.5 * (low + high) + shift, 0.5 * (high - low)
-    middle -= whole_turns(middle)
-    reach, furthest, lowest = 0.0, 0.0, math.inf
+    middle, furthest, lowest = wrap(middle), 0.0, math.inf
     for phi in (low, high):
         a, b = arms(body, arc, phi)
-        reach, furthest, lowest = max(reach, abs(a)), max(furthest, distance(a, b)), min(lowest, b)
+        furthest, lowest = max(furthest, distance(a, b)), min(lowest, b)
     if half >= abs(middle):
         lowest = min(lowest, r - h)
     if half >= math.pi - abs(middle):
         furthest = r + h
-    if half >= abs(abs(middle) - 0.5 * math.pi):
-        reach = h
-    body["reach"][arc] = reach
     body["size"], body["lowest"] = max(body["size"], furthest), min(body["lowest"], lowest)
     body["furthest"] = max(body["furthest"], h)
+
+
+@kernel
+def _join(body: np.void, arc: int) -> None:
+    """Write which arcs come down beside one."""
+    falling, rising = -1, -1
+    if body["count"] > 1.0:
+        falling, rising = _beyond(body, arc, -1), _beyond(body, arc, 1)
+    body["falling"][arc], body["rising"][arc] = falling, rising
+    near_above, near_below = int(body["next"][arc]), int(body["previous"][arc])
+    ends = falling >= 0 and rising >= 0
+    ends = ends and same_arc(body, rising, near_below) and same_arc(body, falling, near_above)
+    ends = ends and not same_arc(body, rising, falling)
+    body["sinks"][arc] = 1.0 if ends and body["high"][arc] - body["low"][arc] <= math.pi else 0.0
+
+
+@kernel
+def _write_side(body: np.void, arc: int) -> None:
+    """Write where an arc ends, and the straight side there, if there is one."""
+    after = (arc + 1) % int(body["arcs"])
+    sine, cosine = sine_cosine(wrap(body["high"][arc]))
+    r, q = body["r"][arc], body["r"][after]
+    body["ox"][arc], body["oy"][arc] = -sine, -cosine
+    body["sx"][arc], body["sy"][arc] = body["cx"][arc] - r * sine, body["cy"][arc] - r * cosine
+    if body["side"][arc] > 0.0:
+        x, y = body["cx"][after] - q * sine, body["cy"][after] - q * cosine
+        body["length"][arc] = distance(x - body["sx"][arc], y - body["sy"][arc])
 
 
 @kernel
 def complete(body: np.void) -> None:
     """Write all that follows from mass, inertia, count and what is given of each arc."""
     count = int(body["count"])
+    body["per_mass"], body["per_inertia"] = 1.0 / body["mass"], 1.0 / body["inertia"]
     body["size"], body["furthest"], body["lowest"] = 0.0, 0.0, math.inf
     for arc in range(count):
         _place(body, arc)
     for arc in range(count):
         _measure(body, arc)
-    for arc in range(count):
-        falling, rising = -1, -1
-        if count > 1:
-            falling, rising = _beyond(body, arc, -1), _beyond(body, arc, 1)
-        body["falling"][arc], body["rising"][arc] = falling, rising
-        body["falling_side"][arc] = _side_to(body, arc, falling, -1)
-        body["rising_side"][arc] = _side_to(body, arc, rising, 1)
-        if falling >= 0 and rising >= 0:
-            body["middle"][arc] = _halfway(body, arc)
-        else:
-            body["middle"][arc] = math.inf if falling >= 0 else -math.inf
-        near_above, near_below = int(body["next"][arc]), int(body["previous"][arc])
-        both = rising >= 0 and falling >= 0
-        ends = both and same_arc(body, rising, near_below) and same_arc(body, falling, near_above)
-        ends = ends and not same_arc(body, rising, falling)
-        flat = body["high"][arc] - body["low"][arc] <= math.pi
-        body["direct"][arc] = 1.0 if both and not ends else 0.0
-        body["sinks"][arc] = 1.0 if ends and flat else 0.0
+        _join(body, arc)
+    arcs = count - 1 if listed_twice(body) else count
+    body["arcs"] = float(arcs)
+    for k in range(arcs):
+        body["cx"][k], body["cy"][k] = -body["across"][k], body["along"][k]
+        low, high = body["low"][k], body["high"][k]
+        body["mid"][k], body["half"][k] = (0.5 * (low + high), 0.5 * (high - low)) if count > 1 else (0.0, math.inf)
+        body["smooth"][k] = 1.0 if body["side"][k] == 0.0 else 0.0
+        body["ox"][k] = body["oy"][k] = body["sx"][k] = body["sy"][k] = body["length"][k] = 0.0
+    if count > 1:
+        for k in range(arcs):
+            _write_side(body, k)

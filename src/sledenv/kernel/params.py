@@ -5,13 +5,12 @@ Python makes them with the classes of the same names in :mod:`sledenv.simulation
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.compiler.trace import scalar
+from sledenv.kernel.arithmetic import sine_cosine, wrap
 
 
 class ContactLaw(NamedTuple):
@@ -24,9 +23,6 @@ class ContactLaw(NamedTuple):
     corner_rolling_arm: float  # [m] delta of a corner
 
 
-CompliantLaw = ContactLaw  # any law of compliant surfaces: a union, if there are more
-
-
 class RigidLaw(NamedTuple):
     """The stiff limit of a contact law: docs/physics.md, sections 4 and 6."""
 
@@ -35,6 +31,9 @@ class RigidLaw(NamedTuple):
     rolling_arm: float  # [m] delta of an arc
     corner_rolling_arm: float  # [m] delta of a corner
     settle_speed: float  # [m/s] of approach, below which an impact is plastic
+
+
+Law = ContactLaw | RigidLaw
 
 
 class Slope(NamedTuple):
@@ -64,7 +63,7 @@ SLOPE_FIELDS, ZONE_FIELDS = len(Slope._fields), len(Zone._fields)
 
 
 class Incline(NamedTuple):
-    """What a kernel needs of a slope: see :func:`sledenv.kernel.outline.incline_of`."""
+    """What a kernel needs of a slope: see :func:`incline_of`."""
 
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
@@ -104,12 +103,36 @@ def row_of(table: np.ndarray, lane: int) -> Any:
     return table[lane if table.shape[0] > 1 else 0]
 
 
-def reader(kind: type[Any]) -> Callable[[np.ndarray, int], Any]:
-    """Return a kernel that makes a named tuple of the numbers in the row of a lane."""
-    numbers = scalar(lambda row: tuple(row[i] for i in range(len(kind._fields))))
+@kernel
+def law_of(table: np.ndarray, lane: int) -> ContactLaw:
+    """Law of compliant surfaces in the row of a lane."""
+    row = row_of(table, lane)
+    return ContactLaw(row[0], row[1], row[2], row[3], row[4])
 
-    @kernel
-    def read(table: np.ndarray, lane: int) -> Any:
-        return kind(*numbers(row_of(table, lane)))
 
-    return read
+@kernel
+def rigid_law_of(table: np.ndarray, lane: int) -> RigidLaw:
+    """Law of rigid surfaces in the row of a lane."""
+    row = row_of(table, lane)
+    return RigidLaw(row[0], row[1], row[2], row[3], row[4])
+
+
+@kernel
+def slope_of(table: np.ndarray, lane: int) -> Slope:
+    """Slope in the row of a lane."""
+    row = row_of(table, lane)
+    return Slope(row[0], row[1], row[2])
+
+
+@kernel
+def incline_of(slope: Slope) -> Incline:
+    """Return what kernels need of a slope."""
+    sine, cosine = sine_cosine(wrap(slope.angle))
+    return Incline(slope.gravity * sine, slope.gravity * cosine, slope.length, slope.gravity)
+
+
+@kernel
+def launch_of(table: np.ndarray, lane: int) -> State:
+    """State at the launch in the row of a lane."""
+    row = row_of(table, lane)
+    return State(row[0], row[1], row[2], row[3], row[4], row[5])

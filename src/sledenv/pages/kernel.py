@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +21,6 @@ import numpy as np
 
 from sledenv.compiler.entries import Table
 from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.descend import SPACE as RIGID_SPACE
 from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.outline import BODY, GIVEN
@@ -36,20 +35,17 @@ from sledenv.simulation.settings import DEFAULT, Settings
 
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
-_EXPORTS, _CODE = 7, 10  # numbers of sections
-_ENTRIES: Final = ("descend_lanes", "descend_rigid_lanes", "complete", "lay", "lowest")
+_ENTRIES: Final = ("descend_lanes", "complete", "lay", "lowest")
 _RECORDS: Final = {
     "BODY": BODY,
     "CONTACT_FORCES": CONTACT_FORCES,
     "OUTCOME": OUTCOME,
     "PIECE": PIECE,
     "REBOUND": REBOUND,
-    "RIGID_SPACE": RIGID_SPACE,
     "SPACE": SPACE,
     "TRAJECTORY": TRAJECTORY,
 }
 _TUPLES: Final = (ContactLaw, RigidLaw, Slope, Zone, State, Limits)
-_FUSED: Final = ("fused.f64", "fused.v2f64")  # the script gives them other bodies: see templates/kernel.js
 _STACK: Final = 1 << 18  # bytes
 _NO_LINKER = "needs the linker wasm-ld: pip install ziglang, or install lld (Debian: apt-get install lld)"
 
@@ -156,26 +152,6 @@ def sections(content: bytes) -> Iterator[tuple[int, int, bytes]]:
         place += size
 
 
-def bodies(content: bytes, names: Collection[str]) -> dict[str, tuple[int, int]]:
-    """Return places and sizes in bytes of the bodies of exported functions, in a file without imports."""
-    found = {kind: (place, section) for kind, place, section in sections(content)}
-    _, exports = found[_EXPORTS]
-    number_of = {}
-    count, place = _number(exports, 0)
-    for _ in range(count):
-        size, place = _number(exports, place)
-        name, place = exports[place : place + size].decode(), place + size + 1  # and a byte of what is exported
-        number_of[name], place = _number(exports, place)
-    begin, code = found[_CODE]
-    spans = []
-    count, place = _number(code, 0)
-    for _ in range(count):
-        size, place = _number(code, place)
-        spans.append((begin + place, size))
-        place += size
-    return {name: spans[number_of[name]] for name in names}
-
-
 def told(content: bytes) -> dict[str, Any]:
     """Return the layout that a file of the kernel holds.
 
@@ -225,7 +201,7 @@ def make(file: Path = KERNEL) -> None:
         scratch = Path(folder)
         LIBRARY.make(scratch, "wasm32")
         (scratch / "kernel.o").write_bytes((scratch / "wasm32.kernel").read_bytes().partition(b"\n")[2])
-        exported = [*(f"sledenv_{name}" for name in _ENTRIES), *_FUSED, "__heap_base"]
+        exported = [*(f"sledenv_{name}" for name in _ENTRIES), "__heap_base"]
         # Without an option for what is undefined, the linker refuses: the kernel asks nothing of whoever runs it.
         options = ["--no-entry", "--gc-sections", "--strip-all", "-O2", "--stack-first", "-z", f"stack-size={_STACK}"]
         command = [*linker, *options, *(f"--export={name}" for name in exported), "kernel.o", "-o", "kernel.wasm"]
@@ -233,8 +209,7 @@ def make(file: Path = KERNEL) -> None:
         if done.returncode:
             raise RuntimeError(f"the kernel could not be linked: {' '.join(command)}: {done.stderr.strip()[-2000:]}")
         linked = (scratch / "kernel.wasm").read_bytes()
-        told = layout() | {"fused": bodies(linked, _FUSED)}
-        section = _named(_SECTION) + json.dumps(told, separators=(",", ":")).encode()
+        section = _named(_SECTION) + json.dumps(layout(), separators=(",", ":")).encode()
         file.write_bytes(linked + b"\0" + _leb(len(section)) + section)
 
 

@@ -162,12 +162,12 @@ def _with_ends(given: np.ndarray) -> np.ndarray:
     """
     record = given[0]
     for arc in range(int(record["count"])):
-        low, high, middle = (float(record[name][arc]) for name in ("low", "high", "middle"))
-        for name, start, end in (("falling", low, min(middle, high)), ("rising", high, max(middle, low))):
+        low, high = float(record["low"][arc]), float(record["high"][arc])
+        for name in ("falling", "rising"):
             other = int(record[name][arc])
-            if other < 0 or record["r"][other] == 0.0 or not math.isfinite(start + end):
-                continue  # nobody is there, or always further away than the arc on the other side
-            sine, cosine = directions(np.linspace(start, end, _SAMPLES))
+            if other < 0 or record["r"][other] == 0.0:
+                continue
+            sine, cosine = directions(np.linspace(low, high, _SAMPLES))
             across, along = (record[each][arc] - record[each][other] for each in ("across", "along"))
             lowest = float((record["r"][arc] - record["r"][other] + across * sine - along * cosine).min())
             if lowest < -_DEEPER * record["size"]:

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.laws import Law
-from sledenv.kernel.params import SLOPE_FIELDS, Limits, RigidLaw
+from sledenv.kernel.params import SLOPE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.profiles import crests, level_at, vertices_of

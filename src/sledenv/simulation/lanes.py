@@ -14,10 +14,8 @@ import numpy as np
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
-from sledenv.kernel.laws import Law
-from sledenv.kernel.params import Limits, RigidLaw
+from sledenv.kernel.params import Law, Limits, RigidLaw
 from sledenv.kernel.records import REBOUND, TRAJECTORY
-from sledenv.kernel.state import new
 from sledenv.simulation.rules import checked_count
 
 ALL_HOPS = np.empty((0, 2))  # trims of descents that are followed to their ends
@@ -66,7 +64,7 @@ def follower(
 
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
-    space, logs = new(SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    space, logs = np.zeros(1, SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     like, limits, *given, pieces = tables
     written = flights, logs, trajectory, space
     run = run_lanes.prepared(int(isinstance(like, RigidLaw)), limits, *given, trims, pieces, *written)

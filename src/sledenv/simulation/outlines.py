@@ -14,8 +14,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.compiler.values import sine_cosine
-from sledenv.kernel.outline import MOST_ARCS, polar
+from sledenv.kernel import arithmetic
+from sledenv.kernel.entries import run_directions
+from sledenv.kernel.outline import MOST_ARCS
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, Rule, checked, checked_flag
 
 Floats = NDArray[np.float64]
@@ -51,14 +52,16 @@ class Outline(NamedTuple):
 
 
 def directions(angles: Floats) -> tuple[Floats, Floats]:
-    """Sine and cosine of many angles [rad] within a few turns, shape (N,): the same bits on every platform."""
-    sine, cosine = sine_cosine(np.asarray(angles, float))
+    """Sine and cosine of many angles [rad] within a few turns, of any shape: the same bits on every platform."""
+    given = np.asarray(angles, float)
+    sine, cosine = np.empty(given.shape), np.empty(given.shape)
+    run_directions(np.ravel(given), cosine.ravel(), sine.ravel())
     return sine, cosine
 
 
 def angle_of(sine: float, cosine: float) -> float:
     """Angle [rad] in [-pi, pi) of a direction of any length: the same bits on every platform."""
-    angle = float(polar(float(sine), float(cosine))[1])
+    angle = arithmetic.angle_of(float(sine), float(cosine))
     return angle if abs(angle) < math.pi else -math.pi
 
 

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from sledenv.kernel import params
 from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.kernel.state import MOTION
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import (
     Bodies,
@@ -149,7 +148,7 @@ class Ride:
         trajectory = self._trajectory[: outcome["samples"]]
         if self.status == Status.RUNNING and len(self._trajectory) > 0:
             here = np.zeros(1, TRAJECTORY)  # the next hop would write this row
-            for name in (*MOTION, *FLIGHT_LOSSES):
+            for name in ("t", *params.State._fields, *FLIGHT_LOSSES):
                 here[name] = outcome[name]
             trajectory = np.append(trajectory, here)
             outcome["samples"] += 1

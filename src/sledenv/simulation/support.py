@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.kernel import outline
+from sledenv.kernel.arithmetic import TURN
 from sledenv.kernel.entries import run_directions, run_lowest
-from sledenv.kernel.outline import whole_turns
 from sledenv.simulation.bodies import Body
 
-__all__ = ["directions", "lowest_arms", "support_height", "support_heights", "whole_turns", "within_a_turn"]
+__all__ = ["directions", "lowest_arms", "support_height", "support_heights", "within_a_turn"]
 
 
 _MANY_TURNS = 1e5  # [rad]
@@ -51,5 +50,5 @@ def within_a_turn(phi: NDArray[np.float64]) -> NDArray[np.float64]:
     Nothing is rounded, but a turn is the double 2 pi, 4e-17 of itself off. Over all turns this adds up to 0.6 of the
     distance of ``phi`` to the next double at most: hardly more than ``phi`` itself was rounded.
     """
-    rest = np.fmod(phi, outline.TURN)
-    return np.where(np.abs(rest) > np.pi, rest - np.copysign(outline.TURN, rest), rest)
+    rest = np.fmod(phi, TURN)
+    return np.where(np.abs(rest) > np.pi, rest - np.copysign(TURN, rest), rest)

@@ -2,27 +2,16 @@
 /* The kernel in a page: descents with the bits of those that Python simulates. The WebAssembly file tells its own
    layouts, so no table of fields stands here. */
 class Kernel {
-  /* Of the bytes of kernel.wasm; a promise. The kernel computes fused multiply-adds with a program, which takes half of
-     its time. Where the processor has an instruction that rounds once, it takes that, if it may: the bits are the same. */
-  static async load(bytes, mayTakeInstruction = true) {
-    const plain = await Kernel.#of(bytes);
-    if (!mayTakeInstruction) return plain;
-    const other = withInstruction(bytes, plain.layout.fused);
-    if (!WebAssembly.validate(other)) return plain;
-    const quick = await Kernel.#of(other, true);
-    return roundsOnce(quick.functions["fused.f64"]) ? quick : plain;
-  }
-
-  static async #of(bytes, takesInstruction = false) {
+  /* Of the bytes of kernel.wasm; a promise. */
+  static async load(bytes) {
     const { module, instance } = await WebAssembly.instantiate(bytes);
-    return new Kernel(module, instance.exports, takesInstruction);
+    return new Kernel(module, instance.exports);
   }
 
-  constructor(module, functions, takesInstruction) {
+  constructor(module, functions) {
     const [told] = WebAssembly.Module.customSections(module, "sledenv");
     this.layout = JSON.parse(new TextDecoder().decode(told));
     this.functions = functions;
-    this.takesInstruction = takesInstruction;
     this.memory = functions.memory;
     this.free = 0; // where the next table begins
   }
@@ -58,9 +47,10 @@ class Kernel {
   }
 
   #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
+    const rigid = solver === "rigid";
     const most = { ...this.layout.limits, ...limits };
     this.#clear();
-    const touching = this.#fields(solver === "rigid" ? "RigidLaw" : "ContactLaw", law, "law");
+    const touching = this.#fields(rigid ? "RigidLaw" : "ContactLaw", law, "law");
     const ends = this.#fields("Limits", most, "limits");
     const start = this.#fields("State", launch, "launch");
     const zones = (slope.zones ?? []).flatMap((zone) => this.#zone(zone));
@@ -69,19 +59,16 @@ class Kernel {
     const flights = this.#table("OUTCOME", 1);
     const log = this.#table("REBOUND", Number(most.max_rebounds));
     const rows = this.#table("TRAJECTORY", room);
-    const rigid = solver === "rigid";
-    const kind = rigid ? "RIGID_SPACE" : "SPACE";
-    const space = this.#table(kind, 1);
+    const space = this.#table("SPACE", 1);
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
     for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
     this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
     const trims = { place: 0, lengths: [0, 2] };
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
     const written = [flights, logs, rows, space];
-    const call = rigid
-      ? ["descend_rigid_lanes", touching, ends, ...tables, ...written, 1]
-      : ["descend_lanes", ends, ...tables, this.#pieces(slope.profile ?? []), ...written, 1];
-    while (this.#get(kind, "lane", space.place) < 1) this.#call(...call);
+    const ground = this.#pieces(slope.profile ?? []);
+    const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, ground, ...written, 1];
+    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(...call);
     const outcome = Object.fromEntries(
       Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
     );
@@ -222,33 +209,4 @@ class Kernel {
     }
     return columns;
   }
-}
-
-/* Functions of three arguments that do nothing but f64x2.relaxed_madd, of one number and of two at once. */
-const RELAXED_MADD = [0xfd, 0x87, 0x02];
-const SPLAT = [0xfd, 0x14];
-const FIRST_LANE = [0xfd, 0x21, 0];
-const ARGUMENTS = [0, 1, 2].map((i) => [0x20, i]);
-const BODIES = {
-  "fused.f64": [...ARGUMENTS.flatMap((argument) => [...argument, ...SPLAT]), ...RELAXED_MADD, ...FIRST_LANE],
-  "fused.v2f64": [...ARGUMENTS.flat(), ...RELAXED_MADD],
-};
-
-/* The kernel with these bodies: no local variables, the code, nothing up to the end, so that no size changes. */
-function withInstruction(bytes, places) {
-  const [NO_LOCALS, NOTHING, END] = [0, 1, 0x0b];
-  const changed = new Uint8Array(bytes).slice();
-  for (const [name, [place, size]] of Object.entries(places)) {
-    changed.fill(NOTHING, place, place + size);
-    changed.set([NO_LOCALS, ...BODIES[name]], place);
-    changed[place + size - 1] = END;
-  }
-  return changed;
-}
-
-/* Whether a multiply-add rounds once. The instruction may round the product too, but does the same everywhere in a
-   browser: WebAssembly leaves it the choice between both, once. */
-function roundsOnce(fused) {
-  const little = 2 ** -30;
-  return fused(1 + little, 1 - little, -1) === -(little ** 2) && fused(2 ** 1023, 2, -(2 ** 1023)) === 2 ** 1023;
 }
