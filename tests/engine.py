@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sledenv import circular_segment, disc, polygon, sled
-from sledenv.kernel import contacts, geometry
+from sledenv.kernel import contacts, geometry, outline
 from sledenv.kernel.params import Incline
 from sledenv.simulation.bodies import Body
 from tests.compiled import compiled
 
-lay, complete_outline, add = compiled(geometry.lay), compiled(geometry.complete_outline), compiled(contacts.add)
+lay, complete, add = compiled(geometry.lay), compiled(outline.complete), compiled(contacts.add)
 BLOCK_CORNERS = ((-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3))
 HEXAGON = [(0.4 * math.cos(a), 0.3 * math.sin(a)) for a in np.arange(6) * math.pi / 3]
 BODIES = {
@@ -38,10 +38,8 @@ class Spring(NamedTuple):
 
 
 def record_of(body: Body) -> Any:
-    """Record of a body, with all that contacts need."""
-    record = body.record.copy()
-    complete_outline(record[0])
-    return record[0]
+    """Record of a body."""
+    return body.record.copy()[0]
 
 
 def pieces_of(vertices: Sequence[tuple[float, float]] | np.ndarray) -> np.ndarray:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from sledenv.compiler.entries import Entry, Table
-from sledenv.kernel.descend import SPACE
-from sledenv.kernel.entries import LIBRARY, run_complete, run_lanes, run_lowest
-from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, State
+from sledenv.kernel.contacts import SPACE
+from sledenv.kernel.entries import LIBRARY, run_complete, run_lanes, run_lay, run_lowest
+from sledenv.kernel.geometry import PIECE
+from sledenv.kernel.params import Limits, State
 from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
-from sledenv.kernel.state import new
 from sledenv.simulation.bodies import segment_records
 from sledenv.simulation.shapes import polygon
 
@@ -28,7 +28,7 @@ Call = tuple[Entry, tuple[Any, ...]]
 
 
 def calls(seed: int) -> list[Call]:
-    """Random descents of both laws, alone and many at once, and the geometry of bodies."""
+    """Random descents of both laws, alone and many at once, on a plane and over bumps, and the geometry of bodies."""
     rng = np.random.default_rng(seed)
     mass, radius = rng.uniform(0.5, 120.0, LANES), np.exp(rng.uniform(-3.0, 0.0, LANES))
     half_angle = np.where(rng.random(LANES) < 0.3, math.pi, rng.uniform(0.3, 3.1, LANES))
@@ -50,16 +50,20 @@ def calls(seed: int) -> list[Call]:
         (run_complete, (bodies.copy(),)),
         (run_lowest, (bodies, phi, np.empty(LANES, np.int64), np.empty((LANES, 2)))),
     ]
-    for laws, kind in ((compliant, ContactLaw), (rigid, RigidLaw)):
-        law = kind(*laws[0].tolist())
+    bumps = np.array([[1.0, 0.0], [2.0, 0.2], [3.0, -0.1], [5.0, 0.1]])
+    for laws, vertices in ((compliant, bumps), (rigid, bumps[:0])):
+        pieces = np.zeros(len(vertices) + 1, PIECE)
+        run_lay(vertices, pieces)
         flights, logs = np.zeros(LANES, OUTCOME), np.zeros((LANES, 20), REBOUND)
         flights["status"] = RUNNING
+        flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
         for i, name in enumerate(State._fields):
             flights[name] = launches[:, i]
-        tables, hops = (law, LIMITS, bodies, laws, slopes, launches), np.empty((0, 2))
+        is_rigid = int(laws is rigid)
+        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 2)), pieces)
         rows = np.zeros(4000, TRAJECTORY)
-        made.append((run_lanes(law), (*tables, hops, flights.copy(), logs, rows[:0], new(SPACE), LANES)))
-        made.append((run_lanes(law), (*tables, hops, flights, logs.copy(), rows, new(SPACE), 1)))
+        made.append((run_lanes, (*tables, flights.copy(), logs, rows[:0], np.zeros(1, SPACE), LANES)))
+        made.append((run_lanes, (*tables, flights, logs.copy(), rows, np.zeros(1, SPACE), 1)))
     return made
 
 
@@ -121,4 +125,4 @@ def test_an_aarch64_processor_computes_the_same_bits(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(found[name], here[name], err_msg=f"{entry.name}: {name}")
             if not here.dtype.names:
                 np.testing.assert_array_equal(found, here, err_msg=entry.name)
-    assert (made[2][1][7]["rebounds"] > 2).mean() > 0.5  # there is something to compare
+    assert (made[2][1][8]["rebounds"] > 2).mean() > 0.5  # there is something to compare

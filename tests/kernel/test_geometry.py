@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sledenv.kernel.records import ARC, NOSE, TAIL
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.shapes import circular_segment
-from sledenv.simulation.support import directions, support_height, whole_turns
+from sledenv.simulation.support import directions, support_height, within_a_turn
 from tests.bodies import rod, touching
 from tests.oracles import outline_heights, support
 
@@ -41,7 +41,7 @@ def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> Non
 @property_of_all
 @given(bodies, st.floats(-30.0, 30.0))
 def test_support_height_is_that_of_arc_and_corners(body: Segment, phi: float) -> None:
-    """Oracle: the positions of arc and corners, from the rotated body coordinates, without the shifted angles."""
+    """Oracle: the positions of arc and corners, from the rotated body coordinates, by plain sines."""
     assert support_height(body, phi) == pytest.approx(float(support(body, np.array(phi))), rel=1e-13, abs=1e-14)
 
 
@@ -50,7 +50,7 @@ def test_support_height_is_that_of_arc_and_corners(body: Segment, phi: float) ->
 def test_arms_of_the_arc_are_the_textbook_ones(body: Segment, phi: float) -> None:
     """Oracle: a = h sin(phi), b = r - h cos(phi), docs/physics.md, section 1."""
     feature, a, b = touching(body, phi)
-    local = phi - whole_turns(phi)
+    (local,) = within_a_turn(np.array([phi]))
     assert feature == ARC
     assert a == pytest.approx(body.eccentricity * math.sin(local), abs=1e-16)
     assert b == pytest.approx(body.radius - body.eccentricity * math.cos(phi), rel=1e-15)
@@ -97,7 +97,7 @@ def test_the_mirrored_pose_has_the_mirrored_contact_bit_for_bit(body: Segment, p
 def test_whole_turns_change_nothing(body: Segment, phi: float, turns: int) -> None:
     """Oracle: periodicity, up to the rounding of phi."""
     many = phi + turns * 2.0 * math.pi
-    assert abs(many - whole_turns(many)) <= math.pi * (1.0 + 1e-9)
+    assert abs(within_a_turn(np.array([many]))[0]) <= math.pi
     rounding = 4e-16 * (abs(many) + 4.0) * (body.radius + body.eccentricity)
     assert abs(support_height(body, many) - support_height(body, phi)) <= 2.0 * rounding
 

@@ -125,17 +125,6 @@ def arcs_of_rows(body: Body) -> list[int]:
     return [*range(count)] if body.arcs[0].begin == -math.pi else [count - 1, *range(count)]
 
 
-def circles_stay_inside(body: Body) -> bool:
-    """Whether no circle of an arc beside a straight side reaches below the outline, whatever the orientation."""
-    phi = np.linspace(-math.pi, math.pi, 361)
-    points, _ = points_of(body.arcs, 400)
-    outline = (points @ np.array([-np.sin(phi), -np.cos(phi)])).max(axis=0)
-    sides = outline_of(body.arcs).sides
-    beside = [arc for k, arc in enumerate(body.arcs) if sides[k] > 0.0 or sides[k - 1] > 0.0]
-    sag = max(arc.radius for arc in body.arcs) * (TURN / 399) ** 2 / 8.0
-    return all((a.radius - a.x * np.sin(phi) - a.y * np.cos(phi) <= outline + sag).all() for a in beside)
-
-
 # --- what the kernel makes of them -----------------------------------------------------------------------------------
 
 
@@ -156,78 +145,41 @@ def test_a_record_measures_the_outline(seed: int) -> None:
     assert -noise - 0.007 * body.size <= body.lowest_support - lowest.min() <= sag + noise
     assert body.lowest_support == pytest.approx(outline_of(body.arcs).lowest, abs=noise)
     for i in [*range(0, 1001, 50), *range(1001, len(phi))]:
-        arc, a, b = kernel.lowest_arms(record, float(phi[i]))
+        arc, _, b = kernel.lowest_arms(record, float(phi[i]))
         assert -noise <= b - lowest[i] <= sag + noise
-        assert abs(a) <= record["reach"][arc] + noise
         owner = owners[depths[:, i].argmax()]
         if depths[owners != owner, i].max(initial=-math.inf) < lowest[i] - sag - noise:
             assert rows[arc] == owner
-    for row, k in enumerate(rows):
-        inside = body.arcs[k].begin + np.linspace(0.0, turn_of(body.arcs, k), 2001)
-        largest = np.abs(body.arcs[k].y * np.sin(inside) - body.arcs[k].x * np.cos(inside)).max()
-        assert -noise <= record["reach"][row] - largest <= 2e-6 * math.hypot(*body.arcs[k][:2]) + noise
 
 
-def neighbours(body: Body, k: int) -> dict[str, tuple[int, str] | None]:
-    """Arcs that may touch beside one, and the sides between: across its own side, or that of a smooth neighbour."""
+def neighbours(body: Body, k: int) -> list[str | None]:
+    """Arcs that come down beside one as the orientation falls and rises: across its own side, or a smooth neighbour's."""
     sides, count = outline_of(body.arcs).sides > 0.0, len(body.arcs)
-    found: dict[str, tuple[int, str] | None] = {"rising": None, "falling": None}
-    for name, step in (("rising", 1), ("falling", -1)):
-        for steps in (1, 2):
-            arc = (k + steps * step) % count
-            side = (arc - 1) % count if step > 0 else arc
-            if sides[side] and arc != k:
-                found[name] = arc, body.arcs[side].side
-                break
+    found: list[str | None] = []
+    for step in (-1, 1):
+        across = [(k + steps * step) % count for steps in (1, 2)]
+        parts = [body.arcs[arc].part for arc in across if sides[(arc - 1) % count if step > 0 else arc] and arc != k]
+        found.append(parts[0] if parts else None)
     return found
 
 
 def told(body: Body, row: int) -> tuple[object, ...]:
     """What a record says of an arc and of those beside it, whichever frame it is told in."""
     record, rows = body._listed()[0], arcs_of_rows(body)
-    parts = [None if record[name][row] < 0 else rows[int(record[name][row])] for name in ("falling", "rising")]
-    sides = [int(record[name][row]) for name in ("falling_side", "rising_side")]
-    names = [body.arcs[k].part if k is not None else None for k in parts]
-    return (
-        *names,
-        *(body.parts[code - 1] if code else None for code in sides),
-        record["direct"][row],
-        record["sinks"][row],
-    )
+    beside = [int(record[name][row]) for name in ("falling", "rising")]
+    return *(None if other < 0 else body.arcs[rows[other]].part for other in beside), record["sinks"][row]
 
 
 @often
 @given(seeds)
 def test_a_record_knows_who_may_touch_beside_an_arc(seed: int) -> None:
-    """Oracle: the outline as a ring, and the gaps of whole circles on a grid of orientations.
-
-    Where both ends of a run of three close it with one side, the further one is watched: it is what comes down.
-    """
+    """Oracle: the outline as a ring."""
     body = at_random(seed)
-    record, rows = body._listed()[0], arcs_of_rows(body)
-    tellable = circles_stay_inside(body)
-    for row, k in enumerate(rows):
-        falling, rising = (neighbours(body, k)[name] for name in ("falling", "rising"))
-        arcs = [None if found is None else body.arcs[found[0]].part for found in (falling, rising)]
-        sides = [None if found is None else found[1] for found in (falling, rising)]
-        assert told(body, row)[:4] == (*arcs, *sides)
-        count, smooth = (
-            len(body.arcs),
-            bool(outline_of(body.arcs).sides[k] == outline_of(body.arcs).sides[k - 1] == 0.0),
-        )
-        closed = count == 3 and smooth and falling is not None
-        assert record["sinks"][row] == (closed and turn_of(body.arcs, k) <= math.pi)
-        if falling is None or rising is None or falling[0] == rising[0] or not tellable:
-            continue
-        assert record["direct"][row] == (not closed)
-        middle = record["middle"][row]
-        one, other = (body.arcs[found[0]] for found in (rising, falling))
-        phi = (
-            body.arcs[k].begin + np.linspace(0.0, turn_of(body.arcs, k), 101) + record["low"][row] - body.arcs[k].begin
-        )
-        gaps = [-arc.radius + arc.x * np.sin(phi) + arc.y * np.cos(phi) for arc in (one, other)]
-        clear = np.abs(gaps[0] - gaps[1]) > 1e-9 * body.size
-        assert ((gaps[0] > gaps[1] if closed else gaps[0] < gaps[1]) == (phi > middle))[clear].all()
+    sides = outline_of(body.arcs).sides
+    for row, k in enumerate(arcs_of_rows(body)):
+        beside, smooth = neighbours(body, k), sides[k] == sides[k - 1] == 0.0
+        closed = len(body.arcs) == 3 and smooth and beside[0] is not None
+        assert told(body, row) == (*beside, closed and turn_of(body.arcs, k) <= math.pi)
 
 
 @rarely
@@ -248,13 +200,11 @@ def test_a_record_tells_the_same_in_every_frame(seed: int) -> None:
 def test_a_segment_is_its_own_mirror_bit_for_bit(half_angle: float) -> None:
     """Oracle: nose and tail change places, and what counts across or counter-clockwise changes its sign."""
     record = segment(1.0, 0.5, 0.495, 0.1, half_angle).record[0]
-    for name in ("along", "r", "corner", "h", "reach", "direct", "sinks"):
+    for name in ("along", "r", "corner", "h", "sinks"):
         assert record[name][0] == record[name][2], name
-    for name in ("across", "shift"):
-        assert record[name][0] == -record[name][2], name
-        assert record[name][1] == 0.0
+    assert record["across"][0] == -record["across"][2]
+    assert record["across"][1] == 0.0
     assert (record["low"][0], record["high"][0]) == (-record["high"][2], -record["low"][2])
-    assert record["middle"][1] == 0.0
 
 
 # --- hulls -----------------------------------------------------------------------------------------------------------

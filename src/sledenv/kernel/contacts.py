@@ -57,7 +57,10 @@ CONTACTS: Final = np.dtype(
     [
         *fields("i8", "count"),
         *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
-        ("alike", "i8"),  # 1 if all slip alike, so that only the sum of their friction counts; the first tells of the slip
+        (
+            "alike",
+            "i8",
+        ),  # 1 if all slip as the first one does, and only the sum of their friction counts
         ("at", CONTACT, (MOST,)),
     ]
 )

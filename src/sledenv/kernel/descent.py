@@ -275,7 +275,7 @@ def _separate(
 def _hold(
     body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
 ) -> int:
-    """Let those rigid contacts go that the chosen mode does not hold; an impact follows where no finite load holds them.
+    """Let rigid contacts go that the chosen mode does not hold; an impact follows where no finite load holds them.
 
     Returns RUNNING if all are held, AGAIN if a mode is to be chosen anew, or the status with which the descent ends.
     """

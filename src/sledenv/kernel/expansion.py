@@ -111,22 +111,22 @@ def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
 
 
 @kernel
-def _terms_of_places(s: np.void, k: int) -> None:
-    """Write terms of order ``k`` of where the body is, from those of its velocities."""
-    per = PER[k]
+def _terms_of_places(frozen: float, s: np.void, k: int) -> None:
+    """Write terms of order ``k`` of where the body is, from those of its velocities; if ``frozen`` is 1 it is there."""
+    per = PER[k] if frozen == 0.0 else 0.0
     s["x"][k], s["y"][k], s["phi"][k] = s["u"][k - 1] * per, s["v"][k - 1] * per, s["omega"][k - 1] * per
     s["sine"][k], s["cosine"][k] = s["cw"][k - 1] * per, -s["sw"][k - 1] * per
 
 
 @kernel
-def _begin(body: np.void, pieces: np.ndarray, motion: np.void, contacts: np.void, s: np.void) -> None:
+def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, contacts: np.void, s: np.void) -> None:
     """Write the first terms of all series."""
     s["x"][0], s["y"][0], s["phi"][0] = motion["x"], motion["y"], motion["phi"]
     s["u"][0], s["v"][0], s["omega"][0] = motion["u"], motion["v"], motion["omega"]
     sine, cosine = motion["sine"], motion["cosine"]
     s["sine"][0], s["cosine"][0] = sine, cosine
     s["sw"][0], s["cw"][0] = sine * motion["omega"], cosine * motion["omega"]
-    _terms_of_places(s, 1)
+    _terms_of_places(frozen, s, 1)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
         a, piece = contact["arc"], pieces[contact["piece"]]
@@ -268,9 +268,9 @@ def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k
 
 
 @kernel
-def _terms_of_motion(body: np.void, pieces: np.ndarray, contacts: np.void, s: np.void, k: int) -> None:
+def _terms_of_motion(body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
     """Write what follows from terms of order ``k`` of the velocities of the body."""
-    _terms_of_places(s, k + 1)
+    _terms_of_places(frozen, s, k + 1)
     for c in range(contacts["count"]):
         _terms_of_velocities(body, pieces, contacts["at"][c], s, s["of"][c], k)
 
@@ -292,18 +292,22 @@ def _expand_flight(slope: Any, s: np.void) -> None:
     omega = s["omega"][0]
     for k in range(1, ORDER + 1):
         s["u"][k] = s["v"][k] = s["omega"][k] = 0.0
-        _terms_of_places(s, k)
+        _terms_of_places(0.0, s, k)
         s["sw"][k], s["cw"][k] = s["sine"][k] * omega, s["cosine"][k] * omega
         if k == 1:
             s["u"][1], s["v"][1] = slope.downhill, -slope.inward
-    _terms_of_places(s, ORDER + 1)
+    _terms_of_places(0.0, s, ORDER + 1)
 
 
 @kernel
 def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> None:
-    """Write the series of a step in the mode of the contacts, which have been placed."""
+    """Write the series of a step in the mode of the contacts, which have been placed.
+
+    In a ``frozen`` impact the body stays where it is: normals and levers are constant.
+    """
     motion, contacts, s, choice = space["motion"], space["contacts"], space["series"], space["choice"]
-    _begin(body, pieces, motion, contacts, s)
+    frozen = space["frozen"]
+    _begin(body, pieces, frozen, motion, contacts, s)
     if contacts["count"] == 0:
         _expand_flight(slope, s)
         return
@@ -311,10 +315,10 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
     locked = choice["locks"] > 0
     for k in range(ORDER):
         _terms_of_forces(body, slope, contacts, s, k)
-        _terms_of_motion(body, pieces, contacts, s, k + 1)
+        _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
         if locked:
             _add_locked(body, contacts, choice, s, k)
-            _terms_of_motion(body, pieces, contacts, s, k + 1)
+            _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
         _lock_terms(contacts, s, k + 1)
     s["moment"][ORDER] = 0.0
     for c in range(contacts["count"]):
@@ -323,10 +327,13 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
 
 @kernel
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
-    """How long [s] the series of a step hold: their last terms stay below ``tolerance`` times the speed, those of arcs to that times the size."""
+    """How long [s] the series of a step hold: their last terms are at most ``tolerance`` times the speed.
+
+    Those of sine and cosine move arcs by at most ``tolerance`` times the size.
+    """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
-    if turning > 0.0:
+    if turning > 0.0 and space["frozen"] == 0.0:
         longest = MOST_TURN / turning
     if contacts["count"] == 0:
         return longest

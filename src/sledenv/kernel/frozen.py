@@ -1,7 +1,7 @@
-"""The impact of several points of rigid surfaces: springs at all of them, ever stiffer; docs/physics.md, section 8.3.
+"""The impact of several points of rigid surfaces: springs at all of them, ever stiffer; docs/physics.md, 8.3.
 
-Springs get short as they get stiff: the configuration is frozen, and gravity plays no part. The velocities afterwards do
-not depend on the stiffness. A nominal one makes the springs so deep that tolerances keep their meaning.
+The stiffer the springs, the shorter they act: the body stands still, and gravity plays no part. The velocities afterwards
+do not depend on the stiffness. A nominal one makes the springs so deep that tolerances keep their meaning.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
-from sledenv.kernel.arithmetic import sixteenth_root
 from sledenv.kernel.books import book_step, note_mode
 from sledenv.kernel.carry import AT_SURFACE, carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, write_surface
-from sledenv.kernel.expansion import last_forces, value
-from sledenv.kernel.mode import GAP, SPIN, choose, find_locks, solve_locks
+from sledenv.kernel.expansion import expand, longest_step, value
+from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline
 
 MOST_STEPS: Final = 2000
@@ -27,95 +26,8 @@ SOON: Final = (
     1e-9  # of the time of a swing: the springs begin as deep as they are then, so that they have loads to compare
 )
 LEAST_TERM: Final = 1e-15  # of the speed of approach: the last terms of a step
+_NO_GRAVITY: Final = Incline(0.0, 0.0, 0.0, 0.0)
 LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
-
-
-@kernel
-def _expand(body: np.void, space: np.void) -> None:
-    """Write the series of a step: normals and levers are constant, so that no products are left."""
-    motion, contacts, s, choice = space["motion"], space["contacts"], space["series"], space["choice"]
-    find_locks(body, contacts, choice)
-    s["u"][0], s["v"][0], s["omega"][0] = motion["u"], motion["v"], motion["omega"]
-    for c in range(contacts["count"]):
-        contact, terms = contacts["at"][c], s["of"][c]
-        terms["gap"][0], terms["gap_rate"][0], terms["slip"][0] = contact["gap"], contact["gap_rate"], contact["slip"]
-    for k in range(ORDER):
-        _terms_of_forces(body, contacts, choice, s, k)
-        for c in range(contacts["count"]):
-            contact, terms = contacts["at"][c], s["of"][c]
-            u, v, omega = s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1]
-            nx, ny = contact["nx"], contact["ny"]
-            terms["gap_rate"][k + 1] = terms["slip"][k + 1] = 0.0
-            if contact["gap_still"] == 0:
-                terms["gap_rate"][k + 1] = nx * u + ny * v + contact["ln"] * omega
-            if contact["slip_still"] == 0:
-                terms["slip"][k + 1] = ny * u - nx * v + contact["lt"] * omega
-            terms["gap"][k + 1] = terms["gap_rate"][k] / (k + 1)
-    s["moment"][ORDER] = 0.0
-    for c in range(contacts["count"]):
-        last_forces(contacts["at"][c], s["of"][c])
-
-
-@kernel
-def _terms_of_forces(body: np.void, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
-    """Write terms of order ``k`` of the forces, and of order ``k + 1`` of the velocities of the body."""
-    fx = fy = moment = load = 0.0
-    for c in range(contacts["count"]):
-        contact, terms = contacts["at"][c], s["of"][c]
-        normal = 0.0
-        if contact["gap_sign"] != 0:
-            normal = -(contact["closing"] if contact["gap_sign"] < 0 else contact["opening"]) * terms["gap"][k]
-        force = -contact["slip_sign"] * contact["friction"] * normal
-        terms["normal"][k], terms["force"][k] = normal, force
-        fx += normal * contact["nx"] + force * contact["ny"]
-        fy += normal * contact["ny"] - force * contact["nx"]
-        moment += normal * contact["ln"] + force * contact["lt"]
-        load += contact["arm"] * normal
-    rolling = -contacts["spin_sign"] * load
-    moment += rolling
-    for i in range(choice["locks"]):
-        lock = choice["lock"][i]
-        row = lock["row"]
-        lock["force"] = (row[0] * fx + row[1] * fy) / body["mass"] + row[2] * moment / body["inertia"]
-    if choice["locks"] > 0:
-        solve_locks(choice)
-    for i in range(choice["locks"]):
-        lock = choice["lock"][i]
-        push, held = lock["push"], lock["force"]
-        fx, fy, moment = fx + held * push[0], fy + held * push[1], moment + held * push[2]
-        if lock["what"] == SPIN:
-            rolling += held
-            continue
-        contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
-        if lock["what"] == GAP:
-            terms["normal"][k] += held
-            terms["force"][k] -= contact["slip_sign"] * contact["friction"] * held
-            rolling -= contacts["spin_sign"] * contact["arm"] * held
-        else:
-            terms["force"][k] += held
-    m = k + 1
-    s["u"][m], s["v"][m] = fx / (body["mass"] * m), fy / (body["mass"] * m)
-    s["omega"][m] = moment / (body["inertia"] * m) if contacts["spin_still"] == 0 else 0.0
-    s["moment"][k] = rolling
-
-
-@kernel
-def _longest(body: np.void, approach: float, space: np.void) -> float:
-    """How long [s] the series of a step hold."""
-    s, contacts = space["series"], space["contacts"]
-    last = body["size"] * abs(s["omega"][ORDER])
-    before = body["size"] * abs(s["omega"][ORDER - 1])
-    for c in range(contacts["count"]):
-        terms = s["of"][c]
-        last = max(last, abs(terms["gap_rate"][ORDER]), abs(terms["slip"][ORDER]))
-        before = max(before, abs(terms["gap_rate"][ORDER - 1]), abs(terms["slip"][ORDER - 1]))
-    scale, longest = LEAST_TERM * approach, math.inf
-    if last > 0.0:
-        longest = sixteenth_root(scale / last)
-    if before > 0.0:
-        ratio = scale / before
-        longest = min(longest, sixteenth_root(ratio * sixteenth_root(ratio)))  # its root of order 15, nearly
-    return longest
 
 
 @kernel
@@ -155,8 +67,10 @@ def _pushes(body: np.void, contacts: np.void, rebound: np.void) -> bool:
 @kernel
 def _find_event(body: np.void, approach: float, space: np.void) -> None:
     """Find how long a step is, and what ends it; a point that comes back is born again."""
-    contacts, event, poly = space["contacts"], space["event"], space["poly"]
-    event["code"], event["time"] = guards.NOTHING, _longest(body, approach, space)
+    contacts, event, poly, motion = space["contacts"], space["event"], space["poly"], space["motion"]
+    speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), 1e-12)
+    event["code"] = guards.NOTHING
+    event["time"] = longest_step(body, _NO_GRAVITY, LEAST_TERM * approach / speed, space)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
         guards.watch_slip(
@@ -175,10 +89,10 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
 
 
 @kernel
-def _step(body: np.void, approach: float, spring: float, plastic: bool, space: np.void) -> None:
+def _step(body: np.void, pieces: np.ndarray, approach: float, spring: float, plastic: bool, space: np.void) -> None:
     """Go to the next event."""
     motion, contacts, s, event = space["motion"], space["contacts"], space["series"], space["event"]
-    _expand(body, space)
+    expand(body, pieces, _NO_GRAVITY, space)
     _find_event(body, approach, space)
     t = event["time"]
     if t > 0.0:
@@ -245,7 +159,7 @@ def hit_together(body: np.void, pieces: np.ndarray, plastic: bool, space: np.voi
     sliding, energy, ends = rebound["sliding"], _kinetic(body, motion), False
     space["frozen"] = 1.0
     for _ in range(MOST_STEPS):
-        rests = choose(body, pieces, Incline(0.0, 0.0, 0.0, 0.0), space)
+        rests = choose(body, pieces, _NO_GRAVITY, space)
         note_mode(contacts, rebound)
         count = 0
         for c in range(contacts["count"]):
@@ -258,7 +172,7 @@ def hit_together(body: np.void, pieces: np.ndarray, plastic: bool, space: np.voi
         if rests or not pushes:
             ends = True
             break
-        _step(body, approach, spring, plastic, space)
+        _step(body, pieces, approach, spring, plastic, space)
     space["frozen"] = 0.0
     _end(body, approach, space)
     rebound["peak_penetration"] = deepest

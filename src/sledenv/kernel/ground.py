@@ -65,14 +65,13 @@ def lay_springs(law: Any, ground: np.void) -> None:
     """Write how stiff the compliant surfaces are in each piece of a ground that has been laid."""
     for piece in range(int(ground["count"])):
         stiffness, restitution = ground["stiffness"][piece], ground["restitution"][piece]
-        asymmetry = law.asymmetry
+        closing, opening = 1.0 + law.asymmetry, 1.0 - law.asymmetry
         if not math.isnan(restitution):
             square = restitution * restitution
-            asymmetry = (1.0 - square) / (1.0 + square)
+            closing, opening = 2.0 / (1.0 + square), 2.0 * square / (1.0 + square)
         if math.isnan(stiffness):
             stiffness = law.stiffness
-        ground["closing"][piece] = stiffness * (1.0 + asymmetry)
-        ground["opening"][piece] = stiffness * (1.0 - asymmetry)
+        ground["closing"][piece], ground["opening"][piece] = stiffness * closing, stiffness * opening
 
 
 @kernel
@@ -98,13 +97,6 @@ def piece_at(ground: np.void, x: float) -> int:
     while piece > 0 and x < ground["begin"][piece]:
         piece -= 1
     return piece
-
-
-@kernel
-def restitution_on(ground: np.void, piece: int, elsewhere: float) -> float:
-    """Restitution [-] of a contact that begins on a piece of the ground; ``elsewhere`` is that of the law."""
-    own = float(ground["restitution"][piece])
-    return elsewhere if math.isnan(own) else own
 
 
 @kernel

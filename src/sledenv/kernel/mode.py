@@ -350,7 +350,9 @@ def _write_signs(motion: np.void, contacts: np.void) -> None:
 
 
 @kernel
-def _spread_zeros(body: np.void, slow: float, standing: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
+def _spread_zeros(
+    body: np.void, slow: float, standing: float, motion: np.void, contacts: np.void, choice: np.void
+) -> None:
     """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
     speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
     fast = max(speed, slow)

@@ -68,6 +68,7 @@ BODY: Final = np.dtype(
     ]
 )
 
+
 @kernel
 def distance(along: float, across: float) -> float:
     """Length of a vector."""

@@ -50,6 +50,7 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     launch, vertices = made("launch", State, launch), slope.vertices
     _check_solver(type(law), settings.solver)
+    _check_bounce("law", "Slope", np.array([law]), np.array([slope.row]), settings.solver)
     _check_ground("body", "Slope", body.record, np.array([slope.length]), vertices, settings.solver)
     launch = _admitted(body, slope, launch, vertices)
     touching: Law = law
@@ -121,6 +122,7 @@ def checked_lanes(
     bodies = records_of(body, len(launches))
     laws = _rows("law", kind, law, len(launches))
     slopes, vertices = _rows_of_slopes(slope, len(launches)), _vertices_of_all(slope)
+    _check_bounce("law[{lane}]", "slope[{lane}]", laws, slopes, settings.solver)
     rigid = settings.solver == "rigid"
     if rigid:
         columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T[:SLOPE_FIELDS])
@@ -266,6 +268,28 @@ def _stiff_limit(size: Any, law: Any, slope: Any, settle_speed: float | None) ->
         corner_rolling_arm=law.corner_rolling_arm,
         settle_speed=settle,
     )
+
+
+def _check_bounce(law: str, slope: str, laws: np.ndarray, slopes: np.ndarray, solver: str) -> None:
+    """Refuse compliant surfaces that give nothing back, in rows of laws and of slopes with their zones.
+
+    Raises
+    ------
+    ValueError
+        Naming the law or the zone; ``{lane}`` in ``law`` and ``slope`` becomes the number.
+    """
+    why = "springs that give nothing back never let go; solver = 'rigid' takes it"
+    if solver == "rigid":
+        return
+    plastic = laws[:, params.ContactLaw._fields.index("asymmetry")] == 1.0
+    if plastic.any():
+        name = law.format(lane=int(np.argmax(plastic)))
+        raise ValueError(f"{name}.asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = {solver!r}: {why}")
+    zones = slopes[:, SLOPE_FIELDS:].reshape(len(slopes), -1, len(Zone._fields))
+    lanes, numbers = np.nonzero(zones[:, :, Zone._fields.index("restitution")] == 0.0)
+    if len(lanes):
+        name = f"{slope.format(lane=int(lanes[0]))}.zones[{numbers[0]}]"
+        raise ValueError(f"{name}.restitution = 0.0: must be in (0, 1] with solver = {solver!r}: {why}")
 
 
 def _check_ground(

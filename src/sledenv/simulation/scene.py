@@ -13,10 +13,10 @@ from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.profiles import Profile, checked_profile, vertices_of
 from sledenv.simulation.rules import (
+    CLOSED_FRACTION,
     FINITE,
     NOT_NEGATIVE,
     POSITIVE,
-    RESTITUTION,
     STEEPNESS,
     Checked,
     Rule,
@@ -26,7 +26,6 @@ from sledenv.simulation.rules import (
     or_absent,
 )
 
-_FRACTION: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _PLACE: Rule = (lambda v: v > -math.inf, "in (-inf, inf] m")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
 
@@ -37,9 +36,10 @@ def restitution_of(asymmetry: Any) -> Any:
 
 
 def asymmetry_of(restitution: Any) -> Any:
-    """Asymmetry Delta [-] < 1 of a coefficient of restitution, float or array: docs/physics.md (5.3)."""
+    """Asymmetry Delta [-] of a coefficient of restitution, float or array, 1 of 0 alone: docs/physics.md (5.3)."""
     squared = restitution * restitution
-    return np.minimum((1.0 - squared) / (1.0 + squared), math.nextafter(1.0, 0.0))
+    most = np.where(restitution == 0.0, 1.0, math.nextafter(1.0, 0.0))
+    return np.minimum((1.0 - squared) / (1.0 + squared), most)
 
 
 class ContactLaw(Checked, params.ContactLaw):
@@ -50,7 +50,8 @@ class ContactLaw(Checked, params.ContactLaw):
     stiffness : float
         Mean normal stiffness c [N/m], > 0: c(1 + asymmetry) while the gap closes, c(1 - asymmetry) while it opens.
     asymmetry : float
-        Delta [-] in [0, 1); restitution is sqrt((1 - Delta)/(1 + Delta)).
+        Delta [-] in [0, 1]; restitution is sqrt((1 - Delta)/(1 + Delta)). Only rigid surfaces may have 1, which gives
+        nothing back.
     friction : float
         Coulomb coefficient f [-], >= 0.
     rolling_arm : float
@@ -65,7 +66,7 @@ class ContactLaw(Checked, params.ContactLaw):
     """
 
     __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, _FRACTION, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
+    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, CLOSED_FRACTION, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
 
     def __new__(
         cls,
@@ -93,8 +94,8 @@ class ContactLaw(Checked, params.ContactLaw):
         rolling_arm: float,
         corner_rolling_arm: float = 0.0,
     ) -> ContactLaw:
-        """Build the law from the coefficient of restitution e [-] in (0, 1] instead of the asymmetry."""
-        asymmetry = asymmetry_of(checked("ContactLaw", "restitution", restitution, RESTITUTION))
+        """Build the law from the coefficient of restitution e [-] in [0, 1] instead of the asymmetry."""
+        asymmetry = asymmetry_of(checked("ContactLaw", "restitution", restitution, CLOSED_FRACTION))
         return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
@@ -124,8 +125,8 @@ class Zone(Checked, params.Zone):
     corner_rolling_arm : float
         The same for a corner [m], >= 0; 0 by default.
     restitution : float, optional
-        Energetic coefficient of restitution e [-] in (0, 1] of contacts that begin in the zone; that of the contact law
-        by default.
+        Energetic coefficient of restitution e [-] in [0, 1] of contacts that begin in the zone; that of the contact law
+        by default. Only rigid surfaces may have 0.
     stiffness : float, optional
         Mean normal stiffness c [N/m], > 0, of contacts that begin in the zone; that of the contact law by default.
         Surfaces of the rigid solver have none.
@@ -138,7 +139,7 @@ class Zone(Checked, params.Zone):
 
     __slots__ = ()
     rules: ClassVar[tuple[Rule, ...]] = (FINITE, _PLACE, NOT_NEGATIVE, NOT_NEGATIVE, NOT_NEGATIVE)
-    optional_rules: ClassVar[tuple[Rule, ...]] = (RESTITUTION, POSITIVE)  # of the other fields, which may be None
+    optional_rules: ClassVar[tuple[Rule, ...]] = (CLOSED_FRACTION, POSITIVE)  # of the other fields, which may be None
 
     def __new__(
         cls,
@@ -155,7 +156,7 @@ class Zone(Checked, params.Zone):
         if not begin < end:
             raise ValueError(f"Zone.end = {end!r}: must be > Zone.begin = {begin!r} m")
         if restitution is not None:
-            restitution = checked("Zone", "restitution", restitution, RESTITUTION)
+            restitution = checked("Zone", "restitution", restitution, CLOSED_FRACTION)
         if stiffness is not None:
             stiffness = checked("Zone", "stiffness", stiffness, POSITIVE)
         return super().__new__(cls, begin, end, friction, rolling_arm, corner_rolling_arm, restitution, stiffness)
