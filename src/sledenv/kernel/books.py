@@ -131,7 +131,7 @@ def side_that_lies(body: np.void, contacts: np.void) -> float:
 
 
 @kernel
-def _lie_on(one: np.void, two: np.void, arcs: int) -> bool:
+def _lie_on(one: np.void, two: np.void, arcs: Any) -> bool:
     """Whether two arcs touch the same piece with both ends of the side after the first one, and not of its back."""
     if two["kind"] != ARC_PIECE or two["piece"] != one["piece"] or two["arc"] != (one["arc"] + 1) % arcs:
         return False

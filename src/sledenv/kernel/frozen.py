@@ -1,7 +1,7 @@
 """The impact of several points of rigid surfaces: springs at all of them, ever stiffer; docs/physics.md, 8.3.
 
-The stiffer the springs, the shorter they act: the body stands still, and gravity plays no part. The velocities afterwards
-do not depend on the stiffness. A nominal one makes the springs so deep that tolerances keep their meaning.
+The stiffer the springs, the shorter they act: the body stands still, and gravity plays no part. The velocities after
+it do not depend on the stiffness. A nominal one makes the springs so deep that tolerances keep their meaning.
 """
 
 from __future__ import annotations
