@@ -9,17 +9,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sledenv.kernel import flight, motion
+from sledenv import ContactLaw, Slope, State, simulate
 from sledenv.kernel.records import TAIL
-from sledenv.kernel.state import HOP, new
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.shapes import circular_segment
-from sledenv.simulation.support import support_height, whole_turns
+from sledenv.simulation.support import support_height
 from tests.bodies import rod, segment_by_share, touching
-from tests.compiled import compiled
 from tests.oracles import scanned_touchdown, support
 
-finish_time_of = compiled(motion.finish_time)
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 ROD = rod(1.0, 0.4, 0.02)
@@ -40,41 +37,24 @@ orientations = st.floats(-10.0, 10.0)
 spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0))
 
 
-def land_each(bodies: np.ndarray, flights: np.ndarray, hops: np.ndarray, found: np.ndarray) -> None:
-    """Find the touchdown of each of some flights, rows gravity, y, phi, v, omega, horizon, by itself."""
-    body, hop = bodies[0], hops[0]
-    flight.write_body(body, hop)
-    for i in range(len(flights)):
-        row = flights[i]
-        hop["inward"], hop["y"], hop["phi"] = row[0], row[1], row[2]
-        hop["v"], hop["omega"], hop["horizon"] = row[3], row[4], row[5]
-        flight.begin_search(body, hop)
-        flight.search(math.inf, body, hop)
-        found[i] = hop["touchdown"]
-
-
-land_each_compiled = compiled(land_each)
-
-
-def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
-    """Time at which a flight reaches the end of the slope."""
-    hop = new(HOP)[0]
-    hop["x"], hop["u"], hop["downhill"], hop["length"] = x, u, acceleration, length
-    return finish_time_of(hop)
-
-
-def alone(body: Segment, flights: np.ndarray) -> np.ndarray:
-    """Touchdown of each flight, searched for by itself."""
-    found = np.empty(len(flights))
-    land_each_compiled(body.record, flights, new(HOP), found)
-    return found
+LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
 
 
 def touchdown_time(
     body: Segment, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float
 ) -> float:
-    """Touchdown of one flight."""
-    return float(alone(body, np.array([[gravity, y, phi, v, omega, horizon]]))[0])
+    """Touchdown of a flight; inf if there is none up to the horizon."""
+    launch = State(0.0, y, phi, 0.0, v, omega)
+    descent = simulate(body, LAW, Slope(0.0, gravity=gravity), launch, max_time=horizon, max_rebounds=1, max_steps=1)
+    return float(descent.rebounds["t_touchdown"][0]) if len(descent.rebounds) else math.inf
+
+
+def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
+    """Time at which a flight reaches the end of the slope; inf if it does not within an hour."""
+    slope = Slope(math.asin(acceleration / 9.81), length) if acceleration else Slope(0.0, length, 0.0)
+    launch = State(x, 1e8, 0.0, u, 0.0, 0.0)
+    descent = simulate(WHEEL, LAW, slope, launch, max_time=3600.0)
+    return descent.time if descent.status == "finish" else math.inf
 
 
 def gap_at(body: Segment, gravity: float, y: float, phi: float, v: float, omega: float, t: float) -> float:

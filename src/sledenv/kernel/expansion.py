@@ -131,7 +131,7 @@ def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, co
         contact, terms = contacts["at"][c], s["of"][c]
         a, piece = contact["arc"], pieces[contact["piece"]]
         terms["gap"][0] = contact["gap"]
-        _write_push(body, contact)
+        _write_push(contact)
         if contact["kind"] != ARC_PIECE:
             place_of_crest(piece, s, terms["bx"], terms["by"], 0)
         if contact["kind"] == ARC_CREST:
@@ -145,13 +145,12 @@ def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, co
 
 
 @kernel
-def _write_push(body: np.void, contact: np.void) -> None:
+def _write_push(contact: np.void) -> None:
     """Write what the load of a contact does to the body, with the friction that it brings with it."""
-    a, pull = contact["arc"], -contact["slip_sign"] * contact["friction"]
-    x, y = contact["nx"] + pull * contact["ny"], contact["ny"] - pull * contact["nx"]
-    cx, cy = body["cx"][a], body["cy"][a]
-    contact["pull"], contact["push_x"], contact["push_y"] = pull, x, y
-    contact["push_s"], contact["push_c"] = cx * y - cy * x, cy * y + cx * x
+    pull, gs, gc = -contact["slip_sign"] * contact["friction"], contact["gs"], contact["gc"]
+    contact["pull"] = pull
+    contact["push_x"], contact["push_y"] = contact["nx"] + pull * contact["ny"], contact["ny"] - pull * contact["nx"]
+    contact["push_s"], contact["push_c"] = gs - pull * gc, gc + pull * gs
 
 
 @kernel
@@ -257,10 +256,8 @@ def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k
         terms["force"][k] += pull
         s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * normal
         if contact["kind"] != SIDE_CREST:
-            fx, fy = normal * contact["nx"] + pull * contact["ny"], normal * contact["ny"] - pull * contact["nx"]
-            cx, cy = body["cx"][contact["arc"]], body["cy"][contact["arc"]]
-            s["gs"][k] += cx * fy - cy * fx
-            s["gc"][k] += cy * fy + cx * fx
+            s["gs"][k] += normal * contact["gs"] - pull * contact["gc"]
+            s["gc"][k] += normal * contact["gc"] + pull * contact["gs"]
     if contacts["spin_still"] != 0:
         s["sw"][m] -= s["sine"][0] * s["omega"][m]
         s["cw"][m] -= s["cosine"][0] * s["omega"][m]

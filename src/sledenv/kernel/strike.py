@@ -175,6 +175,16 @@ def _lie_down(body: np.void, space: np.void) -> None:
 
 
 @kernel
+def _slip_with(body: np.void, motion: np.void, contact: np.void, first: np.void) -> None:
+    """Let a contact slip as the first one does, with its lever."""
+    contact["slip"], contact["lt"] = first["slip"], first["lt"]
+    sine, cosine = motion["sine"], motion["cosine"]
+    level = contact["lt"] - body["r"][contact["arc"]]  # of the centre of its arc
+    contact["gs"] = contact["ln"] * cosine - level * sine
+    contact["gc"] = -contact["ln"] * sine - level * cosine
+
+
+@kernel
 def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.void) -> int:
     """Follow the impact of all points that touch. A slow one is plastic if the body is pressed onto the slope."""
     contacts, motion = space["contacts"], space["motion"]
@@ -184,7 +194,7 @@ def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.voi
         fastest = max(fastest, abs(contact["gap_rate"]))
         left, right = left or contact["ln"] < 0.0, right or contact["ln"] > 0.0
         closes = closes or contact["gap_rate"] < 0.0
-        contact["lt"], contact["slip"] = contacts["at"][0]["lt"], contacts["at"][0]["slip"]  # they slip alike
+        _slip_with(body, motion, contact, contacts["at"][0])
     settles = pressing(slope, motion, contacts["at"][0]) > 0.0 and fastest < space["ground"]["settle_speed"]
     if settles and left and right:
         _lie_down(body, space)
