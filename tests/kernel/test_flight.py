@@ -35,8 +35,6 @@ bodies = st.one_of(
 )
 orientations = st.floats(-10.0, 10.0)
 spins = st.one_of(st.just(0.0), st.floats(-10.0, 10.0), st.floats(-200.0, 200.0))
-
-
 LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
 
 
@@ -45,8 +43,13 @@ def touchdown_time(
 ) -> float:
     """Touchdown of a flight; inf if there is none up to the horizon."""
     launch = State(0.0, y, phi, 0.0, v, omega)
-    descent = simulate(body, LAW, Slope(0.0, gravity=gravity), launch, max_time=horizon, max_rebounds=1, max_steps=1)
+    descent = simulate(body, LAW, Slope(0.0, gravity=gravity), launch, max_time=horizon, max_rebounds=1)
     return float(descent.rebounds["t_touchdown"][0]) if len(descent.rebounds) else math.inf
+
+
+def touchdown_times(body: Segment, flights: np.ndarray) -> list[float]:
+    """Touchdown of each flight, rows gravity, y, phi, v, omega, horizon."""
+    return [touchdown_time(body, *flight) for flight in flights.tolist()]
 
 
 def finish_time(x: float, u: float, acceleration: float, length: float) -> float:
@@ -221,7 +224,6 @@ def test_the_mirrored_flight_lands_at_the_same_time(
     body: Segment, clearance: float, phi: float, v: float, omega: float
 ) -> None:
     """Oracle: mirror symmetry, bit for bit."""
-    assume(abs(phi - whole_turns(phi)) < math.pi)
     y = support_height(body, phi) + clearance
     assert touchdown_time(body, 9.81, y, phi, v, omega, 5.0) == touchdown_time(body, 9.81, y, -phi, v, -omega, 5.0)
 
@@ -239,7 +241,7 @@ def test_a_mirrored_flight_without_spin_onto_the_end_of_the_arc_lands_at_the_sam
 
 
 def assorted_flights(body: Segment, seed: int) -> np.ndarray:
-    """Flights from above, from the surface, of fast spins, along grazes, at rest, and of states that are no numbers."""
+    """Flights from above, from the surface, of fast spins, along grazes and at rest."""
     rng = np.random.default_rng(seed)
     rows = []
     for kind in range(192):
@@ -259,22 +261,19 @@ def assorted_flights(body: Segment, seed: int) -> np.ndarray:
                 y, v, gravity = body.radius + body.eccentricity + rng.choice([0.0, 1e-15, -1e-15]), 0.0, 0.0
             case 5:
                 y, v = y + 1e3, 40.0
-            case 6:
-                y, v, omega = rng.choice([[math.nan, v, omega], [y, math.inf, omega], [y, v, math.nan]])
         rows.append((gravity, y, phi, v, omega, horizon))
     return np.array(rows)
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # plain Python warns of states that are no numbers
 @pytest.mark.parametrize("body", [*BODIES, segment_by_share(1.0, 0.5, 0.0, 0.1, 0.9)])
 def test_a_flight_and_its_mirror_image_land_at_the_same_time(body: Segment) -> None:
     """Oracle: the mirror image, bit for bit, whatever the flight."""
     flights = assorted_flights(body, 3)
-    found = alone(body, flights)
+    found = touchdown_times(body, flights)
     assert np.isfinite(found).mean() > 0.2
     assert np.isinf(found).mean() > 0.1
     flights[:, [2, 4]] *= -1.0
-    assert np.array_equal(alone(body, flights), found)
+    assert touchdown_times(body, flights) == found
 
 
 @property_of_all

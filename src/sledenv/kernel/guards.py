@@ -39,7 +39,8 @@ TIED: Final = (
 )
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 STEADY: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
-AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there
+AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there,
+RESTING: Final = 1e-6  # and stays there in a step that does not move it by more than this part of that
 
 
 @kernel
@@ -183,6 +184,11 @@ def _watch_end(
         return
     if code == FEATURE and side in (ARC_LOW, ARC_HIGH) and poly[0] < -near:
         return  # the far end of a straight side, in contact by itself
+    moves = 0.0
+    for k in range(ORDER, 0, -1):
+        moves = (moves + abs(poly[k])) * event["time"]
+    if abs(poly[0]) < near and moves < RESTING * near:
+        return  # it stays at the end
     zeros = 1
     while zeros < 3 and poly[zeros] == 0.0:
         zeros += 1
