@@ -17,60 +17,46 @@ from numpy.typing import ArrayLike
 
 from sledenv import Body, ContactLaw, Settings, Slope, State
 from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.descend import SPACE as RIGID_SPACE
-from sledenv.kernel.entries import LIBRARY, run_lanes, run_rigid_lanes
+from sledenv.kernel.entries import LIBRARY, run_lanes
 from sledenv.kernel.params import RigidLaw
 from sledenv.kernel.records import OUTCOME, REBOUND
-from sledenv.kernel.state import new
 from sledenv.simulation.checks import checked_descent
 from sledenv.simulation.profiles import laid
 from sledenv.simulation.simulate import put_at_launch
 
-# Result and error, of which there are none; numbers; tables with their lengths; work space; the last lane.
-_RIGID_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 27)
-_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 29)
+# Result and error, which mean nothing; numbers; whether surfaces are rigid; tables with their lengths; work space;
+# the last lane.
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 30)
+_NOWHERE = 16  # bytes before the numbers, into which these two are written
 _LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
 
 
 @functools.cache
-def _rigid_loop() -> Callable[..., None]:
-    """Return the loop around the entry of rigid surfaces, called by its address for one lane after the other."""
-    descend = _RIGID_SIGNATURE(LIBRARY.find(run_rigid_lanes.name))
-
-    @numba.njit
-    def loop(
-        numbers: Any, body: Any, law: Any, slope: Any, starts: Any, ground: Any, log: Any, space: Any, ends: Any
-    ) -> None:
-        here = numbers.ctypes.data
-        for i in range(starts.shape[0]):
-            space[0]["lane"] = 0.0
-            start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
-            descend(
-                here, here, here, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
-                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2, end, 1,
-                log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
-            )  # fmt: skip
-
-    return loop  # type: ignore[no-any-return]
-
-
-@functools.cache
 def _loop() -> Callable[..., None]:
-    """Return the same around the entry of compliant surfaces."""
+    """Return the loop around the entry, called by its address for one lane after the other."""
     descend = _SIGNATURE(LIBRARY.find(run_lanes.name))
 
     @numba.njit
     def loop(
-        numbers: Any, body: Any, law: Any, slope: Any, starts: Any, ground: Any, log: Any, space: Any, ends: Any
+        rigid: int,
+        numbers: Any,
+        body: Any,
+        law: Any,
+        slope: Any,
+        starts: Any,
+        ground: Any,
+        log: Any,
+        space: Any,
+        ends: Any,
     ) -> None:
-        here = numbers.ctypes.data
+        nowhere, here = numbers.ctypes.data, numbers.ctypes.data + _NOWHERE
         for i in range(starts.shape[0]):
             space[0]["lane"] = 0.0
             start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
             descend(
-                here, here, here, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
-                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2, ground.ctypes.data, 1, end, 1,
-                log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
+                nowhere, nowhere, here, rigid, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
+                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2,
+                ground.ctypes.data, ground.size, end, 1, log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
             )  # fmt: skip
 
     return loop  # type: ignore[no-any-return]
@@ -89,15 +75,14 @@ def scalar_loop(
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
     touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
     log = np.zeros(max_rebounds, REBOUND)
-    rigid = isinstance(touching, RigidLaw)
-    loop = _rigid_loop() if rigid else _loop()
-    numbers = np.array([*touching, *limits] if rigid else limits)
-    rows, ground = [np.array(one, float) for one in (touching, slope[:3])], laid(slope.vertices)
+    loop, rigid = _loop(), int(isinstance(touching, RigidLaw))
+    numbers, law_row, slope_row = (np.array(one, float) for one in ((0.0, 0.0, *limits), touching, slope[:3]))
+    ground = laid(slope.vertices)
 
     def run() -> np.ndarray:
         outcomes = np.zeros(len(starts), OUTCOME)
         put_at_launch(outcomes, starts)
-        loop(numbers, body.record, *rows, starts, ground, log, new(RIGID_SPACE if rigid else SPACE), outcomes)
+        loop(rigid, numbers, body.record, law_row, slope_row, starts, ground, log, np.zeros(1, SPACE), outcomes)
         return outcomes
 
     return run
