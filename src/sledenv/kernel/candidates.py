@@ -27,7 +27,7 @@ from sledenv.kernel.geometry import (
     in_cone,
 )
 from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, look
-from sledenv.kernel.outline import arc_at
+from sledenv.kernel.outline import arc_at, from_middle
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
@@ -213,7 +213,7 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     lowest = arc_at(body, wrap(relative + ahead))
     if body["arcs"] > 1.0:
         arc = arc_number(body, lowest)
-        turned = wrap(relative - body["mid"][arc])
+        turned = from_middle(body, arc, relative)
         for side in (-1, 1):
             left = body["half"][arc] - side * turned
             if AT_END < left <= reach[PHI]:

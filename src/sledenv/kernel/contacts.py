@@ -61,7 +61,7 @@ CONTACTS: Final = np.dtype(
             "alike",
             "i8",
         ),  # 1 if all slip as the first one does, and only the sum of their friction counts
-        ("at", CONTACT, (MOST,)),
+        ("at", CONTACT, (MOST + 1,)),  # the last one serves to exchange two
     ]
 )
 
@@ -209,6 +209,18 @@ def add(body: np.void, pieces: np.ndarray, space: np.void, kind: int, arc: int, 
     contact["closing"], contact["opening"] = ground["closing"][contact["zone"]], ground["opening"][contact["zone"]]
     write_surface(body, ground, contact)
     contacts["count"] += 1
+
+
+@kernel
+def order_last(contacts: np.void) -> None:
+    """Let the longer lever be first of the last two contacts if both begin now: mirror images have mirrored lists."""
+    last = contacts["count"] - 1
+    if last < 1 or contacts["at"][last - 1]["gap"] != 0.0:
+        return
+    if abs(contacts["at"][last]["ln"]) > abs(contacts["at"][last - 1]["ln"]):
+        contacts["at"][MOST] = contacts["at"][last]
+        contacts["at"][last] = contacts["at"][last - 1]
+        contacts["at"][last - 1] = contacts["at"][MOST]
 
 
 @kernel

@@ -21,7 +21,7 @@ from sledenv.kernel.books import (
 )
 from sledenv.kernel.candidates import watch_others
 from sledenv.kernel.carry import carry_contacts, stop_or_release
-from sledenv.kernel.contacts import MOST, ORDER, add, drop, write_surface
+from sledenv.kernel.contacts import MOST, ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
 from sledenv.kernel.geometry import place
@@ -215,6 +215,7 @@ def _be_born(
     if (begins or not rigid) and _touches_end(body, limits, space):
         return TUMBLED
     if not rigid:
+        order_last(contacts)
         return RUNNING
     if begins:
         space["rebound"]["peak_force"] = math.inf

@@ -14,6 +14,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import angle_of, sine_cosine, wrap
+from sledenv.kernel.outline import from_middle
 
 ARC_PIECE, ARC_CREST, SIDE_CREST = range(3)
 SAME_PLACE: Final = 1e-12  # of the size: two places nearer than this are one
@@ -127,7 +128,7 @@ def arc_number(body: np.void, arc: int) -> int:
 @kernel
 def beyond(body: np.void, arc: int, relative: float) -> int:
     """-1 or 1 where an orientation [rad] relative to a piece lies below or above the interval of an arc, else 0."""
-    d = wrap(relative - body["mid"][arc])
+    d = from_middle(body, arc, relative)
     if d < -body["half"][arc]:
         return -1
     return 1 if d > body["half"][arc] else 0
@@ -178,7 +179,7 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
 @kernel
 def faces_arc(body: np.void, a: int, bx: float, by: float) -> bool:
     """Whether a place in the frame of the body lies within the angle of an arc, seen from its centre."""
-    angle = wrap(angle_of(body["cx"][a] - bx, body["cy"][a] - by) - body["mid"][a])
+    angle = from_middle(body, a, angle_of(body["cx"][a] - bx, body["cy"][a] - by))
     return bool(abs(angle) <= body["half"][a] + AT_JOIN)
 
 

@@ -12,10 +12,11 @@ from typing import Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.arithmetic import sign_of, wrap
+from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
 from sledenv.kernel.mode import all_friction
+from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
 
 NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
@@ -221,7 +222,7 @@ def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, spa
     if arcs > 1 and (before or body["smooth"][a] != 0.0):
         for k in range(ORDER + 1):
             row[k] = s["phi"][k]
-        row[0] = wrap(s["phi"][0] - piece["tilt"] - body["mid"][a])
+        row[0] = from_middle(body, a, s["phi"][0] - piece["tilt"])
         if before:
             _watch_end(row, 1.0, body["half"][a], AT_END, FEATURE, c, ARC_LOW, space)
         if body["smooth"][a] != 0.0:

@@ -44,7 +44,8 @@ _DERIVED: Final = (
     # What contacts need, of each arc once:
     "cx",  # [m] its centre in the frame of the body
     "cy",
-    "mid",  # [rad] middle of its interval
+    "mid",  # [rad] middle of its interval, see :func:`from_middle`
+    "over",  # 1 if that is the one that lies half a turn from there
     "half",  # [rad] and half of its length
     "smooth",  # 1 if the next arc takes over without a straight side; else of that side:
     "ox",  # [-] outward normal
@@ -123,6 +124,16 @@ def arms_along(body: np.void, arc: int, sine: float, cosine: float) -> tuple[flo
         h = body["h"][arc]
         return a, (r - h) + a * a / (h + level)
     return a, r - level
+
+
+@kernel
+def from_middle(body: np.void, arc: int, angle: float) -> float:
+    """Angle [rad] less the middle of the interval of an arc, in [-pi, pi]; mirror images have the same, turned round.
+
+    An arc that is lowest at +-pi has its middle half a turn from ``mid``.
+    """
+    turned = wrap(angle - body["mid"][arc])
+    return turned - math.copysign(math.pi, turned) if body["over"][arc] != 0.0 else turned
 
 
 @kernel
@@ -239,7 +250,12 @@ def complete(body: np.void) -> None:
     for k in range(arcs):
         body["cx"][k], body["cy"][k] = -body["across"][k], body["along"][k]
         low, high = body["low"][k], body["high"][k]
-        body["mid"][k], body["half"][k] = (0.5 * (low + high), 0.5 * (high - low)) if count > 1 else (0.0, math.inf)
+        body["mid"][k], body["half"][k], body["over"][k] = 0.0, math.inf, 0.0
+        if k == 0 and arcs < count:
+            low, high = body["begin"][1], body["begin"][arcs]
+            body["mid"][k], body["half"][k], body["over"][k] = 0.5 * (low + high), math.pi - 0.5 * (high - low), 1.0
+        elif count > 1:
+            body["mid"][k], body["half"][k] = 0.5 * (low + high), 0.5 * (high - low)
         body["smooth"][k] = 1.0 if body["side"][k] == 0.0 else 0.0
         body["ox"][k] = body["oy"][k] = body["sx"][k] = body["sy"][k] = body["length"][k] = 0.0
     if count > 1:

@@ -11,7 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import side_that_lies
 from sledenv.kernel.candidates import touches_beside
-from sledenv.kernel.contacts import MOST, add, drop
+from sledenv.kernel.contacts import MOST, add, drop, order_last
 from sledenv.kernel.frozen import hit_together
 from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
@@ -248,6 +248,7 @@ def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, spac
         rebound["side"] = side_that_lies(body, contacts)
     if flat:
         _lay_flat(body, pieces, space)
+        order_last(contacts)
     status = _strike_all(body, pieces, slope, space)
     if not flat:  # the other end is off the slope
         contacts["count"] = 1
