@@ -135,6 +135,12 @@ def beyond(body: np.void, arc: int, relative: float) -> int:
 
 
 @kernel
+def mirrored(motion: np.void) -> int:
+    """1, or -1 of the mirror image: the sign to begin with where both are tried, so that images are treated alike."""
+    return -1 if motion["sine"] < 0.0 else 1
+
+
+@kernel
 def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
     """Write normal and levers of a contact where the body is."""
     a = contact["arc"]

@@ -14,7 +14,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, mirrored
 from sledenv.kernel.mode import all_friction
 from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
@@ -136,7 +136,8 @@ def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None
             poly[k] = sign * terms["slip"][k]
         look(space, _released(poly) if contact["slip"] == 0.0 else 0, SLIP_ZERO, c, 0)
         return
-    for side in (-1, 1):
+    first = mirrored(space["motion"])
+    for side in (-first, first):
         for k in range(ORDER + 1):
             poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
         for q in range(1, contacts["count"] if alike else 0):
@@ -161,7 +162,8 @@ def watch_spin(contacts: np.void, space: np.void) -> None:
             poly[k] = sign * s["omega"][k]
         look(space, _released(poly) if s["omega"][0] == 0.0 else 0, SPIN_ZERO, 0, 0)
         return
-    for side in (-1, 1):
+    first = mirrored(space["motion"])
+    for side in (-first, first):
         for k in range(ORDER + 1):
             poly[k] = side * s["moment"][k]
         for c in range(contacts["count"]):

@@ -14,7 +14,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
-from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, place, velocities
+from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, mirrored, place, velocities
 from sledenv.kernel.ground import are_rigid
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
@@ -602,7 +602,7 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
             choice["share"][c]["gap_drift"] = choice["share"][c]["slip_drift"] = 0.0
             if not frozen:
                 _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
-        side = -1 if motion["sine"] < 0.0 else 1
+        side = mirrored(motion)
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
             wrong = _search(body, slope, still, True, side, contacts, choice)
             if wrong <= SLIGHT * choice["scale"]:

@@ -111,7 +111,10 @@ def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
         for q in range(contacts["count"]):
             two = contacts["at"][q]
             if body["length"][one["arc"]] > 0.0 and two["arc"] == (one["arc"] + 1) % arcs and two["ln"] < one["ln"]:
-                motion["phi"] -= wrap(motion["phi"] - pieces[one["piece"]]["tilt"] - body["high"][one["arc"]])
+                relative, flat = wrap(motion["phi"] - pieces[one["piece"]]["tilt"]), body["high"][one["arc"]]
+                if abs(flat) == math.pi:  # and minus that, as in the mirror
+                    flat = math.copysign(math.pi, relative)
+                motion["phi"] -= wrap(relative - flat)
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     first = contacts["at"][0]
     place(body, pieces, motion, first)
