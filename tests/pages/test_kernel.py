@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import shutil
@@ -25,41 +24,27 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
-from tests.fused import fused_exactly, hard_cases
 
 NODE = shutil.which("node")
 RUNNER, SCRIPT = Path(__file__).with_name("kernels.mjs"), kernel.KERNEL.parent / "templates/kernel.js"
 needs_node = pytest.mark.skipif(NODE is None, reason="needs node, which runs WebAssembly (Debian: nodejs)")
-# Older versions of Node have the instruction for multiply-adds behind an option, newer ones do not know the option.
-RELAXED = "--experimental-wasm-relaxed-simd"
-ways = pytest.mark.parametrize("way", ["program", "instruction"])
 REMAKE = "the kernel has other sources than kernel.wasm: make wasm, and commit what it writes"
 
 
-def in_node(way: str, task: str, given: bytes, folder: Path) -> np.ndarray:
+def in_node(given: bytes, folder: Path) -> np.ndarray:
     """Numbers that the kernel for pages gives in Node."""
     assert NODE is not None
     given_file, found = folder / "given", folder / "found"
     given_file.write_bytes(given)
-    command = [NODE, *_options(), RUNNER, SCRIPT, kernel.KERNEL, way, task, given_file, found]
+    command = [NODE, RUNNER, SCRIPT, kernel.KERNEL, given_file, found]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if way == "instruction" and "the instruction is not there" in done.stderr:
-        pytest.skip("this processor or this version of node has no multiply-add that rounds once")
     assert not done.returncode, done.stderr
     return np.frombuffer(found.read_bytes())
-
-
-@functools.cache
-def _options() -> list[str]:
-    assert NODE is not None
-    known = subprocess.run([NODE, "--v8-options"], capture_output=True, text=True, check=True).stdout
-    return [RELAXED] if RELAXED in known else []
 
 
 def test_the_kernel_for_pages_is_of_these_sources() -> None:
     """Oracle: the digest of the sources, and the layouts that they give now."""
     told = kernel.told(kernel.KERNEL.read_bytes())
-    del told["fused"]
     assert told["fingerprint"] == LIBRARY.fingerprint, REMAKE
     assert told == json.loads(json.dumps(kernel.layout())), REMAKE
 
@@ -70,16 +55,6 @@ def test_the_kernel_for_pages_asks_nothing_of_who_runs_it() -> None:
     assert content.startswith(b"\0asm")
     assert 2 not in [kind for kind, *_ in kernel.sections(content)]
     assert len(content) < 260_000
-
-
-@needs_node
-@ways
-def test_a_fused_multiply_add_rounds_once_in_a_page(way: str, tmp_path: Path) -> None:
-    """Oracle: fractions; subnormal numbers, overflow and near ties among the cases."""
-    cases = hard_cases(100_000)
-    found = in_node(way, "fused", cases.tobytes(), tmp_path)
-    expected = np.array([fused_exactly(*case) for case in cases.tolist()])
-    np.testing.assert_array_equal(found.view(np.int64), expected.view(np.int64))
 
 
 def _body(rng: np.random.Generator) -> Body:
@@ -131,11 +106,11 @@ def _numbers(descent: Descent) -> Iterator[Any]:
         yield from (table[name] for name in table.dtype.names if name != "contacts")
 
 
-def _compare(way: str, count: int, seed: int, folder: Path) -> None:
+def _compare(count: int, seed: int, folder: Path) -> None:
     rng = np.random.default_rng(seed)
     cases = [_case(rng) for _ in range(count)]
     given = json.dumps([kernel.descent_input(*case) for case in cases]).encode()
-    found = in_node(way, "descend", given, folder)
+    found = in_node(given, folder)
     place = rebounds = 0
     for case in cases:
         *scene, settings = case
@@ -151,21 +126,19 @@ def _compare(way: str, count: int, seed: int, folder: Path) -> None:
 
 
 @needs_node
-@ways
 @pytest.mark.jit_only
-def test_descents_in_a_page_have_the_bits_of_python(way: str, tmp_path: Path) -> None:
+def test_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
-    _compare(way, 200, 1, tmp_path)
+    _compare(200, 1, tmp_path)
 
 
 @needs_node
-@ways
 @pytest.mark.slow
 @pytest.mark.jit_only
-def test_many_descents_in_a_page_have_the_bits_of_python(way: str, tmp_path: Path) -> None:
+def test_many_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
     for seed in range(2, 27):
-        _compare(way, 200, seed, tmp_path)
+        _compare(200, seed, tmp_path)
 
 
 def test_default_limits_travel_with_the_kernel() -> None:

@@ -13,6 +13,7 @@ from sledenv import (
     Settings,
     Slope,
     State,
+    Zone,
     circular_segment,
     rigid_impact,
     segment,
@@ -52,6 +53,21 @@ def test_a_bouncing_wheel_settles_after_the_zeno_time(restitution):
     settled = last["t"] - last["duration"] - fall
     assert settled == pytest.approx(2 * GRAVITY * fall * restitution / (GRAVITY * (1 - restitution)), abs=1e-7)
     assert descent.state.u == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("zoned", [False, True])
+def test_a_wheel_without_restitution_does_not_bounce(zoned):
+    """Oracle: the fall's kinetic energy across the slope is lost at once; without friction it then slides as before."""
+    wheel, beta = segment(2.0, 0.1, 0.0, 5e-3), 0.2
+    law = ContactLaw.from_restitution(0.8 if zoned else 0.0, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    zones = [Zone(-1.0, 5.0, 0.0, 0.0, restitution=0.0)] if zoned else []
+    descent = rigid(wheel, law, Slope(beta, 5.0, zones=zones), State(0, 0.6, 0, 1.0, 0.0, 3.0))
+    (rebound,) = descent.rebounds
+    fall = math.sqrt(2 * 0.5 / (GRAVITY * math.cos(beta)))
+    assert rebound["t_touchdown"] == pytest.approx(fall, rel=1e-13)
+    assert rebound["loss_hysteresis"] == pytest.approx(2.0 * GRAVITY * math.cos(beta) * 0.5, rel=1e-13)
+    assert (descent.status, descent.state.v, descent.state.omega) == ("finish", 0.0, 3.0)
+    assert descent.state.u == pytest.approx(math.sqrt(1.0 + 2.0 * GRAVITY * math.sin(beta) * 5.0), rel=1e-12)
 
 
 def test_a_wheel_that_slides_through_all_its_bounces_keeps_the_closed_form_speed():

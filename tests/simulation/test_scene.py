@@ -38,7 +38,7 @@ GOOD: dict[Any, dict[str, float]] = {
 BELOW_ZERO = -1e-300
 OUT_OF_RANGE = [
     (ContactLaw, "stiffness", [0.0, -1.0], "(0, inf)"),
-    (ContactLaw, "asymmetry", [BELOW_ZERO, 1.0, 2.0], "[0, 1)"),
+    (ContactLaw, "asymmetry", [BELOW_ZERO, 1.0 + 1e-15, 2.0], "[0, 1]"),
     (ContactLaw, "friction", [BELOW_ZERO], "[0, inf)"),
     (ContactLaw, "rolling_arm", [BELOW_ZERO], "[0, inf)"),
     (ContactLaw, "corner_rolling_arm", [BELOW_ZERO], "[0, inf)"),
@@ -50,7 +50,7 @@ OUT_OF_RANGE = [
     (Zone, "friction", [BELOW_ZERO], "[0, inf)"),
     (Zone, "rolling_arm", [BELOW_ZERO], "[0, inf)"),
     (Zone, "corner_rolling_arm", [BELOW_ZERO], "[0, inf)"),
-    (Zone, "restitution", [0.0, -0.5, 1.0 + 1e-15], "(0, 1]"),
+    (Zone, "restitution", [-0.5, 1.0 + 1e-15], "[0, 1]"),
     (Zone, "stiffness", [0.0, -1.0], "(0, inf)"),
     *((State, field, [], "a finite number") for field in State._fields),
 ]
@@ -176,9 +176,10 @@ def test_a_spool_on_its_axle_rolls_as_slowly_as_its_inertia_makes_it() -> None:
 
 
 def test_restitution_is_that_of_the_asymmetry() -> None:
-    """Oracle: e = sqrt((1 - Delta)/(1 + Delta)); Delta = 0.6 gives e = 0.5, Delta = 0 an elastic contact."""
+    """Oracle: e = sqrt((1 - Delta)/(1 + Delta)); Delta = 0.6 gives e = 0.5, 0 an elastic contact, 1 a plastic one."""
     assert ContactLaw(1e6, 0.6, 0.1, 0.0).restitution == pytest.approx(0.5, rel=1e-15)
     assert ContactLaw(1e6, 0.0, 0.1, 0.0).restitution == 1.0
+    assert ContactLaw(1e6, 1.0, 0.1, 0.0).restitution == 0.0
 
 
 @given(st.floats(1e-3, 1.0))
@@ -191,16 +192,22 @@ def test_a_law_built_from_the_restitution_has_it(restitution: float) -> None:
     assert (law.stiffness, law.friction, law.rolling_arm, law.corner_rolling_arm) == (2e6, 0.3, 0.01, 0.02)
 
 
-@pytest.mark.parametrize("value", [0.0, -0.1, 1.0 + 1e-15, math.nan])
+@pytest.mark.parametrize("value", [-0.1, 1.0 + 1e-15, math.nan])
 def test_a_restitution_outside_its_range_is_refused_by_name(value: float) -> None:
-    """Oracle: the documented range; a compliant contact cannot have e = 0, for Delta = 1 would not push back."""
-    with pytest.raises(ValueError, match=r"ContactLaw\.restitution = .*: must be in \(0, 1\]"):
+    """Oracle: the documented range."""
+    with pytest.raises(ValueError, match=r"ContactLaw\.restitution = .*: must be in \[0, 1\]"):
         ContactLaw.from_restitution(value, stiffness=1e6, friction=0.1, rolling_arm=0.0)
 
 
-def test_the_smallest_restitution_is_accepted() -> None:
-    """Oracle: the documented range (0, 1]."""
-    assert ContactLaw.from_restitution(1e-9, stiffness=1e6, friction=0.1, rolling_arm=0.0).restitution < 1e-8
+@pytest.mark.parametrize("restitution", [1e-9, 1e-300])
+def test_no_restitution_but_0_is_taken_for_that(restitution: float) -> None:
+    """Oracle: springs need an asymmetry below 1; 0 has the asymmetry 1."""
+    assert 0.0 < _law_of(restitution).restitution < 1e-7
+    assert _law_of(0.0).asymmetry == 1.0
+
+
+def _law_of(restitution: float) -> ContactLaw:
+    return ContactLaw.from_restitution(restitution, stiffness=1e6, friction=0.1, rolling_arm=0.0)
 
 
 HILL = ((-1.0, 0.0), (0.0, 1.0), (2.0, 0.5))

@@ -851,7 +851,8 @@ REFUSED = [
     ({"launch": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
     ({"launch": (*LAUNCH[:3], math.nan, *LAUNCH[4:])}, ValueError, "State.u = nan: must be a finite number"),
     ({"launch": tuple.__new__(State, (*LAUNCH[:5], math.inf))}, ValueError, "State.omega = inf: must be a finite"),
-    ({"law": (*LAW[:1], 1.0, *LAW[2:])}, ValueError, "ContactLaw.asymmetry = 1.0: must be in [0, 1)"),
+    ({"law": (*LAW[:1], 1.1, *LAW[2:])}, ValueError, "ContactLaw.asymmetry = 1.1: must be in [0, 1]"),
+    ({"law": (*LAW[:1], 1.0, *LAW[2:])}, ValueError, "law.asymmetry = 1.0 (restitution 0): must be in [0, 1) with"),
     ({"slope": [0.1, math.nan, 9.81]}, ValueError, "Slope.length = nan: must be in (0, inf]"),
 ]
 
@@ -950,7 +951,17 @@ BAD_BATCHES = [
     (
         {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, 1.5, 1e6)]},
         ValueError,
-        "slope[1].zones[0].restitution = 1.5: must be in (0, 1]",
+        "slope[1].zones[0].restitution = 1.5: must be in [0, 1]",
+    ),
+    (
+        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, 0.0, 1e6)]},
+        ValueError,
+        "slope[1].zones[0].restitution = 0.0: must be in (0, 1] with solver = 'compliant'",
+    ),
+    (
+        {"law": [LAW, (*LAW[:1], 1.0, *LAW[2:])]},
+        ValueError,
+        "law[1].asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = 'compliant'",
     ),
     (
         {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, math.nan, 0.0)]},

@@ -42,27 +42,32 @@ def note_mode(contacts: np.void, rebound: np.void) -> None:
 
 
 @kernel
+def _integral(p: np.ndarray, q: np.ndarray, t: float) -> float:
+    """Integral of the product of two series up to a time [s]: two orders at once, which do not wait for each other."""
+    total = 0.0
+    for k in range(ORDER, 0, -2):
+        high, low = q[0] * p[k], 0.0
+        for i in range(k):
+            high += p[i] * q[k - i]
+            low += p[i] * q[k - 1 - i]
+        total = (total * t + high * PER[k + 1]) * t + low * PER[k]
+    return (total * t + p[0] * q[0]) * t
+
+
+@kernel
 def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.void, t: float, rebound: np.void) -> None:
     """Add impulses and losses of a contact in a step: integrals of series and of products of two."""
-    normal, force, slip, omega = terms["normal"], terms["force"], terms["slip"], s["omega"]
-    slides = contact["slip_still"] != 1 and contact["slip_sign"] != 0 and contact["friction"] > 0.0
-    rolls = contacts["spin_still"] == 0 and contact["arm"] > 0.0
-    push = pull = sliding = rolling = 0.0
+    normal, force = terms["normal"], terms["force"]
+    push = pull = 0.0
     for k in range(ORDER, -1, -1):
-        per = PER[k + 1]
-        push, pull = push * t + normal[k] * per, pull * t + force[k] * per
-        slid = rolled = 0.0
-        if slides or rolls:
-            for i in range(k + 1):
-                slid += force[i] * slip[k - i]
-                rolled += normal[i] * omega[k - i]
-        sliding, rolling = sliding * t + slid * per, rolling * t + rolled * per
+        push, pull = push * t + normal[k] * PER[k + 1], pull * t + force[k] * PER[k + 1]
     rebound["normal_impulse"] += push * t
     rebound["tangential_impulse"] += pull * t
-    if slides:
-        rebound["sliding"] = max(rebound["sliding"] - sliding * t, 0.0)
-    if rolls:
-        rebound["rolling"] = max(rebound["rolling"] + contacts["spin_sign"] * contact["arm"] * (rolling * t), 0.0)
+    if contact["slip_still"] != 1 and contact["slip_sign"] != 0 and contact["friction"] > 0.0:
+        rebound["sliding"] = max(rebound["sliding"] - _integral(force, terms["slip"], t), 0.0)
+    if contacts["spin_still"] == 0 and contact["arm"] > 0.0:
+        lost = contacts["spin_sign"] * contact["arm"] * _integral(normal, s["omega"], t)
+        rebound["rolling"] = max(rebound["rolling"] + lost, 0.0)
 
 
 @kernel

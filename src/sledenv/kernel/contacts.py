@@ -45,6 +45,7 @@ CONTACT: Final = np.dtype(
         *fields("f8", "ln lt"),  # [m] what the spin adds to gap rate and slip
         *fields("f8", "gs gc"),  # [m] the same of the centre of an arc, times cosine and minus sine
         *fields("f8", "push_x push_y push_s push_c"),  # what 1 N of load adds to fx, fy, gs and gc, with its friction
+        ("stiffness", "f8"),  # [N/m] in its mode, 0 where the gap is locked
         ("pull", "f8"),  # [-] tangential force over load while it slips
         ("deeper", "f8"),  # [m] how much deeper than its gap a crest lies under a side: the depth at which they began
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
@@ -78,7 +79,9 @@ SERIES: Final = np.dtype(
 
 # The choice of a mode: see mode.py.
 ZERO: Final = np.dtype(fields("i8", "what who sign before best"))  # a velocity that is zero, and its sign
-LOCK: Final = np.dtype([*fields("i8", "what who"), *fields("f8", "row push unit mobility", (3,)), ("force", "f8")])
+LOCK: Final = np.dtype(
+    [*fields("i8", "what who"), *fields("f8", "row push kick unit mobility inverse", (3,)), ("force", "f8")]
+)
 SHARE: Final = np.dtype(  # of a contact
     [
         *fields("f8", "depth normal force gap_drift slip_drift gap_change slip_change"),
@@ -94,6 +97,7 @@ CHOICE: Final = np.dtype(
         *fields("f8", "du dv domega"),  # [m/s^2, rad/s^2]
         *fields("f8", "moment load scale"),  # [N m] of rolling, [N] all loads, [N] scale of forces
         ("wrong", "f8"),  # [N] how far the mode is from holding
+        ("determinant", "f8"),  # of the mobility of the locked velocities
         ("rigid", "f8"),  # 1 of rigid surfaces: a gap is locked only if a load can open it
     ]
 )

@@ -76,38 +76,43 @@ def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k
 
 
 @kernel
-def _terms_of_velocities(
+def _velocities_of_crest(
     body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
 ) -> None:
-    """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what they need."""
-    a, piece = contact["arc"], pieces[contact["piece"]]
-    nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
-    if contact["kind"] == ARC_PIECE:
-        u, v, sw, cw = s["u"][k], s["v"][k], s["sw"][k], s["cw"][k]
-        terms["gap_rate"][k] = nx * u + ny * v + gs * cw - gc * sw
-        terms["slip"][k] = ny * u - nx * v - gc * cw - gs * sw + body["r"][a] * s["omega"][k]
-        return
-    bx, by = terms["bx"], terms["by"]
-    place_of_crest(piece, s, bx, by, k + 1)
+    """Write terms of order ``k`` of gap rate and slip where a crest touches, and what they need."""
+    a, m, bx, by = contact["arc"], k + 1, terms["bx"], terms["by"]
+    place_of_crest(pieces[contact["piece"]], s, bx, by, m)
     if contact["kind"] == ARC_CREST:
         _arc_on_crest(body, contact, s, terms, k)
         return
-    ox, oy, m = body["ox"][a], body["oy"][a], k + 1
+    ox, oy = body["ox"][a], body["oy"][a]
     terms["gap_rate"][k] = m * (ox * bx[m] + oy * by[m])
     turning = product(terms["gap"], s["omega"], k) - contact["deeper"] * s["omega"][k]
     terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - turning
 
 
 @kernel
-def _lock_terms(contacts: np.void, s: np.void, k: int) -> None:
-    """Make terms of velocities that stay zero exactly zero, and write the terms of gaps after them."""
-    for c in range(contacts["count"]):
-        contact, terms = contacts["at"][c], s["of"][c]
-        if contact["gap_still"] != 0:
-            terms["gap_rate"][k] = 0.0
-        if contact["slip_still"] == 1:
-            terms["slip"][k] = 0.0
-        terms["gap"][k + 1] = terms["gap_rate"][k] * PER[k + 1]
+def _terms_of_velocities(
+    body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
+) -> None:
+    """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what they need."""
+    if contact["kind"] != ARC_PIECE:
+        _velocities_of_crest(body, pieces, contact, s, terms, k)
+        return
+    nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
+    u, v, sw, cw = s["u"][k], s["v"][k], s["sw"][k], s["cw"][k]
+    terms["gap_rate"][k] = (nx * u + ny * v) + (gs * cw - gc * sw)
+    terms["slip"][k] = (ny * u - nx * v) - (gc * cw + gs * sw) + body["r"][contact["arc"]] * s["omega"][k]
+
+
+@kernel
+def _lock_terms(contact: np.void, terms: np.void, k: int) -> None:
+    """Make terms of velocities that stay zero exactly zero, and write the term of the gap after them."""
+    if contact["gap_still"] != 0:
+        terms["gap_rate"][k] = 0.0
+    if contact["slip_still"] == 1:
+        terms["slip"][k] = 0.0
+    terms["gap"][k + 1] = terms["gap_rate"][k] * PER[k + 1]
 
 
 @kernel
@@ -141,12 +146,15 @@ def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, co
             terms["nx"][0], terms["ny"][0] = contact["nx"], contact["ny"]
         _terms_of_velocities(body, pieces, contact, s, terms, 0)
         terms["gap_rate"][0], terms["slip"][0] = contact["gap_rate"], contact["slip"]
-    _lock_terms(contacts, s, 0)
+        _lock_terms(contact, terms, 0)
 
 
 @kernel
 def _write_push(contact: np.void) -> None:
-    """Write what the load of a contact does to the body, with the friction that it brings with it."""
+    """Write the stiffness of a contact, and what its load does to the body with the friction that it brings with it."""
+    contact["stiffness"] = 0.0
+    if contact["gap_sign"] != 0:
+        contact["stiffness"] = contact["closing"] if contact["gap_sign"] < 0 else contact["opening"]
     pull, gs, gc = -contact["slip_sign"] * contact["friction"], contact["gs"], contact["gc"]
     contact["pull"] = pull
     contact["push_x"], contact["push_y"] = contact["nx"] + pull * contact["ny"], contact["ny"] - pull * contact["nx"]
@@ -180,13 +188,13 @@ def _push_of_crest(
 
 @kernel
 def _products(s: np.void, k: int) -> tuple[float, float, float]:
-    """Term of order ``k`` of the moment of forces on arcs, and those of order ``k + 1`` of sw and cw, less their last.
+    """Terms of order ``k`` of the moment of forces on arcs, and of order ``k + 1`` of sw and cw, but for their last.
 
-    One loop for three sums: none of them waits for another.
+    One loop for three sums: none of them waits for another, nor for the forces of order ``k``.
     """
     sine, cosine, omega, gs, gc = s["sine"], s["cosine"], s["omega"], s["gs"], s["gc"]
-    moment = sw = cw = 0.0
-    for i in range(k + 1):
+    moment, sw, cw = 0.0, sine[1] * omega[k], cosine[1] * omega[k]
+    for i in range(k):
         moment += cosine[k - i] * gs[i] - sine[k - i] * gc[i]
         sw += sine[k + 1 - i] * omega[i]
         cw += cosine[k + 1 - i] * omega[i]
@@ -196,14 +204,11 @@ def _products(s: np.void, k: int) -> tuple[float, float, float]:
 @kernel
 def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k: int) -> None:
     """Write terms of order ``k`` of the forces, but for locked ones, and of order ``k + 1`` of the velocities."""
-    fx = fy = moment = gs = gc = load = 0.0
+    moment, sw, cw = _products(s, k)
+    fx = fy = gs = gc = load = 0.0
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
-        sign = contact["gap_sign"]
-        stiffness = 0.0
-        if sign != 0:
-            stiffness = contact["closing"] if sign < 0 else contact["opening"]
-        normal = -stiffness * terms["gap"][k]
+        normal = -contact["stiffness"] * terms["gap"][k]
         terms["normal"][k], terms["force"][k] = normal, contact["pull"] * normal
         load += contact["arm"] * normal
         if contact["kind"] == ARC_PIECE:
@@ -213,74 +218,87 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
         else:
             x, y, turning, s_part, c_part = _push_of_crest(body, contact, s, terms, k)
             fx, fy, moment, gs, gc = fx + x, fy + y, moment + turning, gs + s_part, gc + c_part
-    s["gs"][k], s["gc"][k], s["moment"][k] = gs, gc, -contacts["spin_sign"] * load
-    turning, sw, cw = _products(s, k)
-    moment += s["moment"][k] + turning
-    per = PER[k + 1]
-    u, v = fx * body["per_mass"], fy * body["per_mass"]
+    rolling = -contacts["spin_sign"] * load
+    s["gs"][k], s["gc"][k], s["moment"][k] = gs, gc, rolling
+    sine, cosine, per = s["sine"][0], s["cosine"][0], PER[k + 1]
+    moment += rolling + (cosine * gs - sine * gc)
+    per_mass, omega = body["per_mass"] * per, moment * (body["per_inertia"] * per)
+    u, v = fx * per_mass, fy * per_mass
     if k == 0:
         u, v = u + slope.downhill, v - slope.inward
-    s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u * per, v * per, moment * body["per_inertia"] * per
-    s["sw"][k + 1], s["cw"][k + 1] = sw + s["sine"][0] * s["omega"][k + 1], cw + s["cosine"][0] * s["omega"][k + 1]
+    s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u, v, omega
+    s["sw"][k + 1], s["cw"][k + 1] = sw + sine * omega, cw + cosine * omega
 
 
 @kernel
-def _add_locked(body: np.void, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
+def _locked_term(
+    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int
+) -> float:
+    """Term of order ``m`` of a locked velocity without the locked forces of the order before."""
+    if lock["what"] == SPIN:
+        return s["omega"][m]  # type: ignore[no-any-return]
+    contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
+    if contact["kind"] != ARC_PIECE:
+        _terms_of_places(frozen, s, m + 1)
+    _terms_of_velocities(body, pieces, contact, s, terms, m)
+    return terms["gap_rate"][m] if lock["what"] == GAP else terms["slip"][m]  # type: ignore[no-any-return]
+
+
+@kernel
+def _add_force(contacts: np.void, lock: np.void, force: float, s: np.void, k: int) -> None:
+    """Add a locked force to the terms of order ``k`` of the forces."""
+    if lock["what"] == SPIN:
+        s["moment"][k] += force
+        return
+    contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
+    if lock["what"] == GAP:
+        terms["normal"][k] += force
+        terms["force"][k] += contact["pull"] * force
+        s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * force
+        if contact["kind"] != SIDE_CREST:
+            s["gs"][k] += contact["push_s"] * force
+            s["gc"][k] += contact["push_c"] * force
+    else:
+        terms["force"][k] += force
+        if contact["kind"] != SIDE_CREST:
+            s["gs"][k] -= contact["gc"] * force
+            s["gc"][k] += contact["gs"] * force
+
+
+@kernel
+def _add_locked(
+    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int
+) -> None:
     """Add the locked forces of order ``k``, with which locked velocities have no term of order ``k + 1``."""
     m = k + 1
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
-        term = s["omega"][m]
-        if lock["what"] != SPIN:
-            terms = s["of"][lock["who"]]
-            term = terms["gap_rate"][m] if lock["what"] == GAP else terms["slip"][m]
-        lock["force"] = term * m
+        lock["force"] = _locked_term(body, pieces, frozen, contacts, lock, s, m)
     solve_locks(choice)
+    u, v, omega = s["u"][m], s["v"][m], s["omega"][m]
+    before = omega
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
-        push, force = lock["push"], lock["force"]
-        share = force * PER[m]
-        turned = share * push[2] * body["per_inertia"]
-        s["u"][m] += share * push[0] * body["per_mass"]
-        s["v"][m] += share * push[1] * body["per_mass"]
-        s["omega"][m] += turned
-        s["sw"][m] += s["sine"][0] * turned
-        s["cw"][m] += s["cosine"][0] * turned
-        if lock["what"] == SPIN:
-            s["moment"][k] += force
-            continue
-        contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
-        normal = force if lock["what"] == GAP else 0.0
-        pull = contact["pull"] * force if lock["what"] == GAP else force
-        terms["normal"][k] += normal
-        terms["force"][k] += pull
-        s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * normal
-        if contact["kind"] != SIDE_CREST:
-            s["gs"][k] += normal * contact["gs"] - pull * contact["gc"]
-            s["gc"][k] += normal * contact["gc"] + pull * contact["gs"]
+        kick, share = lock["kick"], lock["force"]
+        u, v, omega = u + share * kick[0], v + share * kick[1], omega + share * kick[2]
+        _add_force(contacts, lock, share * m, s, k)
     if contacts["spin_still"] != 0:
-        s["sw"][m] -= s["sine"][0] * s["omega"][m]
-        s["cw"][m] -= s["cosine"][0] * s["omega"][m]
-        s["omega"][m] = 0.0
+        omega = 0.0
+    s["u"][m], s["v"][m], s["omega"][m] = u, v, omega
+    s["sw"][m] += s["sine"][0] * (omega - before)
+    s["cw"][m] += s["cosine"][0] * (omega - before)
 
 
 @kernel
-def _terms_of_motion(body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
+def _terms_of_motion(
+    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int
+) -> None:
     """Write what follows from terms of order ``k`` of the velocities of the body."""
     _terms_of_places(frozen, s, k + 1)
     for c in range(contacts["count"]):
-        _terms_of_velocities(body, pieces, contacts["at"][c], s, s["of"][c], k)
-
-
-@kernel
-def last_forces(contact: np.void, terms: np.void) -> None:
-    """Write the last terms of the forces of a contact; those of locked ones are not known and below rounding."""
-    sign = contact["gap_sign"]
-    stiffness = 0.0
-    if sign != 0:
-        stiffness = contact["closing"] if sign < 0 else contact["opening"]
-    terms["normal"][ORDER] = -stiffness * terms["gap"][ORDER]
-    terms["force"][ORDER] = contact["pull"] * terms["normal"][ORDER]
+        contact, terms = contacts["at"][c], s["of"][c]
+        _terms_of_velocities(body, pieces, contact, s, terms, k)
+        _lock_terms(contact, terms, k)
 
 
 @kernel
@@ -312,21 +330,21 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
     locked = choice["locks"] > 0
     for k in range(ORDER):
         _terms_of_forces(body, slope, contacts, s, k)
-        _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
         if locked:
-            _add_locked(body, contacts, choice, s, k)
-            _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
-        _lock_terms(contacts, s, k + 1)
+            _add_locked(body, pieces, frozen, contacts, choice, s, k)
+        _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
     s["moment"][ORDER] = 0.0
-    for c in range(contacts["count"]):
-        last_forces(contacts["at"][c], s["of"][c])
+    for c in range(contacts["count"]):  # the last terms of locked forces are not known and below rounding
+        contact, terms = contacts["at"][c], s["of"][c]
+        terms["normal"][ORDER] = -contact["stiffness"] * terms["gap"][ORDER]
+        terms["force"][ORDER] = contact["pull"] * terms["normal"][ORDER]
 
 
 @kernel
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
     """How long [s] the series of a step hold: their last terms are at most ``tolerance`` times the speed.
 
-    Those of sine and cosine move arcs by at most ``tolerance`` times the size.
+    Those of sine and cosine move arcs that touch by at most ``tolerance`` times the size.
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
@@ -336,7 +354,10 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
         return longest
     u, v, omega, sine, cosine = s["u"], s["v"], s["omega"], s["sine"], s["cosine"]
     speed = max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
-    of_speed, turned = 1.0 / (tolerance * speed), max(size, body["furthest"]) / (tolerance * size)
+    reach = size
+    for c in range(contacts["count"]):
+        reach = max(reach, body["h"][contacts["at"][c]["arc"]])
+    of_speed, turned = 1.0 / (tolerance * speed), reach / (tolerance * size)
     last = max(max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER])) * of_speed, abs(sine[ORDER]) * turned)
     last = max(last, abs(cosine[ORDER]) * turned)
     if last > 0.0:

@@ -148,44 +148,49 @@ def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
                 r0 += pull * contact["ny"]
                 r1 -= pull * contact["nx"]
                 r2 += pull * contact["lt"] - contacts["spin_sign"] * contact["arm"]
+            per_mass, per_inertia = body["per_mass"], body["per_inertia"]
             lock["push"][0], lock["push"][1], lock["push"][2] = r0, r1, r2
+            lock["kick"][0], lock["kick"][1], lock["kick"][2] = r0 * per_mass, r1 * per_mass, r2 * per_inertia
             choice["locks"] += 1
-    _write_mobility(body, choice)
+    if choice["locks"] > 0:
+        _write_mobility(choice)
 
 
 @kernel
-def _write_mobility(body: np.void, choice: np.void) -> None:
-    """Write what each locked force changes of each locked velocity."""
-    per_mass, per_inertia = body["per_mass"], body["per_inertia"]
-    for i in range(choice["locks"]):
-        lock = choice["lock"][i]
-        row, mobility = lock["row"], lock["mobility"]
-        for j in range(choice["locks"]):
-            push = choice["lock"][j]["push"]
-            mobility[j] = (row[0] * push[0] + row[1] * push[1]) * per_mass + row[2] * push[2] * per_inertia
+def _write_mobility(choice: np.void) -> None:
+    """Write what each locked force changes of each locked velocity, and the inverse of that matrix.
+
+    Locks that are missing leave ones on its diagonal.
+    """
+    lock, n = choice["lock"], choice["locks"]
+    for i in range(3):
+        row, mobility = lock[i]["row"], lock[i]["mobility"]
+        for j in range(3):
+            kick = lock[j]["kick"]
+            mobility[j] = 1.0 if i == j else 0.0
+            if i < n and j < n:
+                mobility[j] = row[0] * kick[0] + row[1] * kick[1] + row[2] * kick[2]
+    a, b, d = lock[0]["mobility"], lock[1]["mobility"], lock[2]["mobility"]
+    p, q, r = lock[0]["inverse"], lock[1]["inverse"], lock[2]["inverse"]
+    p[0], p[1], p[2] = b[1] * d[2] - b[2] * d[1], a[2] * d[1] - a[1] * d[2], a[1] * b[2] - a[2] * b[1]
+    q[0], q[1], q[2] = b[2] * d[0] - b[0] * d[2], a[0] * d[2] - a[2] * d[0], a[2] * b[0] - a[0] * b[2]
+    r[0], r[1], r[2] = b[0] * d[1] - b[1] * d[0], a[1] * d[0] - a[0] * d[1], a[0] * b[1] - a[1] * b[0]
+    choice["determinant"] = a[0] * p[0] + a[1] * q[0] + a[2] * r[0]
+    per = 1.0 / choice["determinant"]
+    for i in range(3):
+        p[i], q[i], r[i] = p[i] * per, q[i] * per, r[i] * per
 
 
 @kernel
 def solve_locks(choice: np.void) -> None:
     """Find the forces that change the locked velocities by minus what ``force`` holds, and write them there."""
     lock, n = choice["lock"], choice["locks"]
-    one, two, three = lock[0], lock[1], lock[2]
-    p, q, r = -one["force"], -two["force"], -three["force"]
-    a = one["mobility"]
-    if n == 1:
-        one["force"] = p / a[0]
-        return
-    b = two["mobility"]
-    if n == 2:
-        minor = a[0] * b[1] - a[1] * b[0]
-        one["force"], two["force"] = (b[1] * p - a[1] * q) / minor, (a[0] * q - b[0] * p) / minor
-        return
-    d = three["mobility"]
-    first, second, third = b[1] * d[2] - b[2] * d[1], b[2] * d[0] - b[0] * d[2], b[0] * d[1] - b[1] * d[0]
-    whole = a[0] * first + a[1] * second + a[2] * third
-    one["force"] = (p * first + a[1] * (b[2] * r - q * d[2]) + a[2] * (q * d[1] - b[1] * r)) / whole
-    two["force"] = (a[0] * (q * d[2] - b[2] * r) + p * second + a[2] * (b[0] * r - q * d[0])) / whole
-    three["force"] = (a[0] * (b[1] * r - q * d[1]) + a[1] * (q * d[0] - b[0] * r) + p * third) / whole
+    x = -lock[0]["force"]
+    y = -lock[1]["force"] if n > 1 else 0.0
+    z = -lock[2]["force"] if n > 2 else 0.0
+    for i in range(n):
+        inverse = lock[i]["inverse"]
+        lock[i]["force"] = inverse[0] * x + inverse[1] * y + inverse[2] * z
 
 
 @kernel
@@ -299,19 +304,6 @@ def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int
 
 
 @kernel
-def _opens(choice: np.void) -> bool:
-    """Whether the loads of locked gaps would open them: the determinant of the mobility is positive."""
-    lock, n = choice["lock"], choice["locks"]
-    a, b, d = lock[0]["mobility"], lock[1]["mobility"], lock[2]["mobility"]
-    if n == 1:
-        return bool(a[0] > 0.0)
-    if n == 2:
-        return bool(a[0] * b[1] - a[1] * b[0] > 0.0)
-    first, second, third = b[1] * d[2] - b[2] * d[1], b[2] * d[0] - b[0] * d[2], b[0] * d[1] - b[1] * d[0]
-    return bool(a[0] * first + a[1] * second + a[2] * third > 0.0)
-
-
-@kernel
 def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choice: np.void) -> float:
     """How far [N] a mode is from holding; what has just been released should stay so, but that weighs little."""
     _accelerate(body, slope, contacts, choice)
@@ -321,7 +313,7 @@ def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choic
         scale = max(scale, abs(choice["share"][c]["normal"]))
     choice["scale"] = scale
     wrong = 0.0
-    if choice["rigid"] != 0.0 and choice["locks"] > 0 and not _opens(choice):
+    if choice["rigid"] != 0.0 and choice["locks"] > 0 and not choice["determinant"] > 0.0:
         return math.inf
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]
