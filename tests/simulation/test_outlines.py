@@ -153,7 +153,7 @@ def test_a_record_measures_the_outline(seed: int) -> None:
 
 
 def neighbours(body: Body, k: int) -> list[str | None]:
-    """Arcs that come down beside one as the orientation falls and rises: across its own side, or a smooth neighbour's."""
+    """Arcs that come down beside one as it turns down and up: across its own side, or that of a smooth neighbour."""
     sides, count = outline_of(body.arcs).sides > 0.0, len(body.arcs)
     found: list[str | None] = []
     for step in (-1, 1):

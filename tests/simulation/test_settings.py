@@ -78,8 +78,9 @@ def test_settings_are_plain_numbers_that_cannot_be_changed() -> None:
 def test_fields_that_are_spelled_stand_in_place_of_those_of_settings() -> None:
     """Oracle: the same settings as one object."""
     whole = simulate(*PROBLEM, Settings("rigid", max_rebounds=4, max_time=9.0))
+    given = Settings(max_rebounds=5, max_time=9.0)
     assert simulate(*PROBLEM, Settings("rigid", max_rebounds=4), max_time=9.0).outcome == whole.outcome
-    assert simulate(*PROBLEM, Settings(max_rebounds=5), solver="rigid", max_rebounds=4).outcome == whole.outcome
+    assert simulate(*PROBLEM, given, solver="rigid", max_rebounds=4).outcome == whole.outcome
     assert simulate(*PROBLEM).outcome == simulate(*PROBLEM, DEFAULT).outcome != whole.outcome
 
 
