@@ -261,6 +261,15 @@ def test_a_hundred_thousand_random_descents_keep_their_books(solver):
     check_books(solver, 14_300, 11, 8.0)
 
 
+def test_a_corner_that_jams_while_nothing_turns_has_an_impact():
+    """Oracle: the ledger. At a tilt of 7e-8 much friction would turn the body into the slope, whatever the load."""
+    body, law = circular_segment(100.0, 0.5, math.radians(110.0)), ContactLaw(1.0, 0.34, 2.9, 0.05, 0.005)
+    place, velocity = (0.0, 0.2944185079147456, -3.1415925832032205), (-1.1661424589194538e-05, 3.522966021752035e-05)
+    descent = rigid(body, law, Slope(-0.094), State(*place, *velocity, 3.960832717952414e-05), max_rebounds=1)
+    assert abs(descent.energy.residual) <= 1e-6 * descent.energy.hysteresis
+    assert descent.outcome["steps"] < 20
+
+
 CONVERGENCE = {
     "slip stops": (DISC, 0.5, 0.9, 0.001, 0.3, 1.0, -3.0, 0.0),
     "spin reverses, slip reverses": (DISC, 0.5, 0.1, 0.001, 0.6, 1.0, -4.0, 6.0),
