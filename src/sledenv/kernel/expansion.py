@@ -190,15 +190,17 @@ def _push_of_crest(
 def _products(s: np.void, k: int) -> tuple[float, float, float]:
     """Terms of order ``k`` of the moment of forces on arcs, and of order ``k + 1`` of sw and cw, but for their last.
 
-    One loop for three sums: none of them waits for another, nor for the forces of order ``k``.
+    One loop for three sums: none of them waits for another, nor for the forces of order ``k``, and what one has read
+    of sine and cosine the other takes.
     """
     sine, cosine, omega, gs, gc = s["sine"], s["cosine"], s["omega"], s["gs"], s["gc"]
-    moment, sw, cw = 0.0, sine[1] * omega[k], cosine[1] * omega[k]
+    moment = sw = cw = 0.0
+    sine_j, cosine_j = sine[k + 1], cosine[k + 1]
     for i in range(k):
-        moment += cosine[k - i] * gs[i] - sine[k - i] * gc[i]
-        sw += sine[k + 1 - i] * omega[i]
-        cw += cosine[k + 1 - i] * omega[i]
-    return moment, sw, cw
+        sw, cw = sw + sine_j * omega[i], cw + cosine_j * omega[i]
+        sine_j, cosine_j = sine[k - i], cosine[k - i]
+        moment += cosine_j * gs[i] - sine_j * gc[i]
+    return moment, sw + sine_j * omega[k], cw + cosine_j * omega[k]
 
 
 @kernel

@@ -50,7 +50,8 @@ def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settin
     body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
     launch, vertices = made("launch", State, launch), slope.vertices
     _check_solver(type(law), settings.solver)
-    _check_bounce("law", "Slope", np.array([law]), np.array([slope.row]), settings.solver)
+    if law.asymmetry == 1.0 or any(zone.restitution == 0.0 for zone in slope.zones):
+        _check_bounce("law", "Slope", np.array([law]), np.array([slope.row]), settings.solver)
     _check_ground("body", "Slope", body.record, np.array([slope.length]), vertices, settings.solver)
     launch = _admitted(body, slope, launch, vertices)
     touching: Law = law

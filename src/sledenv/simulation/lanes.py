@@ -64,7 +64,8 @@ def follower(
 
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
-    space, logs = np.zeros(1, SPACE), rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
+    space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
     like, limits, *given, pieces = tables
     written = flights, logs, trajectory, space
     run = run_lanes.prepared(int(isinstance(like, RigidLaw)), limits, *given, trims, pieces, *written)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, Final
 
@@ -27,9 +28,19 @@ _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of s
 
 def laid(vertices: Floats) -> np.ndarray:
     """Return what the kernel reads of a ground with such vertices, shape (n, 2), none of a plane: its n + 1 pieces."""
+    return _laid(vertices) if len(vertices) else _plane()
+
+
+def _laid(vertices: Floats) -> np.ndarray:
     pieces = np.zeros(len(vertices) + 1, PIECE)
     run_lay(vertices, pieces)
     return pieces
+
+
+@functools.cache
+def _plane() -> np.ndarray:
+    """Return the piece of a plane, which nobody writes to."""
+    return _laid(np.empty((0, 2)))
 
 
 def checked_profile(given: Any) -> Profile:
