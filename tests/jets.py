@@ -1,4 +1,4 @@
-"""Motion of a body on springs as power series with many digits, from physics.md, section 14: slow, obvious, an oracle.
+"""Motion of a body on springs as power series with many digits, from physics.md, section 12: slow, obvious, an oracle.
 
 The equations of motion are integrated on truncated series until nothing changes: each turn adds one term. Features are
 those of :mod:`sledenv.kernel.geometry`; normals and levers are formed from the places of their centres and vertices.

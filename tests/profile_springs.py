@@ -1,7 +1,7 @@
 """Rounded bodies on springs over a profile, by geometry alone: slow, obvious, an oracle.
 
 It remembers nothing of a contact. At each instant it lists which arc is in which piece of the ground, which crest is in
-which arc or under which side (docs/physics.md, section 14), presses each pair by its depth and sums the forces:
+which arc or under which side (docs/physics.md, section 12), presses each pair by its depth and sums the forces:
 
     N = k x,  k = k_close while the gap closes and k_open while it opens;   F = -f N sgn(slip);   M = -arm N sgn(spin)
 

@@ -153,7 +153,7 @@ def named(locked: list[tuple[str, int]]) -> str:
 @pytest.mark.parametrize("locked", ALONE, ids=named)
 @pytest.mark.parametrize("feature", [PIECE, CREST, SIDE], ids=["arc on piece", "arc on crest", "side on crest"])
 def test_terms_of_one_contact(feature: tuple[int, int, int], locked: list[tuple[str, int]]) -> None:
-    """Oracle: the equations of motion of physics.md, section 14, integrated with 40 digits."""
+    """Oracle: the equations of motion of physics.md, section 12, integrated with 40 digits."""
     space, touches = prepared(BLOCK, ROOF, [feature], locked)
     expand(BLOCK, ROOF, SLOPE, space)
     found = followed(BLOCK, ROOF, space, touches)
@@ -163,7 +163,7 @@ def test_terms_of_one_contact(feature: tuple[int, int, int], locked: list[tuple[
 
 @pytest.mark.parametrize(("features", "locked"), SEVERAL, ids=[f"{len(f)} {f[-1][0]} {named(m)}" for f, m in SEVERAL])
 def test_terms_of_several_contacts(features: list[tuple[int, int, int]], locked: list[tuple[str, int]]) -> None:
-    """Oracle: the equations of motion of physics.md, section 14, integrated with 40 digits."""
+    """Oracle: the equations of motion of physics.md, section 12, integrated with 40 digits."""
     space, touches = prepared(BLOCK, ROOF, features, locked)
     expand(BLOCK, ROOF, SLOPE, space)
     found = followed(BLOCK, ROOF, space, touches)
@@ -183,7 +183,7 @@ def test_terms_of_a_side_that_a_crest_was_in_when_it_came_to_touch(locked: list[
 
 @pytest.mark.parametrize("locked", [[], [(SLIP, 0)], [(GAP, 0)]], ids=named)
 def test_terms_of_a_disc_on_a_plane(locked: list[tuple[str, int]]) -> None:
-    """Oracle: the equations of motion of physics.md, section 14, integrated with 40 digits."""
+    """Oracle: the equations of motion of physics.md, section 12, integrated with 40 digits."""
     space, touches = prepared(DISC, PLANE, [(ARC_PIECE, 0, 0)], locked, (0.0, 0.3, 1.0), (2.0, -0.5, -3.0))
     expand(DISC, PLANE, SLOPE, space)
     same_motion(space, followed(DISC, PLANE, space, touches))

@@ -117,7 +117,7 @@ def outward(body: object, arc: int, phi: float) -> np.ndarray:
 
 
 def gap_and_place(body: object, pieces: np.ndarray, features: tuple[int, int, int], pose: np.ndarray) -> tuple:
-    """Gap, normal, and touching point on the body of two features, from the table of physics.md, section 14."""
+    """Gap, normal, and touching point on the body of two features, from the table of physics.md, section 12."""
     kind, arc, j = features
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn, mass_centre = np.array([[c, -s], [s, c]]), np.array(pose[:2])
@@ -141,7 +141,7 @@ FEATURES = [(ARC_PIECE, 1, 1), (ARC_PIECE, 2, 3), (ARC_CREST, 1, CREST), (ARC_CR
 @pytest.mark.parametrize("body", [BLOCK, SLED], ids=["block", "sled"])
 @pytest.mark.parametrize("phi", [0.0, 0.4, -2.5])
 def test_a_contact_lies_and_moves_as_its_features_do(features: tuple[int, int, int], body: object, phi: float) -> None:
-    """Oracle: the table of physics.md, section 14; the gap rate is a difference quotient of the gap.
+    """Oracle: the table of physics.md, section 12; the gap rate is a difference quotient of the gap.
 
     The slip is what the touching point of the body, held fast on the body, moves along the tangent in a short time.
     """

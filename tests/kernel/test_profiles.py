@@ -1,4 +1,4 @@
-"""Dips, crests and tables against closed forms: docs/physics.md, section 14."""
+"""Dips, crests and tables against closed forms: docs/physics.md, section 12."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def zone(begin: float, end: float, friction: float = 0.0, **own: float) -> Any:
 
 
 def bounced(speed: float, restitution: float, stiffness: float) -> tuple[float, float]:
-    """Speed [m/s] after and penetration [m] of a ball that comes down with ``speed``: docs/physics.md (5.6)."""
+    """Speed [m/s] after and penetration [m] of a ball that comes down with ``speed``: docs/physics.md (5.11)."""
     squared = restitution**2
     closing = stiffness * 2.0 / (1.0 + squared)  # c (1 + Delta)
     nu = speed * math.sqrt(closing / BALL.mass) / G

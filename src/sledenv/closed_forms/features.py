@@ -30,7 +30,8 @@ def sectors(body: Body, law: ContactLaw) -> list[Sector]:
     """Split (-pi, pi] by the arc that touches; an arc that is lowest at +-pi has the first and the last sector."""
     record = body.record[0]
     count = int(record["count"])
-    begin, h, r, shift, corner = (record[name][:count].tolist() for name in ("begin", "h", "r", "shift", "corner"))
+    begin, h, r, corner = (record[name][:count].tolist() for name in ("begin", "h", "r", "corner"))
+    shift = np.arctan2(record["across"][:count], record["along"][:count]).tolist()
     arms = [rolling_arm(law, of_a_corner) for of_a_corner in corner]
     return list(map(Sector, begin, [*begin[1:], math.pi], h, r, shift, arms))
 

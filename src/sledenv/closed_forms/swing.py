@@ -68,11 +68,11 @@ def small_swings(body: Body, slope: Slope, *, sticks: bool = True) -> list[Swing
     record = body.record[0]
     found = []
     for arc in range(int(record["count"])):
-        h, r, shift = (float(record[name][arc]) for name in ("h", "r", "shift"))
+        h, r, across, along = (float(record[name][arc]) for name in ("h", "r", "across", "along"))
         if not (r * abs(math.sin(slope.angle)) if sticks else 0.0) < h:
             continue
         lean = -math.asin(r * math.sin(slope.angle) / h) if sticks else -slope.angle  # theta - beta
-        phi = math.remainder(slope.angle + lean - shift, TURN)
+        phi = math.remainder(slope.angle + lean - math.atan2(across, along), TURN)
         phi = abs(phi) if abs(phi) == math.pi else phi
         touching, arms = lowest_arms(body.record, np.array([phi]))
         if touching[0] != arc:

@@ -27,7 +27,7 @@ from sledenv.kernel.geometry import (
     in_cone,
 )
 from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, look
-from sledenv.kernel.outline import arc_at, from_middle
+from sledenv.kernel.outline import arc_at, from_middle, same_arc
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
@@ -158,14 +158,14 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
 
 @kernel
 def touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
-    """Whether an arc touches a piece, or another arc that joins it smoothly: both have one lowest point."""
+    """Whether an arc touches a piece, or another one of its circle or that joins it smoothly: one lowest point."""
     arcs = int(body["arcs"])
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         if contact["kind"] != ARC_PIECE or contact["piece"] != j:
             continue
         b = contact["arc"]
-        if b == a or (b == (a + 1) % arcs and body["smooth"][a] != 0.0):
+        if same_arc(body, a, b) or (b == (a + 1) % arcs and body["smooth"][a] != 0.0):
             return True
         if a == (b + 1) % arcs and body["smooth"][b] != 0.0:
             return True

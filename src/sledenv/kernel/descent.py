@@ -118,16 +118,27 @@ def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, f
 
 
 @kernel
+def _longest_flight(pieces: np.ndarray, slope: Incline, motion: np.void, size: float) -> float:
+    """How long [s] a step of a flight may be: until the body is below the plane, and over a profile some sizes on."""
+    longest, v = math.inf, motion["v"]
+    if slope.inward > 0.0:
+        square = v * v + 2.0 * slope.inward * (max(motion["y"], 0.0) + size)
+        longest = (max(v, 0.0) + math.sqrt(square)) / slope.inward
+    speed = abs(motion["u"]) + math.sqrt(size * abs(slope.downhill))
+    if pieces.shape[0] > 1 and speed > 0.0:
+        longest = min(longest, AHEAD * size / speed)
+    return float(longest)
+
+
+@kernel
 def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, space: np.void) -> None:
     """Find how long the step is, and what ends it."""
     event, motion, size = space["event"], space["motion"], body["size"]
     longest = longest_step(body, slope, limits.tolerance, space)
     left = limits.max_time - motion["t"]
-    if space["contacts"]["count"] == 0 and pieces.shape[0] > 1:
-        speed = abs(motion["u"]) + math.sqrt(size * abs(slope.downhill))
-        if speed > 0.0:
-            longest = min(longest, AHEAD * size / speed)
-    event["code"], event["time"] = guards.NOTHING, min(longest, left)
+    if space["contacts"]["count"] == 0:
+        longest = min(longest, _longest_flight(pieces, slope, motion, size))
+    event["code"], event["time"] = guards.NOTHING, longest if longest < math.inf else left
     event["longest"] = event["time"]
     s = space["series"]
     last = s["x"][ORDER] + s["y"][ORDER] + s["sine"][ORDER] + s["cosine"][ORDER] + s["omega"][ORDER]
@@ -137,10 +148,12 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
     if space["stalled"] > MOST_STALLED:
         event["time"] *= space["forced"]
         space["forced"] = min(space["forced"] * FASTER, LARGEST)
-        return
-    guards.watch_contacts(body, pieces, space)
-    watch_others(body, pieces, space)
-    guards.watch_line(space)
+    else:
+        guards.watch_contacts(body, pieces, space)
+        watch_others(body, pieces, space)
+        guards.watch_line(space)
+    if event["time"] >= left:  # cut off only now: what is found before does not depend on when the time is over
+        event["code"], event["time"] = guards.NOTHING, left
 
 
 @kernel
@@ -284,7 +297,7 @@ def _hold(
     leaving, count = 0, contacts["count"]
     for c in range(count):
         leaving += 1 if contacts["at"][c]["gap_sign"] > 0 else 0
-    fails = count > 1 and choice["wrong"] > CLEAR * choice["scale"]
+    fails = choice["wrong"] > CLEAR * choice["scale"]
     if leaving == 0 and not fails:
         return RUNNING
     jolted = False

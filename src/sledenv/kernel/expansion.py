@@ -292,9 +292,7 @@ def _add_locked(
 
 
 @kernel
-def _terms_of_motion(
-    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int
-) -> None:
+def _terms_of_motion(body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
     """Write what follows from terms of order ``k`` of the velocities of the body."""
     _terms_of_places(frozen, s, k + 1)
     for c in range(contacts["count"]):

@@ -2,7 +2,7 @@
 
 A contact is one of three kinds: an arc on a piece, an arc on a crest, a straight side on a crest. ``n`` is its unit
 normal out of the ground, ``t`` the normal turned by -90 degrees, ``l`` the lever from the mass centre to the touching
-point on the body: docs/physics.md, section 14.
+point on the body: docs/physics.md, section 12.
 """
 
 from __future__ import annotations

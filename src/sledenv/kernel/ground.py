@@ -88,18 +88,3 @@ def lay_rigid(law: Any, ground: np.void) -> None:
 def are_rigid(ground: np.void) -> bool:
     """Whether the surfaces are rigid: the one place where a descent asks for its law."""
     return bool(ground["closing"][0] == math.inf)
-
-
-@kernel
-def piece_at(ground: np.void, x: float) -> int:
-    """Piece of the ground at a place [m] along the slope."""
-    piece = int(ground["count"]) - 1
-    while piece > 0 and x < ground["begin"][piece]:
-        piece -= 1
-    return piece
-
-
-@kernel
-def arm_on(body: np.void, arc: int, ground: np.void, piece: int) -> float:
-    """Rolling arm [m] of an arc on a piece of the ground."""
-    return float((ground["corner_arm"] if body["corner"][arc] != 0.0 else ground["arc_arm"])[piece])

@@ -62,15 +62,6 @@ def _left(contacts: np.void, what: int, c: int) -> int:
 
 
 @kernel
-def _still(contacts: np.void, what: int, c: int) -> int:
-    """1 if a velocity stays zero."""
-    if what == SPIN:
-        return contacts["spin_still"]  # type: ignore[no-any-return]
-    contact = contacts["at"][c]
-    return contact["gap_still"] if what == GAP else contact["slip_still"]  # type: ignore[no-any-return]
-
-
-@kernel
 def _write_sign(contacts: np.void, what: int, c: int, sign: int) -> None:
     if what == SPIN:
         contacts["spin_sign"] = sign

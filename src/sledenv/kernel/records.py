@@ -11,11 +11,6 @@ from sledenv.kernel.params import State
 
 # Kernels use the plain integers (an enum member would not be a compile-time constant); the enums below name them.
 RUNNING, FINISH, JAMMED, TUMBLED, TIMEOUT, LOG_FULL, STEP_BUDGET, NON_FINITE, BURIED = range(9)
-# How a contact may end without ending the descent.
-SEPARATED: Final = -1  # the body leaves the slope
-TWO_POINTS: Final = -2  # another arc of a rigid body has come down
-AT_LINE: Final = -4  # the body has passed the line, and goes on in the run-out
-INCONSISTENT: Final = -3  # no finite normal force keeps rigid surfaces apart: an impact follows
 
 ARC, NOSE, TAIL, CHORD = range(1, 5)
 
@@ -107,7 +102,7 @@ def _marked(mark: Any) -> tuple[str, ...]:
 
 LEDGER_FIELDS: Final = Energy._fields
 CONTACT_LOSSES: Final = _marked(LostInContact)
-FLIGHT_LOSSES: Final = _marked(LostInFlight)  # none under gravity alone; motion.py says how much
+FLIGHT_LOSSES: Final = _marked(LostInFlight)  # none under gravity alone
 LOSSES: Final = CONTACT_LOSSES + FLIGHT_LOSSES
 
 REBOUND = np.dtype(
