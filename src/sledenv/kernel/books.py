@@ -51,7 +51,7 @@ def _integral(p: np.ndarray, q: np.ndarray, t: float) -> float:
             high += p[i] * q[k - i]
             low += p[i] * q[k - 1 - i]
         total = (total * t + high * PER[k + 1]) * t + low * PER[k]
-    return (total * t + p[0] * q[0]) * t
+    return float((total * t + p[0] * q[0]) * t)
 
 
 @kernel
