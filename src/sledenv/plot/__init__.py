@@ -9,6 +9,7 @@ from sledenv.plot.paper import (
     plot_convergence,
     plot_impact_phases,
     plot_sliding_end,
+    plot_rides,
     plot_velocities,
     plot_worked_example,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "plot_mode_map",
     "plot_penetration",
     "plot_phase_portraits",
+    "plot_rides",
     "plot_sliding_end",
     "plot_slip",
     "plot_strobe",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.shapes import drawable_rows, to_world
+from sledenv.plot.shapes import body_outline, drawable_rows, strobe_states, to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -284,4 +285,53 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
         grid[1, 0].set_ylabel("tangential force F(t) [N]")
         figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
         figure.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float = 0.3) -> Figure:
+    """Plot descents over grounds of their own: where the body is again and again, and what the ground pushes.
+
+    Parameters
+    ----------
+    rides : mapping of str to Descent
+        By the name of the ground; simulated with ``record="trajectory"``.
+    note : str
+        Written above the panels.
+    interval : float
+        Time [s] between two outlines of the body.
+
+    Returns
+    -------
+    Figure
+        A panel a descent, along and across the slope, and one of all normal loads over the weight.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing.
+    ValueError
+        If a trajectory is missing.
+    """
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(1.5 * WIDTH, 1.6 * len(rides) + 3.0), layout="constrained")
+        heights = [*[1.0] * len(rides), 2.2]
+        axes: list[Axes] = list(figure.subplots(len(rides) + 1, 1, sharex=True, height_ratios=heights))
+        loads = axes[-1]
+        for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
+            rows, slope = drawable_rows(ride), ride.slope
+            right = slope.length + 2.0
+            ground = np.array([(-2.0, 0.0), *slope.profile, (right, 0.0)])
+            ax.fill_between(ground[:, 0], ground[:, 1], -0.6, color=SHADE, lw=0.0)
+            ax.plot(*ground.T, color=INK, lw=0.8)
+            for state in strobe_states(ride.body, rows, interval):
+                ax.plot(*body_outline(ride.body, *state[:3].tolist()).T, color=colour, lw=0.8)
+            ax.set(aspect="equal", xlim=(-2.0, right), ylim=(-0.6, 1.9), ylabel="[m]")
+            ax.set_title(f"{name}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
+            weight = ride.body.mass * slope.gravity
+            loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=name)
+        loads.set(yscale="log", ylim=(0.1, None), xlabel="along the slope [m]", ylabel="normal load / weight")
+        loads.legend(loc="upper left", ncols=len(rides))
+        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
     return figure

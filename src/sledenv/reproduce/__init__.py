@@ -35,6 +35,8 @@ FILES: Final = (
     "convergence.csv",
     "jam_map.png",
     "jam_map.csv",
+    "bumps.png",
+    "bumps.csv",
 )
 
 
@@ -86,6 +88,8 @@ def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], 
         progress("Jamming over orientation and spin at the launch as a map")
         maps = {name: cases.jam_map(friction) for name, friction in cases.JAM_FRICTIONS.items()}
         figures.write_jam_map(new, maps)
+        progress("A sled on the plane and over bumps")
+        figures.write_rides(new, cases.rides())
         progress("Table of numbers")
         rows = [*wheel_rows(straight, oblique), *example_rows(example), *table_1_rows(), *sled_rows(sled)]
         rows += jam_rows(maps)
@@ -133,6 +137,7 @@ Source: *Analysis of oblique collision between parallel-plane moving constrained
 | the same question for the eccentric body | [mode_map.png](mode_map.png) | [mode_map.csv](mode_map.csv) |
 | the rigid limit of the contact model | [convergence.png](convergence.png) | [convergence.csv](convergence.csv) |
 | jamming over orientation and spin | [jam_map.png](jam_map.png) | [jam_map.csv](jam_map.csv) |
+| not in the paper: the sled over eight bumps | [bumps.png](bumps.png) | [bumps.csv](bumps.csv) |
 | every number | [table.md](table.md) | [table.csv](table.csv) |
 
 ## What is corrected, and why

@@ -15,6 +15,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
@@ -56,6 +57,13 @@ JAM_FRICTIONS: Final = {"the paper's ice": 0.03, "a rough slope, assumed": 0.3}
 JAM_SPINS: Final = (-8.0, 8.0, 160)  # [rad/s] from, to, cells
 JAM_ORIENTATIONS: Final = (-180.0, 180.0, 360)  # [deg] likewise
 
+# A sled with its rider on the plane, and the same launch on eight bumps, which the paper does not have.
+BUMPS: Final = 8
+BUMP_HEIGHT, BUMP_LENGTH, BUMP_EVERY, FIRST_BUMP = 0.35, 3.0, 6.0, 4.0  # [m]
+RIDE_LENGTH: Final = 56.0  # [m]
+RIDE_LAW: Final = ContactLaw.from_restitution(0.3, stiffness=1e7, friction=0.05, rolling_arm=0.002)
+RIDE_LAUNCH: Final = State(0.0, 0.4, 0.05, 6.0, 0.0, 0.0)
+
 # Friction, rolling arm [m] and restitution of the mode maps; the first are those of the worked example.
 MODE_LAWS: Final = ((0.1, 0.001, EXAMPLE_LAW.restitution), (0.3, 0.01, 0.5))
 
@@ -66,6 +74,34 @@ CONVERGING: Final = {
     "spin, then slip reverses": (0.5, 0.1, 7.5e-3, 0.6, 1.0, -4.0, 6.0),
     "slip, then spin reverses": (0.3, 0.15, 2e-3, -0.9, 0.3, -5.0, -10.0),
 }
+
+
+
+def bumps() -> list[tuple[float, float]]:
+    """Vertices [m] of eight round bumps: a squared sine, cut into twelve pieces each."""
+    along = np.linspace(0.0, 1.0, 13)
+    return [
+        (FIRST_BUMP + bump * BUMP_EVERY + share * BUMP_LENGTH, BUMP_HEIGHT * math.sin(math.pi * share) ** 2)
+        for bump in range(BUMPS)
+        for share in along.tolist()
+    ]
+
+
+def rides() -> dict[str, Descent]:
+    """Return the sled with its rider on the plane and over the bumps."""
+    grounds = {"on the plane": (), f"over {BUMPS} bumps": bumps()}
+    return {
+        name: simulate(
+            sled(),
+            RIDE_LAW,
+            Slope(math.radians(9.0), RIDE_LENGTH, profile=profile),
+            RIDE_LAUNCH,
+            record="trajectory",
+            sample_interval=5e-3,
+        )
+        for name, profile in grounds.items()
+    }
+
 
 _SERIES = np.dtype([(name, "f8") for name in ("t", "normal", "tangential", "moment", "kinetic")])
 

@@ -19,6 +19,7 @@ from sledenv.plot import (
     plot_sliding_end,
     plot_strobe,
     plot_table_1,
+    plot_rides,
     plot_velocities,
     plot_worked_example,
 )
@@ -156,6 +157,25 @@ def write_wheel(folder: Path, straight: Descent, oblique: Mapping[str, Descent])
             (run.launch.u, *row)
             for run in (straight, *oblique.values())
             for row in run.trajectory[["t", "normal", "tangential", "slip"]].tolist()
+        ),
+    )
+
+
+def write_rides(folder: Path, rides: Mapping[str, Descent]) -> None:
+    """A sled on the plane and over bumps."""
+    note = (
+        f"The same launch of a sled with its rider at {cases.RIDE_LAUNCH.u:g} m/s on a slope of 9°, "
+        f"{cases.RIDE_LENGTH:g} m long, e = {cases.RIDE_LAW.restitution:.1f}, f = {cases.RIDE_LAW.friction:g}; "
+        f"bumps {cases.BUMP_HEIGHT:g} m high and {cases.BUMP_LENGTH:g} m long"
+    )
+    plot_rides(rides, note=note).savefig(folder / "bumps.png", dpi=_DPI)
+    write_csv(
+        folder / "bumps.csv",
+        ("ground", "t_s", "x_m", "y_m", "phi_rad", "u_m_s", "v_m_s", "omega_rad_s", "normal_n", "contacts"),
+        (
+            (name, *row)
+            for name, ride in rides.items()
+            for row in ride.trajectory[["t", "x", "y", "phi", "u", "v", "omega", "normal", "touching"]].tolist()
         ),
     )
 
