@@ -115,7 +115,7 @@ def test_a_random_outline_rebounds_as_in_the_oracle(seed: int, solver: Solver) -
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("seed", [68, 73, 93, 96])
+@pytest.mark.parametrize("seed", [68, 73, 96])
 def test_three_points_at_once_rebound_as_springs_do(seed: int) -> None:
     """Oracle: tests/profile_springs.py, on a level without end, in the limit of no layer; it has one rolling arm."""
     body, law, slope, launch = given(oracle.random_case(seed))

@@ -48,6 +48,7 @@ AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no p
 SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
 FASTER: Final = 8.0
 LARGEST: Final = 1e-4
+FAR: Final = 1e3  # times what is left: how long a step may be that is cut off there
 AHEAD: Final = 2.0  # sizes that a step of a flight goes over a profile: few pieces lie under it
 CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
 AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
@@ -138,7 +139,7 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
     left = limits.max_time - motion["t"]
     if space["contacts"]["count"] == 0:
         longest = min(longest, _longest_flight(pieces, slope, motion, size))
-    event["code"], event["time"] = guards.NOTHING, longest if longest < math.inf else left
+    event["code"], event["time"] = guards.NOTHING, longest if longest < FAR * left else left
     event["longest"] = event["time"]
     s = space["series"]
     last = s["x"][ORDER] + s["y"][ORDER] + s["sine"][ORDER] + s["cosine"][ORDER] + s["omega"][ORDER]

@@ -344,7 +344,7 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
     """How long [s] the series of a step hold: their last terms are at most ``tolerance`` times the speed.
 
-    Those of sine and cosine move arcs that touch by at most ``tolerance`` times the size.
+    Those of sine and cosine move arcs by at most ``tolerance`` times the size.
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
@@ -354,10 +354,7 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
         return longest
     u, v, omega, sine, cosine = s["u"], s["v"], s["omega"], s["sine"], s["cosine"]
     speed = max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
-    reach = size
-    for c in range(contacts["count"]):
-        reach = max(reach, body["h"][contacts["at"][c]["arc"]])
-    of_speed, turned = 1.0 / (tolerance * speed), reach / (tolerance * size)
+    of_speed, turned = 1.0 / (tolerance * speed), max(size, body["furthest"]) / (tolerance * size)
     last = max(max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER])) * of_speed, abs(sine[ORDER]) * turned)
     last = max(last, abs(cosine[ORDER]) * turned)
     if last > 0.0:

@@ -8,8 +8,8 @@ from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
 from sledenv.plot.paper import (
     plot_convergence,
     plot_impact_phases,
-    plot_sliding_end,
     plot_rides,
+    plot_sliding_end,
     plot_velocities,
     plot_worked_example,
 )

@@ -76,7 +76,6 @@ CONVERGING: Final = {
 }
 
 
-
 def bumps() -> list[tuple[float, float]]:
     """Vertices [m] of eight round bumps: a squared sine, cut into twelve pieces each."""
     along = np.linspace(0.0, 1.0, 13)

@@ -16,10 +16,10 @@ from sledenv.plot import (
     plot_impact_phases,
     plot_jam_map,
     plot_mode_map,
+    plot_rides,
     plot_sliding_end,
     plot_strobe,
     plot_table_1,
-    plot_rides,
     plot_velocities,
     plot_worked_example,
 )
