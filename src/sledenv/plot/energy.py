@@ -116,7 +116,7 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     work = np.diff(rows["t"]) * 0.5 * (power[:, 1:] + power[:, :-1])
     total = np.zeros(power.shape)
     for rebound in descent.rebounds:
-        begin = rebound["t"] - rebound["duration"]  # which rounding may put behind the row of the touch
+        begin = rebound["t_touchdown"]
         first = max(np.searchsorted(rows["t"], begin, side="right") - 1, 0)
         first = min(first, np.searchsorted(rows["t"], begin))
         last = np.searchsorted(rows["t"], rebound["t"], side="right") - 1

@@ -205,7 +205,7 @@ def plot_phase_portraits(descent: Descent) -> Figure:
     log = descent.rebounds
     if len(log) == 0:
         raise ValueError("the descent has no rebounds: there is nothing to draw")
-    begin = log["t"] - log["duration"]
+    begin = log["t_touchdown"]
     left_at = np.concatenate([[0.0], log["t"][:-1]])
     left_with = np.concatenate([[descent.launch.phi], log["phi"][:-1]])
     touching = left_with + log["omega_before"] * (begin - left_at)  # the spin is constant in flight

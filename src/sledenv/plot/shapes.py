@@ -303,7 +303,7 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
         row of NaN lies between two places without a way from one to the other: another contact went on alone.
     """
     rows = drawable_rows(descent)
-    begun = descent.rebounds[descent.rebounds["t"] - descent.rebounds["duration"] <= until]
+    begun = descent.rebounds[descent.rebounds["t_touchdown"] <= until]
     paths = []
     for rebound in begun:
         within = rows_of(rebound, rows, until)
@@ -321,7 +321,7 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
 
 def rows_of(rebound: np.void, rows: np.ndarray, until: float = math.inf) -> np.ndarray:
     """Return the rows of a rebound in which something touches."""
-    begin, end = rebound["t"] - rebound["duration"], min(rebound["t"], until)
+    begin, end = rebound["t_touchdown"], min(rebound["t"], until)
     first, last = np.searchsorted(rows["t"], begin - _LATE), np.searchsorted(rows["t"], end, side="right")
     found: np.ndarray = rows[first:last]
     return found[found["touching"] > 0]
@@ -360,7 +360,7 @@ def push_at(descent: Descent, time: float) -> Push | None:
         An impact without duration is met at its very time alone, where :func:`pace` holds it.
     """
     log = descent.rebounds
-    i = int(np.searchsorted(log["t"] - log["duration"], time, side="right")) - 1
+    i = int(np.searchsorted(log["t_touchdown"], time, side="right")) - 1
     if i < 0 or time > log["t"][i]:
         return None
     rebound = log[i]
@@ -398,7 +398,7 @@ def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
     log = descent.rebounds
     impulse = np.nan_to_num(log["normal_impulse"], nan=0.0, posinf=0.0)
     holds = HOLD * np.clip(impulse / (HARD * descent.body.mass), 0.0, 1.0)
-    contacts = np.stack([log["t"] - log["duration"], log["t"]], axis=-1).ravel()
+    contacts = np.stack([log["t_touchdown"], log["t"]], axis=-1).ravel()
     times = np.maximum.accumulate(np.concatenate([[0.0], np.clip(np.nan_to_num(contacts), 0.0, end), [end]]))
     steps = np.diff(times) / speed
     steps[1::2] = np.maximum(steps[1::2], holds)
