@@ -240,7 +240,7 @@ function show(where, fromSlider) {
   if (!fromSlider) $("slider").value = Math.round(position * FPS);
   $("time").textContent = fixed(t, 4, "s");
   drawMoment(t);
-  const begun = shown.rebounds.t.findLastIndex((end, i) => end - shown.rebounds.duration[i] <= t);
+  const begun = shown.rebounds.t_touchdown.findLastIndex((begin) => begin <= t);
   if (begun >= 0) selected = begun;
   if (grabbed) return;
   drawCloseup(selected);

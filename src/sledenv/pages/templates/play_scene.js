@@ -79,7 +79,7 @@ function filmOf({ rebounds, scene: { body } }, end) {
     time.push(next);
   };
   for (let i = 0; i < rebounds.t.length; i++) {
-    go(rebounds.t[i] - rebounds.duration[i], 0);
+    go(rebounds.t_touchdown[i], 0);
     go(rebounds.t[i], D.hold * clamp(rebounds.normal_impulse[i] / (D.hard * body.mass), 0, 1));
   }
   go(end, 0);
@@ -96,7 +96,7 @@ function between(from, to, value) {
 /* What a contact does at a time, null in flight. */
 function pushAt(t) {
   const { rebounds, rows, scene: given } = shown;
-  const i = rebounds.t.findIndex((end, k) => t >= end - rebounds.duration[k] && t <= end);
+  const i = rebounds.t.findIndex((end, k) => t >= rebounds.t_touchdown[k] && t <= end);
   if (i < 0) return null;
   const partOf = (code) => E.bodies[shown.input.body].parts[code - 1];
   const part = partOf(rebounds.feature[i]);
@@ -116,7 +116,7 @@ function pushAt(t) {
   }
   const row = before(rows.t, t);
   let largest = 0;
-  const begin = before(rows.t, rebounds.t[i] - rebounds.duration[i]);
+  const begin = before(rows.t, rebounds.t_touchdown[i]);
   for (let k = begin; k < rows.t.length && rows.t[k] <= rebounds.t[i]; k++) largest = Math.max(largest, rows.normal[k]);
   const touching = rows.feature[row] ? partOf(rows.feature[row]) : part;
   return found(touchesAt(rows, t), { row, part: touching, largest });
@@ -199,7 +199,7 @@ function drawPath() {
    plot/shapes.py. */
 function contactPaths(i) {
   const { rows, rebounds } = shown;
-  const [begin, end] = [rebounds.t[i] - rebounds.duration[i], rebounds.t[i]];
+  const [begin, end] = [rebounds.t_touchdown[i], rebounds.t[i]];
   const paths = [];
   let last = null;
   for (let k = before(rows.t, begin - 1e-9); k < rows.t.length && rows.t[k] <= end; k++) {

@@ -106,10 +106,10 @@ class Axes {
   }
 
   /* Contacts, as bands behind everything. */
-  shading({ t, duration }) {
+  shading({ t, t_touchdown: begin }) {
     return [...t]
       .map((end, i) => {
-        const [from, to] = [end - duration[i], end].map((time) => this.column(time));
+        const [from, to] = [begin[i], end].map((time) => this.column(time));
         return (
           `<rect x="${far(from)}" y="${this.top}" height="${this.height - this.top - this.bottom}" ` +
           `width="${far(Math.max(to - from, 1))}" fill="var(--shade)"/>`
@@ -236,7 +236,7 @@ function lossesOf(rows, rebounds, moving) {
   ];
   const found = D.losses.map(() => rows.t.map(() => 0));
   rebounds.t.forEach((end, r) => {
-    const begin = end - rebounds.duration[r];
+    const begin = rebounds.t_touchdown[r];
     const last = before(rows.t, end);
     let first = before(rows.t, begin);
     while (first > 0 && rows.t[first - 1] >= begin) first -= 1;
@@ -288,7 +288,7 @@ function drawForces(i) {
   forces = [];
   $("forces").innerHTML = "";
   if (!rebounds.t.length) return;
-  const [begin, end] = [rebounds.t[i] - rebounds.duration[i], rebounds.t[i]];
+  const [begin, end] = [rebounds.t_touchdown[i], rebounds.t[i]];
   if (end === begin) {
     $("forces").innerHTML =
       '<p class="hint">An impact of rigid surfaces has no duration: there is an impulse, but no force over time.</p>';
