@@ -363,6 +363,21 @@ def _spread_zeros(
         motion["omega"], contacts["spin_sign"] = 0.0, 0
     if choice["locks"] == 3:  # no motion is left but rounding
         motion["u"] = motion["v"] = motion["omega"] = 0.0
+    elif motion["omega"] == 0.0 and choice["lock"][0]["what"] == GAP:
+        _slide(motion, contacts, choice)
+
+
+@kernel
+def _slide(motion: np.void, contacts: np.void, choice: np.void) -> None:
+    """Take off what rounding has left of the velocity along normals whose gaps are locked, of a body without spin."""
+    u, v, one = motion["u"], motion["v"], contacts["at"][choice["lock"][0]["who"]]
+    rate = one["nx"] * u + one["ny"] * v
+    u, v = u - one["nx"] * rate, v - one["ny"] * rate
+    if choice["locks"] == 2 and choice["lock"][1]["what"] == GAP:
+        two = contacts["at"][choice["lock"][1]["who"]]
+        if abs(one["nx"] * two["ny"] - one["ny"] * two["nx"]) > DEPENDENT:
+            u = v = 0.0
+    motion["u"], motion["v"] = u, v
 
 
 @kernel
