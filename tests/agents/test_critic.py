@@ -163,6 +163,16 @@ def test_weights_are_plain_numbers(tmp_path):
     )
 
 
+def test_weights_that_are_no_numbers_are_refused(tmp_path):
+    """Oracle: one weight of a critic that loads otherwise."""
+    problem = Problem("sled_tilt")
+    critic = Critic(Touch(problem), [8], 11)
+    critic.last.bias.data[3] = torch.nan
+    keep(critic, tmp_path / "critic.npz")
+    with pytest.raises(ValueError, match=r"critic\.npz: last\.bias has weights that are no finite numbers"):
+        kept(problem, tmp_path / "critic.npz")
+
+
 @pytest.mark.parametrize("scenario", [name for name in scenario_names() if name != "paper_impact"])
 def test_a_shipped_agent_is_of_its_pack_as_it_is_and_beats_the_zero_action(scenario):
     """Oracle: the zero action and random launches, in contexts that no training has seen; the pack itself."""
