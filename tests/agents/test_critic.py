@@ -128,16 +128,22 @@ def test_a_search_finds_what_is_rated_best():
     assert (others.max(axis=1) <= heights[:, 0] + 1e-5).all()
 
 
-@pytest.mark.parametrize("checked", [12, pytest.param(128, marks=pytest.mark.slow)])
-def test_it_learns_the_same_from_the_same_seed_and_better_than_random(checked, tmp_path, monkeypatch):
+LESS = {"n_timesteps": 400, "n_contexts": 10, "gradient_steps": 30, "checks": 1}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "checked", "less"),
+    [("brake_mat", 12, LESS), pytest.param("round_talus", 128, {}, marks=pytest.mark.slow)],
+)
+def test_it_learns_the_same_from_the_same_seed_and_better_than_random(scenario, checked, less, tmp_path, monkeypatch):
     """Oracle: random launches in the same contexts; a second run; the file read once more; contexts one by one."""
     monkeypatch.setattr(curve, "_CONTEXTS", checked)  # validating costs more than learning from so few descents
-    problem = Problem(own_pack("round_talus"))
-    agents = []
+    problem = Problem(own_pack(scenario))
+    chosen, agents = settings(problem) | less, []
     for seed, name in [(0, "one"), (0, "same"), (1, "other")]:
         folder = tmp_path / name
         folder.mkdir()
-        agents.append(Agent.train(problem, settings(problem), seed, folder))
+        agents.append(Agent.train(problem, chosen, seed, folder))
     contexts = problem.contexts("test", 60)
     seen = problem.task.observe(contexts)
     one, same, other = (agent.act(seen) for agent in agents)
@@ -149,7 +155,7 @@ def test_it_learns_the_same_from_the_same_seed_and_better_than_random(checked, t
     assert problem.descend(contexts, one).jam.reward.mean() > problem.descend(contexts, random).jam.reward.mean()
     checks = np.loadtxt(tmp_path / "one" / "learning_curve.csv", delimiter=",", skiprows=1)
     assert (np.diff(checks[:, :2], axis=0) >= 0.0).all()
-    assert checks[-1, 0] == 2000
+    assert checks[-1, 0] == chosen["n_timesteps"]
 
 
 def test_weights_are_plain_numbers(tmp_path):
