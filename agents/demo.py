@@ -77,7 +77,7 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None 
         train(algo, problem, seed=seed, folder=out, steps=steps, overwrite=True)
 
     print(f"\nJudging on {CONTEXTS} contexts of {SCENARIO} that no training has seen, and searching the best launches")
-    print(f"of {SEARCHED} of them, about a minute\n", flush=True)
+    print(f"of {SEARCHED} of them, a minute or two\n", flush=True)
     scores = []
     for algo in ALGORITHMS:
         _, agent, _ = load_run(run_folder(out, algo, problem, seed))

@@ -24,7 +24,7 @@ from sledenv.machine.files import replacing
 from sledenv.pages.tables import aligned
 
 CONTEXTS = 200
-SEARCHED = 40  # of these, whose best launch is searched: a minute of two cores on sled_snow
+SEARCHED = 40  # of these, whose best launch is searched: a minute or two of two cores on sled_snow
 
 
 class Score(NamedTuple):

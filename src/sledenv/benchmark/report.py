@@ -48,8 +48,9 @@ _FIGURES: Final[dict[str, Callable[[Results], Figure | None]]] = {
     "energy": figures.plot_energy,
 }
 _CONTENTS: Final = {PAGE, TABLE, *(f"{name}.png" for name in _FIGURES)}
-_FORMS = {"reward": ".3f", "regret": "z.2%", "regret_p90": "z.2%", "falls": ".1%"}  # of what leads a table
-_LEADING = ("mean reward [95 %]", "mean regret [95 %]", "90th percentile [95 %]", "falls [95 %]")
+_FORMS = {"reward": ".3f", "regret": "z.2%", "falls": ".1%", "regret_p90": "z.2%"}  # of what leads a table
+_LEADING = ("mean reward [95 %]", "mean regret [95 %]", "falls [95 %]", "90th percentile of regret [95 %]")
+_SHOWN = 3  # of these in a terminal, which has no room for more
 _CHECKS = {True: "yes", False: "**no**", None: "-"}
 
 
@@ -106,11 +107,11 @@ def markdown(results: Results, table: pd.DataFrame) -> str:
 def shown(table: pd.DataFrame) -> Table:
     """Return scores, of :func:`sledenv.benchmark.scores.scores`, for a terminal: most reward of a scenario first."""
     rows = [
-        (title(*problem), label(row["agent"]), str(row["seeds"]), *_leading(row))
+        (title(*problem), label(row["agent"]), str(row["seeds"]), *_leading(row)[:_SHOWN])
         for problem, group in table.groupby(PROBLEM, sort=False)
         for row in group.sort_values("reward", ascending=False, kind="stable").to_dict("records")
     ]
-    return tables.fitted(("scenario", "agent", "seeds", *_LEADING), rows, words=2)
+    return tables.fitted(("scenario", "agent", "seeds", *_LEADING[:_SHOWN]), rows, words=2)
 
 
 def _png(figure: Figure) -> bytes:
@@ -178,7 +179,7 @@ def _leading(row: Mapping[str, Any]) -> list[str]:
 
 
 def _verdicts(table: pd.DataFrame) -> str:
-    names = ["scenario", "best learned agent", "mean reward", "mean regret", "90th percentile", "falls"]
+    names = ["scenario", "best learned agent", "mean reward", "mean regret", "falls", "90th percentile"]
     names += [f"mean <= {SMALL_REGRET:.0%}", f"90th percentile <= {SMALL_TAIL:.0%}"]
     names += [*(f"clear of {_words(name)}" for name in BASELINES), "all scores >= .9 (lowest)"]
     rows = [
