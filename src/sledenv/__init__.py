@@ -22,6 +22,7 @@ if sys.argv[:1] == ["-m"]:  # until Python has found the module that it is to ru
 
     _starting.tell_in_one_line()
 
+import sledenv.pages as _pages  # noqa: F401  registers how a notebook shows a descent
 from sledenv.envs import register as _register
 from sledenv.machine.extras import Missing as _Missing
 from sledenv.machine.extras import MissingPackage as _MissingPackage

@@ -10,13 +10,13 @@ import pytest
 
 from sledenv import Ride, RideBatch, ScenarioError, Settings, load_scenario, simulate, simulate_batch, simulate_blocks
 from sledenv.kernel.records import RUNNING, Feature, Status
-from sledenv.pages.words import summary
 from sledenv.scenarios.scenario import Scenario, scenario_names
 from sledenv.scenarios.sections import EndsSection
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height
+from sledenv.simulation.words import summary
 from tests.packs import own_pack
 
 BODY = circular_segment(100.0, 0.5, math.radians(110.0))

@@ -31,8 +31,8 @@ from sledenv.benchmark.scores import (
 from sledenv.benchmark.tables import markdown
 from sledenv.machine.files import publish
 from sledenv.pages.html import filled
-from sledenv.pages.words import metric_name
 from sledenv.simulation.jam import SHOWN
+from sledenv.simulation.words import metric_name
 
 PAGE: Final = "index.html"
 TABLE: Final = "scores.md"

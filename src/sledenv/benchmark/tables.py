@@ -9,9 +9,9 @@ import pandas as pd
 
 from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import BASELINES, PROBLEM, Results, separation, verdicts
-from sledenv.pages import tables
-from sledenv.pages.words import metric_name
+from sledenv.machine import text_tables
 from sledenv.simulation.jam import SHOWN
+from sledenv.simulation.words import metric_name
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -50,7 +50,7 @@ def shown(table: pd.DataFrame) -> Table:
             high = f"{row.regret_p90:z.2%} [{row.regret_p90_low:z.2%}, {row.regret_p90_high:z.2%}]"
             numbers = f"{row.seeds}", f"{row.reward:.3f}", interval, high
             rows.append((title(*problem), label(row.agent), *numbers))
-    return tables.fitted(names, rows, words=2)
+    return text_tables.fitted(names, rows, words=2)
 
 
 def _verdicts(table: pd.DataFrame) -> str:
@@ -67,7 +67,7 @@ def _verdicts(table: pd.DataFrame) -> str:
         ]
         for row in verdicts(table).to_dict("records")
     ]
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _scores(table: pd.DataFrame) -> str:
@@ -87,7 +87,7 @@ def _scores(table: pd.DataFrame) -> str:
         ]
         for row in table.to_dict("records")
     ]
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _separation(results: Results, table: pd.DataFrame) -> str:
@@ -110,7 +110,7 @@ def _separation(results: Results, table: pd.DataFrame) -> str:
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
         numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, row["width"]]
         rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:

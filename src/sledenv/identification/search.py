@@ -25,8 +25,8 @@ from sledenv.identification.flights import (
 )
 from sledenv.identification.intervals import Interval, LocalMinimumError
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
-from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import FINITE, POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
@@ -89,7 +89,7 @@ def parameters_of(
 
 def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[Parameter]:
     """Bounds of a launch: no farther away, nor faster, than the poses are apart."""
-    size, frame = reach(body), float(np.diff(recording.times).min())
+    size, frame = body.size, float(np.diff(recording.times).min())
     middle, wide = (
         np.median(recording.poses, axis=0),
         np.ptp(recording.poses, axis=0) + np.array([size, size, 2.0 * math.pi]),

@@ -22,8 +22,8 @@ from sledenv.identification.recorded_tables import RECORDING, numbered, numbers,
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
 from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import Ghost
-from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, made_body
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import (
     POSITIVE,
@@ -110,7 +110,7 @@ def identify_tracks(
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
     limits = checked_bounds(bounds)
     held = known_of(checked_mapping("fixed", fixed), limits, solver)
-    recordings = recordings_of(table, reach(body), known)
+    recordings = recordings_of(table, body.size, known)
     check_frame(body, slope, recordings)
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, limits), loss)
     if solver == "rigid":

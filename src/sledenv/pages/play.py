@@ -18,7 +18,6 @@ from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import KERNEL, descent_input, jsonable
 from sledenv.pages.scenes import drawn_body
-from sledenv.pages.words import REBOUND_HEADER, mode_name
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
@@ -28,6 +27,7 @@ from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, within_a_turn
+from sledenv.simulation.words import REBOUND_HEADER, mode_name
 
 MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0

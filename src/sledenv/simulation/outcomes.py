@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from operator import itemgetter
 from typing import Any, Final, Literal, get_args
 
@@ -16,6 +15,7 @@ from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings
+from sledenv.simulation.views import shown
 
 Record = Literal["rebounds", "trajectory"]
 RECORDS: Final = get_args(Record)
@@ -139,8 +139,7 @@ class Descent:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: with a trajectory the page that replays it, or else its story."""
-        # Pages are made of descents, so no import can stand at the top of this file.
-        return str(import_module("sledenv.pages.notebook").descent_view(self))
+        return shown(self)
 
 
 @dataclass(frozen=True, eq=False)

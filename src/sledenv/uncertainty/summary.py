@@ -11,7 +11,7 @@ from SALib.analyze import sobol
 from scipy import stats
 
 from sledenv.kernel.records import LOSSES, Status
-from sledenv.pages.tables import aligned
+from sledenv.machine.text_tables import aligned
 from sledenv.simulation.jam import DescentJam
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sledenv.kernel.records import Mode
-from sledenv.pages.tables import aligned
+from sledenv.machine.text_tables import aligned
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
