@@ -30,7 +30,7 @@ from sledenv.machine.extras import MissingPackage as _MissingPackage
 if TYPE_CHECKING:
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
     from sledenv.identification.choice import identify
-    from sledenv.identification.simulated_tables import recorded_poses, recorded_rebounds
+    from sledenv.identification.tables import recorded_poses, recorded_rebounds
     from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, Segment, segment
@@ -103,7 +103,7 @@ __all__ = [
 _MODULES = {
     "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
     "sledenv.identification.choice": ("identify",),
-    "sledenv.identification.simulated_tables": ("recorded_poses", "recorded_rebounds"),
+    "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
     "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.simulation.bodies": ("Body", "Segment", "segment"),

@@ -254,7 +254,7 @@ def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: 
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has a_m"),
+        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has 'a_m'"),
         (spoilt().rename(columns={"b_m": "b"}), ValueError, "b_m: there is no such column, but b: a column is named w"),
         (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), ValueError, "but omega_before_deg_s"),
         (spoilt("v_before_m_s", value=np.nan), ValueError, "v_before_m_s, row 2: is nan, must be a finite number"),

@@ -11,9 +11,8 @@ from scipy.stats import binom
 
 import sledenv
 from sledenv.command.cli import main
-from sledenv.identification.figures import plot_track_residuals
 from sledenv.identification.flights import flights_of
-from sledenv.identification.report import write_tracks
+from sledenv.identification.report import plot_track_residuals, write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.scene import ContactLaw, Slope, State

@@ -179,7 +179,7 @@ def identify(
         Write tables and figures into this folder.
     """
     from sledenv.identification.choice import holds_tracks
-    from sledenv.identification.recorded_tables import read_table
+    from sledenv.identification.tables import read_table
     from sledenv.machine.files import publish
 
     table = read_table(file)
@@ -202,15 +202,16 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
+    from sledenv.identification.plausibility import doubts, read_rebounds
     from sledenv.identification.rebound_fit import identify
-    from sledenv.identification.rebounds import ARMS, POSE, read_rebounds
+    from sledenv.identification.rebounds import ARMS, POSE
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
     by_arms = shape.radius is None and (POSE[0] not in table or any(name in table for name in ARMS))
     body = None if by_arms else shape.body(1.0)
     radius = None if body else shape.gyration_radius
     warn = progress("identify: warning")
-    for doubt in read_rebounds(table, body, gyration_radius=radius).doubts():  # a fit may take long
+    for doubt in doubts(read_rebounds(table, body, gyration_radius=radius)):  # a fit may take long
         warn(doubt)
 
     def fit() -> tuple[str, dict[str, Any], Callable[[Path], None]]:

@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sledenv.identification.fitting import Fit, profiled, solve
+from sledenv.identification.fitting import AGAIN, ROUNDING, Fit, Interval, LocalMinimumError, profiled, solve
 from sledenv.identification.flights import (
     FEWEST,
     LAW,
@@ -23,7 +23,6 @@ from sledenv.identification.flights import (
     lifted,
     likely_laws,
 )
-from sledenv.identification.intervals import Interval, LocalMinimumError
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
@@ -324,10 +323,10 @@ def _differ(one: Fit, other: Fit) -> bool:
     )
 
 
-def settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
+def settled(fits: Sequence[Fit], again: int = AGAIN) -> tuple[Fit, dict[str, Interval]]:
     """Return the best fit, and intervals of the law that hold those of all minima that are as good.
 
-    A minimum with a lower cost, here or beside an interval, is where the fit goes on.
+    A minimum with a lower cost, here or beside an interval, is where the fit goes on, so many times at most.
     """
     names = [name for name in fits[0].problem.free if name in (*LAW, STIFFNESS)]
     fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names=names)
@@ -342,8 +341,8 @@ def settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
                 intervals = {name: _hull(ends, there.interval(name)) for name, ends in intervals.items()}
             except LocalMinimumError as lower:
                 other = solve(fit.problem, lower.values, starts=1)
-        if other.cost < fit.cost - _EQUAL:
-            return settled([other, fit])
+        if again and other.cost < fit.cost - max(_EQUAL, ROUNDING * fit.cost):
+            return settled([other, fit], again - 1)
     return fit, intervals
 
 
