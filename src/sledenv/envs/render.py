@@ -11,7 +11,6 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import Camera, Canvas, panel_height
-from sledenv.kernel.records import Status
 from sledenv.pages.words import mode_name, motion_words, part_name, quantity
 from sledenv.plot.grounds import frictions
 from sledenv.plot.riders import strobe_poses
@@ -27,6 +26,7 @@ from sledenv.plot.shapes import (
 )
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import Status
 from sledenv.simulation.scene import Slope, State
 
 if TYPE_CHECKING:
