@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
     from sledenv.identification.choice import identify
     from sledenv.identification.tables import recorded_poses, recorded_rebounds
-    from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, Segment, segment
     from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.outlines import Arc
+    from sledenv.simulation.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
@@ -104,7 +104,7 @@ _MODULES = {
     "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
     "sledenv.identification.choice": ("identify",),
     "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
-    "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
+    "sledenv.simulation.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.simulation.bodies": ("Body", "Segment", "segment"),
     "sledenv.simulation.outlines": ("Arc",),

@@ -10,8 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from sledenv.kernel.records import LOSSES
 from sledenv.simulation.jam import SHOWN, DescentJam
+from sledenv.simulation.records import LOSSES
 
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]

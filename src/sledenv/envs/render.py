@@ -11,13 +11,13 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import Camera, Canvas, panel_height
-from sledenv.kernel.records import Status
 from sledenv.plot.grounds import frictions
 from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import Push, contact_paths, film_times, push_at, to_world
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import Status
 from sledenv.simulation.scene import Slope, State
 from sledenv.simulation.words import mode_name, motion_words, part_name, quantity
 

@@ -239,7 +239,7 @@ def profiled(fit: Fit, level: float = 0.95, names: Sequence[str] | None = None) 
             further = pd.DataFrame([_row(fit.problem, error.values)])
             fit = _best(fit.problem, pd.concat([further, fit.starts], ignore_index=True))
     raise ValueError(
-        f"the fit went on from a lower cost {AGAIN} times and found another one each time: no such law explains the data"
+        f"the fit went on from a lower cost {AGAIN} times and found another each time: no such law explains the data"
     )
 
 

@@ -12,8 +12,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES, Mode
 from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import KERNEL, descent_input, jsonable
@@ -22,6 +20,7 @@ from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod

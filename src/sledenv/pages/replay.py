@@ -7,13 +7,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.machine.files import replacing
 from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
 from sledenv.plot.trajectories import touches_in
 from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.simulation.scene import State
 from sledenv.simulation.settings import DEFAULT
 from sledenv.simulation.words import setting
