@@ -284,6 +284,10 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
     assert isinstance(found, TrackFit)
     with pytest.raises(ValueError, match="slope: poses over time need it"):
         sledenv.identify(file, DISC)
+    film = pd.read_parquet(file)
+    for name in ("t_s", "x_m", "y_m", "phi_rad"):
+        with pytest.raises(ValueError, match=f"{name}: there is no such column; poses over time need t_s"):
+            sledenv.identify(film.drop(columns=name), DISC, PLAIN.slope)
     rebounds = pd.DataFrame({"phi_rad": [0.0]})
     with pytest.raises(ValueError, match="a table of rebounds does not need it"):
         sledenv.identify(rebounds, DISC, PLAIN.slope)

@@ -180,11 +180,13 @@ def identify(
         ``omega_before_rad_s``, the same with ``after``, and either ``phi_rad``, the orientation of ``body``, or the
         arms ``a_m`` and ``b_m`` of the contact point, which lies at (-a, -b) from the mass centre. The frame is that
         of the slope: x along it, y along its outward normal, angles counter-clockwise. ``recording``, if it is there,
-        names the recording: rebounds of one may share their errors. Other columns are not read.
+        names the recording: rebounds of one may share their errors. Other columns are not read. Of a body that is hit
+        below its mass centre ``v_before_m_s`` and ``v_after_m_s`` alone tell the restitution; if it bounces freely, so
+        do the times of its touchdowns, ``t_touchdown_s``.
     body : Body, optional
         Whose rebounds they are. The mass cancels.
     gyration_radius : float, optional
-        Root of inertia over mass [m] of any other smooth body, told by its arms.
+        Root of inertia over mass [m] of any other smooth body, told by its arms; normal speeds alone need neither.
     hypothesis : {"energetic", "poisson", "newton"}
         What the restitution means.
     fixed : mapping, optional
@@ -212,7 +214,8 @@ def identify(
     Raises
     ------
     TypeError, ValueError
-        Naming the column, row or argument, its value and what is allowed.
+        Naming the column, row or argument, its value and what is allowed; if slips are reversed, which no such law
+        does to a body hit below its mass centre; or if a fit never settles, as no such law explains the rebounds.
     OSError
         If the file cannot be read.
     """
