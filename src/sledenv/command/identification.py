@@ -243,6 +243,7 @@ def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[s
 
 def _of_tracks(table: pd.DataFrame, shape: Shape, how: Tracks, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.report import track_files, write_tracks
+    from sledenv.identification.tables import numbered, recorded_names
     from sledenv.identification.tracks import identify_tracks
 
     body, slope, noise = shape.body(how.mass), how.slope(), how.noise()
@@ -254,4 +255,5 @@ def _of_tracks(table: pd.DataFrame, shape: Shape, how: Tracks, fixed: dict[str, 
         data = tables | {"launches": launches, "warnings": found.warnings}
         return str(found), data, lambda folder: write_tracks(found, folder)
 
-    return track_files(table["recording"].nunique() if "recording" in table else 1), fit
+    names = recorded_names(numbered(table))
+    return track_files(1 if names is None else names.nunique()), fit
