@@ -236,7 +236,7 @@ def bad(**columns: object) -> pd.DataFrame:
 def test_bad_tables_are_refused_by_name() -> None:
     good = bad()
     for table, words in (
-        (good.drop(columns="y_m"), "no column 'y_m'"),
+        (good.drop(columns="y_m"), "y_m: there is no such column"),
         (good.iloc[:5], "5 frames with a pose: must be at least 8"),
         (good.iloc[:0], "0 frames"),
         (good.iloc[::-1], r"t_s = .* in row 1: must increase"),
