@@ -18,7 +18,7 @@ from sledenv.simulation.outlines import (
     directions,
     outline_of,
 )
-from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows
+from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows, checked_table, is_frame
 
 HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
@@ -232,7 +232,7 @@ def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str
     """
     if isinstance(bodies, Body):
         return bodies.record
-    if isinstance(bodies, np.ndarray):
+    if isinstance(bodies, np.ndarray) or is_frame(bodies):
         return _records_of_table(bodies, lanes, name)
     given: Any = bodies
     if isinstance(given, str | bytes) or not isinstance(given, Sequence):
@@ -248,19 +248,14 @@ def _check_count(bodies: Any, lanes: int, name: str) -> None:
         raise ValueError(f"{name} has no row: give one Body for all where there are no launches")
 
 
-def _records_of_table(table: np.ndarray, lanes: int, name: str) -> np.ndarray:
+def _records_of_table(table: Any, lanes: int, name: str) -> np.ndarray:
     """Records that are complete, or of the segments that rows of numbers are."""
-    if table.dtype == BODY and table.ndim == 1:
+    if isinstance(table, np.ndarray) and table.dtype == BODY and table.ndim == 1:
         if len(table) != 1:
             _check_count(table, lanes, name)
         return np.ascontiguousarray(table)
-    columns = f"columns {', '.join(Segment.fields)}"
-    if table.dtype.kind not in "biuf":
-        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, {columns}")
-    if table.ndim != 2 or table.shape[1] != len(Segment.fields):
-        raise ValueError(f"{name} has shape {table.shape}: must be (N, {len(Segment.fields)}), {columns}")
-    _check_count(table, lanes, name)
-    rows = table.astype(float)
+    rows = checked_table(name, table, Segment.fields)
+    _check_count(rows, lanes, name)
     check_bodies(f"{name}[{{lane}}]", rows)
     return segment_records(rows)
 

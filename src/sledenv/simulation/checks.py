@@ -15,7 +15,7 @@ from sledenv.kernel.params import SLOPE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.profiles import crests, level_at, vertices_of
-from sledenv.simulation.rules import checked_rows, made, or_absent
+from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
 from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, SlopeTable, State, Zone, kind_of, restitution_of
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import within_a_turn
@@ -117,7 +117,7 @@ def checked_lanes(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range.
     """
-    launches = checked_table("launches", given, State._fields)
+    launches = checked_table("launches", given, State._fields, State.rules)
     kind = _kind_of_all(law)
     _check_solver(kind, settings.solver)
     bodies = records_of(body, len(launches))
@@ -128,26 +128,9 @@ def checked_lanes(
     if rigid:
         columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T[:SLOPE_FIELDS])
         laws = np.stack(np.broadcast_arrays(*_stiff_limit(bodies["size"], *columns, settings.settle_speed)), axis=-1)
-    checked_rows("launches[{lane}]", State, launches)
     _check_ground("body[{lane}]", "slope[{lane}]", bodies, slopes[:, 1], vertices, settings.solver)
     _admit("launches[{lane}]", bodies, slopes, launches, vertices)
     return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches, vertices)
-
-
-def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
-    """Return a new array of floats, shape (N, fields), of N tuples, or of one."""
-    try:
-        table = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        table = np.asarray(given, dtype=object)
-    if table.dtype.kind == "b" or _has_flag(given):
-        raise TypeError(f"{name} holds True or False: must hold numbers, columns {', '.join(fields)}")
-    if table.dtype.kind not in "iuf":
-        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
-    table = np.array(table, dtype=float, ndmin=2, order="C")
-    if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
-    return table
 
 
 def _kind_of_all(given: Laws) -> type[AnyLaw]:
@@ -170,24 +153,19 @@ def _rows(name: str, kind: type[AnyLaw], given: object, lanes: int) -> np.ndarra
     if isinstance(given, kind):
         return np.array([kind(*given)])
     _check_rows(name, kind, given, lanes)
-    rows = checked_table(name, given, kind._fields)  # type: ignore[arg-type]
-    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    rows = checked_table(name, given, kind._fields, kind.rules)
+    _check_rows(name, kind, rows, lanes)
     return rows
 
 
 def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
     """Refuse what is not a sequence of as many rows as lanes."""
-    if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
+    if not (isinstance(given, np.ndarray | Sequence) or is_frame(given)) or isinstance(given, tuple | str):
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     if not lanes:
         raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
-
-
-def _has_flag(given: Any) -> bool:
-    """Whether True or False is among the numbers of lists, where NumPy would make a number of it."""
-    return any(map(_has_flag, given)) if isinstance(given, tuple | list) else isinstance(given, bool | np.bool_)
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
@@ -198,16 +176,16 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
         given = given.rows
     _check_rows("slope", Slope, given, lanes)
     fields = params.Slope._fields
-    if isinstance(given, np.ndarray):
-        widest = given.shape[1] if given.ndim == 2 else 0
+    if isinstance(given, np.ndarray) or is_frame(given):
+        widest = given.shape[1] if len(given.shape) == 2 else 0
     else:
         given = [one.row if isinstance(one, Slope) else one for one in given]
         widest = max(map(_width, given))
         given = [(*one, *[math.nan] * (widest - _width(one))) if _width(one) >= len(fields) else one for one in given]
     zones = max((widest - len(fields)) // len(Zone._fields), 0)
     names = [f"zones[{k}].{name}" for k in range(zones) for name in Zone._fields]
-    rows = checked_table("slope", given, (*fields, *names))
-    checked_rows("slope[{lane}]", Slope, rows[:, : len(fields)])
+    rows = checked_table("slope", given, (*fields, *names), Slope.rules)
+    _check_rows("slope", Slope, rows, lanes)
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
     _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)))
@@ -220,7 +198,8 @@ def _vertices_of_all(given: Slopes) -> np.ndarray:
         return given.vertices
     if isinstance(given, SlopeTable):
         return given.over.vertices
-    profiles = [] if isinstance(given, np.ndarray) else [one.profile if isinstance(one, Slope) else () for one in given]
+    rows: Any = () if isinstance(given, np.ndarray) or is_frame(given) else given
+    profiles = [one.profile if isinstance(one, Slope) else () for one in rows]
     for lane, profile in enumerate(profiles):
         if profile is not profiles[0] and profile != profiles[0]:
             raise ValueError(f"slope[{lane}].profile: must be that of slope[0], as all lanes have one profile")

@@ -19,7 +19,6 @@ from sledenv.simulation.checks import (
     Slopes,
     checked_descent,
     checked_lanes,
-    checked_table,
     limits_of,
 )
 from sledenv.simulation.jam import descent_jam
@@ -27,7 +26,7 @@ from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
 from sledenv.simulation.memory import new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.profiles import laid
-from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice
+from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_table
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
