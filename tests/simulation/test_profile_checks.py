@@ -28,8 +28,8 @@ LAUNCH = State(0.0, 3.0, 0.0)
 
 def test_what_is_checked_has_the_vertices() -> None:
     """Oracle: those of the slope; an array of shape (0, 2) on a plane."""
-    np.testing.assert_array_equal(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).vertices, HILL.profile)
-    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).vertices.shape == (0, 2)
+    np.testing.assert_array_equal(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.vertices, HILL.profile)
+    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.vertices.shape == (0, 2)
     ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), HILL)]
     for slopes in ways:
         lanes = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
@@ -61,7 +61,7 @@ def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
     with pytest.raises(ValueError, match="sharp corner"):  # whose ends are crests
         checked_descent(body, LAW, dip, LAUNCH._replace(y=9.0), Settings())
     level = Slope(0.1, profile=[(0.0, 2.0), (1.0, 2.0)])
-    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).vertices.shape == (2, 2)
+    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).lanes.vertices.shape == (2, 2)
 
 
 def test_round_corners_are_accepted() -> None:

@@ -14,16 +14,13 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sledenv import RideBatch, Settings
+from sledenv import Settings
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
-from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
 from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
-from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
-from sledenv.simulation.checks import checked_lanes, checked_law
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -864,8 +861,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("follower", "follow_all"):
-        monkeypatch.setattr(simulate_module, loop, run)
+    monkeypatch.setattr(simulate_module, "follow_all", run)
 
 
 def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
@@ -1012,32 +1008,6 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
     with pytest.raises(error) as caught:  # on the call, not on the first block
         simulate_blocks(**good | bad)
     assert message in str(caught.value)
-
-
-class OtherLaw(kernel_params.ContactLaw):
-    """A law of another kind than ContactLaw."""
-
-    rules = ContactLaw.rules
-
-
-@pytest.mark.usefixtures("nothing_runs")
-def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the kind; the message where it does not fit, for there is a rigid limit of ContactLaw alone."""
-    monkeypatch.setattr(scene, "LAWS", (ContactLaw, OtherLaw))
-    other, lane = OtherLaw(*LAW), np.array([LAUNCH])
-    assert [scene.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
-    for law, kind in ((other, OtherLaw), ([other], OtherLaw), (LAW, ContactLaw), (np.array([LAW]), ContactLaw)):
-        assert checked_lanes(DISC, law, INCLINE, lane, Settings()).kind is kind
-    assert type(checked_law(other)) is OtherLaw
-    with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
-        simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
-        simulate(DISC, other, INCLINE, LAUNCH, solver="rigid")
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
-        simulate_batch(DISC, other, INCLINE, lane, Settings(solver="rigid"))
-    rides = RideBatch(DISC, LAW, INCLINE, lane)
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: the rides have a ContactLaw"):
-        rides.launch(np.arange(1), other, INCLINE, lane)
 
 
 @pytest.mark.usefixtures("nothing_runs")

@@ -118,8 +118,7 @@ def euler_descent(
     MemoryError
         If ``max_rebounds`` records, or the rows of the trajectory, take more memory than there is.
     """
-    fields = {"max_time": max_time, "max_rebounds": max_rebounds, "sample_interval": sample_interval}
-    settings = changed(None, fields)
+    settings = changed(None, max_time=max_time, max_rebounds=max_rebounds, sample_interval=sample_interval)
     step = checked("euler_descent", "step", step, POSITIVE)
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     checked_choice("record", record, RECORDS)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
-from sledenv.kernel.params import Law, Limits, RigidLaw
+from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation.rules import checked_count
 
@@ -27,14 +27,14 @@ NO_ROWS = np.zeros(0, TRAJECTORY)
 
 
 class Tables(NamedTuple):
-    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`. A tuple is one row."""
+    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`."""
 
-    like: Law
+    rigid: int  # 1 of rigid surfaces, 0 of compliant ones
     limits: Limits
-    bodies: Any
-    laws: Any
-    slopes: Any
-    launches: Any
+    bodies: np.ndarray  # of BODY; this and the next three have one row for all lanes, or one for each
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
     pieces: np.ndarray  # of the ground, see :func:`sledenv.simulation.profiles.laid`; the same for all
 
 
@@ -66,9 +66,9 @@ def follower(
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
-    like, limits, *given, pieces = tables
+    rigid, limits, *given, pieces = tables
     written = flights, logs, trajectory, space
-    run = run_lanes.prepared(int(isinstance(like, RigidLaw)), limits, *given, trims, pieces, *written)
+    run = run_lanes.prepared(rigid, limits, *given, trims, pieces, *written)
     lane = space["lane"]
 
     def follow(first: int, last: int) -> None:
@@ -79,9 +79,17 @@ def follower(
     return follow
 
 
-def follow_all(tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray) -> None:
-    """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`."""
+def follow_all(
+    tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray, trajectory: np.ndarray = NO_ROWS
+) -> None:
+    """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`.
+
+    A trajectory is that of a single lane.
+    """
     lanes = len(flights)
+    if lanes <= _FEWEST:
+        follower(tables, trims, flights, rebounds, trajectory)(0, lanes)
+        return
     threads = min(num_threads(), max(1, lanes // _WORTH_A_THREAD))
     size = min(max(lanes // (_BLOCKS * threads), _FEWEST), _MOST)
     starts, ended = deque(range(0, lanes, size)), Event()

@@ -14,7 +14,7 @@ import numpy as np
 from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, STATUS_OF_CODE, Energy, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 
 Record = Literal["rebounds", "trajectory"]
@@ -82,7 +82,7 @@ class Descent:
     """
 
     body: Body
-    law: AnyLaw
+    law: ContactLaw
     slope: Slope
     launch: State
     status: Status
@@ -184,7 +184,7 @@ class DescentBatch:
 
 def descent_of(
     body: Body,
-    law: AnyLaw,
+    law: ContactLaw,
     slope: Slope,
     launch: State,
     outcome: np.void,

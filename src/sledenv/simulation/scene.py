@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar, NamedTuple, Self, get_args
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,16 +99,7 @@ class ContactLaw(Checked, params.ContactLaw):
         return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
-AnyLaw = ContactLaw  # every kind of law that a descent may be given: a union, if there are more
-LAWS: tuple[type[AnyLaw], ...] = get_args(AnyLaw) or (AnyLaw,)
-
-
-def kind_of(law: Any) -> type[AnyLaw]:
-    """Return the kind of a contact law; that of a tuple without a name is ContactLaw."""
-    for kind in LAWS:
-        if isinstance(law, kind):
-            return kind
-    return ContactLaw
+AnyLaw = ContactLaw
 
 
 class Zone(Checked, params.Zone):

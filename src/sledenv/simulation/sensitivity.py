@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sledenv.simulation.bisection import bisected, bracket, least_of_smaller
 from sledenv.simulation.bodies import Body, Segment, made_body
-from sledenv.simulation.checks import checked_law
 from sledenv.simulation.derivatives import PARAMETERS, REBOUND_QUANTITIES, Floats, Sensitivity
 from sledenv.simulation.neighbours import SIGNS, Neighbours, end_values, places, rebound_values
 from sledenv.simulation.richardson import derivatives_of
@@ -64,7 +63,7 @@ def sensitivity(
     """
     rebounds = checked_count("rebounds", rebounds)
     settings = checked_settings(settings)
-    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
+    body, law, slope = made_body(body), made("law", ContactLaw, law), made("slope", Slope, slope)
     names = _checked_parameters(parameters, body, slope, settings.solver)
     descent = simulate(body, law, slope, launch, settings)
     # A neighbour with more rebounds has another sequence; how it goes on does not matter.
