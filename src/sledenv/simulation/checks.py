@@ -83,7 +83,8 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
     launch = made("launch", State, launch)
     if not math.isfinite(sum(launch)):  # as that of an outcome may be
         launch = State(*launch)
-    rows = np.array([law]), np.array([slope.row]), np.array([launch])
+    row = np.array([[*law, *slope.row, *launch]])
+    rows = row[:, : len(law)], row[:, len(law) : -len(launch)], row[:, -len(launch) :]
     lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, slope.vertices), settings)
     return CheckedDescent(body, law, slope, State.found(lanes.launches[0].tolist()), lanes)
 
@@ -249,7 +250,7 @@ def _check_bounce(names: _Names, lanes: CheckedLanes, solver: str) -> None:
         name = names.law.format(lane=int(np.argmax(plastic)))
         raise ValueError(f"{name}.asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = {solver!r}: {why}")
     restitutions = lanes.slopes[:, SLOPE_FIELDS + _RESTITUTION :: ZONE_FIELDS]
-    if np.count_nonzero(restitutions == 0.0):
+    if restitutions.size and np.count_nonzero(restitutions == 0.0):
         lane, zone = np.argwhere(restitutions == 0.0)[0].tolist()
         name = f"{names.slope.format(lane=lane)}.zones[{zone}]"
         raise ValueError(f"{name}.restitution = 0.0: must be in (0, 1] with solver = {solver!r}: {why}")
