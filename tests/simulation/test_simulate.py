@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import sys
 from functools import partial
@@ -14,6 +15,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+import sledenv
 from sledenv import Settings
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
@@ -1070,8 +1072,36 @@ def test_the_times_of_a_trajectory_never_decrease(name, solver):
         assert steps.max() <= 7e-4 * (1.0 + 1e-9)
 
 
-def test_a_descent_is_shown_without_its_logs() -> None:
-    shown = repr(simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory"))
-    assert "status=<Status.FINISH: 'finish'>" in shown
-    assert "energy=Energy(" in shown
-    assert "array" not in shown
+def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:
+    """Oracle: what they are made of; on a slope without end there is no reward to show."""
+    descent = simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory")
+    end, jam, rows = descent.state, float(descent.jam.reward), len(descent.trajectory)
+    assert repr(descent) == (
+        f"Descent(finish at t = {descent.time:.4g} s, x = {end.x:.4g} m; {len(descent.rebounds)} rebounds, "
+        f"{rows} rows of trajectory; reward {jam:.3f})"
+    )
+    assert repr(simulate(DISC, LAW, Slope(0.1), LAUNCH, max_time=0.01)).startswith(
+        "Descent(timeout at t = 0.01 s, x = "
+    )
+    assert "reward" not in repr(simulate(DISC, LAW, Slope(0.1), LAUNCH, max_time=0.01))
+    assert repr(descent.as_batch()) == f"DescentBatch(1 descent: 100.0% finish; mean reward {jam:.3f})"
+    assert repr(simulate_batch(DISC, LAW, INCLINE, np.empty((0, 6)))) == "DescentBatch(0 descents: none)"
+    assert repr(segment(2.0, 0.5, 0.1, 0.3)) == (
+        "Segment(mass 2, radius 0.5, eccentricity 0.1, inertia 0.3, half_angle 3.14159; parts: arc, nose, tail, chord)"
+    )
+    assert repr(sledenv.rod(2.0, 1.5)) == "Body(mass 2, inertia 0.375; parts: nose, tail, bottom, top)"
+
+
+def test_a_batch_spells_the_fields_of_settings_as_one_descent_does() -> None:
+    """Oracle: the same fields in Settings; the errors of simulate, word for word."""
+    fields: Any = {"solver": "rigid", "max_rebounds": 5, "run_out": 1.0, "settle_speed": 0.0}
+    whole = simulate_batch(DISC, LAW, INCLINE, [LAUNCH], Settings(**fields), keep_rebounds=True)
+    assert_same_batch(simulate_batch(DISC, LAW, INCLINE, [LAUNCH], keep_rebounds=True, **fields), whole)
+    (part,) = simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], Settings(max_time=9.0), **fields | {"max_time": 60.0})
+    assert_same_batch(part, whole)
+    for bad in ({"solver": "euler"}, {"max_time": 0.0}, {"colour": 1.0}):
+        wrong: Any = bad
+        with pytest.raises((TypeError, ValueError)) as one:
+            simulate(DISC, LAW, INCLINE, LAUNCH, **wrong)
+        with pytest.raises(one.type, match=re.escape(str(one.value))):
+            simulate_batch(DISC, LAW, INCLINE, [LAUNCH], **wrong)

@@ -126,9 +126,14 @@ class Body:
     def __hash__(self) -> int:
         return hash((type(self), self._values()))
 
-    def __repr__(self) -> str:
+    def typed(self) -> str:
+        """Return the Python that makes it anew."""
         values = (f"{field}={value!r}" for field, value in zip(self.fields, self._values(), strict=True))
         return f"{type(self).__name__}({', '.join(values)})"
+
+    def __repr__(self) -> str:
+        numbers = (f"{field} {getattr(self, field):.6g}" for field in self.fields if field != "arcs")
+        return f"{type(self).__name__}({', '.join(numbers)}; parts: {', '.join(self.parts)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._values()

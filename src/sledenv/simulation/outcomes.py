@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from operator import itemgetter
@@ -53,7 +53,7 @@ def contacts_in(rows: np.ndarray) -> np.ndarray:
     return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Descent:
     """One simulated descent.
 
@@ -88,11 +88,17 @@ class Descent:
     status: Status
     time: float
     state: State
-    rebounds: np.ndarray = field(repr=False)
-    trajectory: np.ndarray = field(repr=False)
+    rebounds: np.ndarray
+    trajectory: np.ndarray
     energy: Energy
-    outcome: np.void = field(repr=False)
-    settings: Settings | None = field(repr=False)
+    outcome: np.void
+    settings: Settings | None
+
+    def __repr__(self) -> str:
+        rows = f", {len(self.trajectory)} rows of trajectory" if len(self.trajectory) else ""
+        ended = f"{self.status} at t = {self.time:.4g} s, x = {self.state.x:.4g} m"
+        reward = f"; reward {float(self.jam.reward):.3f}" if math.isfinite(self.slope.length) else ""
+        return f"Descent({ended}; {_counted(len(self.rebounds), 'rebound')}{rows}{reward})"
 
     @cached_property
     def contacts(self) -> np.ndarray:
@@ -143,7 +149,7 @@ class Descent:
         return str(import_module("sledenv.pages.notebook").descent_view(self))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DescentBatch:
     """Many simulated descents, arrays of N.
 
@@ -160,6 +166,15 @@ class DescentBatch:
     outcomes: np.ndarray
     rebounds: np.ndarray
     jam: DescentJam
+
+    def __repr__(self) -> str:
+        lanes = len(self.outcomes)
+        counts = np.bincount(self.outcomes["status"], minlength=len(STATUS_OF_CODE))
+        ends = ", ".join(
+            f"{counts[code] / lanes:.1%} {STATUS_OF_CODE[code]}" for code in np.argsort(-counts) if counts[code]
+        )
+        reward = f"; mean reward {self.jam.reward.mean():.3f}" if lanes else ""
+        return f"DescentBatch({_counted(lanes, 'descent')}: {ends or 'none'}{reward})"
 
     @property
     def status(self) -> np.ndarray:
@@ -180,6 +195,11 @@ class DescentBatch:
     def states(self) -> np.ndarray:
         """Final states, shape (N, 6), columns as in :class:`State`."""
         return np.stack([self.outcomes[name] for name in State._fields], axis=-1)
+
+
+def _counted(count: int, what: str) -> str:
+    """Say how many there are."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def descent_of(
