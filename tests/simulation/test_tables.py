@@ -52,6 +52,13 @@ def test_laws_slopes_and_bodies_may_be_frames_too() -> None:
     assert one.outcomes.tobytes() == other.outcomes.tobytes()
 
 
+def test_a_masked_number_is_no_number() -> None:
+    """Oracle: the documented error, as for NaN."""
+    for masked in (np.ma.masked, np.ma.array(3.0, mask=True)):
+        with pytest.raises(TypeError, match=r"(?s)^State\.u = masked.*: must be a number, a finite number$"):
+            State(0.0, 0.5, 0.1, masked)
+
+
 @pytest.mark.parametrize(
     ("launches", "error", "message"),
     [

@@ -43,10 +43,11 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     if type(value) is float and accepts(value):
         return value
     try:
-        if isinstance(value, str | bytes | bool) or getattr(value, "dtype", np.dtype(float)).kind not in "iuf":
+        kind = getattr(getattr(value, "dtype", None), "kind", "f")  # a tensor's type has none
+        if isinstance(value, str | bytes | bool | np.ma.MaskedArray) or kind not in "iuf":
             raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):
         comma = "," if allowed.startswith("a ") else ""
         raise TypeError(f"{owner}.{field} = {value!r}: must be a number{comma} {allowed}") from None
     except OverflowError:  # an integer that no float holds
