@@ -16,7 +16,7 @@ from sledenv import ContactLaw, Settings, Slope, segment, simulate_batch
 from sledenv.kernel.records import OUTCOME
 from sledenv.machine.workers import runner
 from sledenv.simulation import lanes
-from sledenv.simulation.profiles import laid
+from sledenv.simulation.scene import laid
 from tests.bodies import same_bits
 
 LANES = 300

@@ -24,7 +24,7 @@ from sledenv import (
     simulate_blocks,
 )
 from sledenv.kernel.records import REBOUND, TRAJECTORY
-from sledenv.simulation import memory
+from sledenv.simulation import lanes as memory
 
 GIVEN = segment(1.0, 0.1, 0.05, 7.5e-3), ContactLaw(1e6, 0.5, 0.1, 1e-3), Slope(0.2, 8.0)
 LAUNCH = State(0.0, 0.2, 0.4, 1.0, -1.0, 3.0)

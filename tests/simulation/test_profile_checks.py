@@ -11,12 +11,12 @@ import pytest
 from sledenv.kernel.params import ZONE_FIELDS
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.checks import Slopes, checked_descent, checked_lanes
-from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.ride import RideBatch
 from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.support import resting_heights
 
 LAW = ContactLaw(1e6, 0.5, 0.3, 0.0)
 DISC = segment(2.0, 0.5, 0.1, 0.3)

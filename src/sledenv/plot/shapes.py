@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.kernel.records import CONTACT_FORCES, Status
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.scene import State
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw

@@ -20,7 +20,7 @@ from sledenv.kernel.records import (
 )
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent
-from sledenv.simulation.memory import new_log, new_trajectory
+from sledenv.simulation.lanes import new_log, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, Record, descent_of
 from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State

@@ -13,13 +13,22 @@ from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
-from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.lanes import Tables
-from sledenv.simulation.profiles import crests, laid, level_at, vertices_of
 from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone, restitution_of
+from sledenv.simulation.scene import (
+    ContactLaw,
+    Slope,
+    SlopeTable,
+    State,
+    Zone,
+    crests,
+    laid,
+    level_at,
+    restitution_of,
+    vertices_of,
+)
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.support import within_a_turn
+from sledenv.simulation.support import resting_heights, within_a_turn
 
 Bodies = Body | Sequence[Body] | np.ndarray
 Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray

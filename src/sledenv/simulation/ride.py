@@ -14,8 +14,7 @@ from sledenv.kernel.params import Limits
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, CheckedLanes, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import descent_jam
-from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all
-from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_table

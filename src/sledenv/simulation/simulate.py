@@ -13,8 +13,7 @@ from sledenv.kernel.records import OUTCOME, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all
-from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import ContactLaw, Slope, State
