@@ -33,14 +33,13 @@ if TYPE_CHECKING:
     from sledenv.identification.tables import recorded_poses, recorded_rebounds
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, Segment, segment
-    from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.outlines import Arc
     from sledenv.simulation.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
-    from sledenv.simulation.sensitivity import sensitivity
+    from sledenv.simulation.sensitivity import Sensitivity, sensitivity
     from sledenv.simulation.settings import Settings
     from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
@@ -110,8 +109,7 @@ _MODULES = {
     "sledenv.simulation.outlines": ("Arc",),
     "sledenv.simulation.shapes": ("circular_segment", "disc", "hull", "polygon", "rod"),
     "sledenv.simulation.sleds": ("sled",),
-    "sledenv.simulation.derivatives": ("Sensitivity",),
-    "sledenv.simulation.sensitivity": ("sensitivity",),
+    "sledenv.simulation.sensitivity": ("Sensitivity", "sensitivity"),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),
     "sledenv.simulation.ride": ("Ride", "RideBatch"),
     "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),

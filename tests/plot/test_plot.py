@@ -20,11 +20,10 @@ import sledenv
 from sledenv import plot
 from sledenv.kernel.records import Feature
 from sledenv.plot import shapes
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.outlines import Arc, arms_of
+from sledenv.simulation.outlines import Arc, arms_of, mass_properties
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.shapes import rod as round_rod

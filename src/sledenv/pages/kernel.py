@@ -127,15 +127,15 @@ def descent_input(body: Body, law: AnyLaw, slope: Slope, launch: State, settings
     TypeError, ValueError
         As :func:`sledenv.simulate`.
     """
-    body, law, slope, launch, touching, _ = checked_descent(body, law, slope, launch, settings)
-    record = body.record[0]
+    body, _, slope, launch, lanes = checked_descent(body, law, slope, launch, settings)
+    tables, record = lanes.tables(limits_of(body, settings)), body.record[0]
     arcs = [{name: float(record[name][k]) for name in GIVEN} for k in range(int(record["count"]))]
     given = {
         "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
-        "law": touching._asdict(),
+        "law": lanes.kind(*tables.laws[0].tolist())._asdict(),
         "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
         "launch": launch._asdict(),
-        "limits": limits_of(body, settings)._asdict(),
+        "limits": tables.limits._asdict(),
         "solver": settings.solver,
     }
     plain: dict[str, Any] = jsonable(given)

@@ -296,7 +296,7 @@ def _own_bodies(scenario: Scenario) -> list[NamedBody]:
     found = []
     for k, body in enumerate(bodies):
         name = f"body {k + 1} of {scenario.id}" if len(bodies) > 1 else f"body of {scenario.id}"
-        python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else repr(body)
+        python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else body.typed()
         found.append(NamedBody(name, python, body))
     return found
 

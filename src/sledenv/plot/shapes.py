@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, touches_at
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.records import CONTACT_FORCES, Status
 
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one

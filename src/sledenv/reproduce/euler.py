@@ -10,7 +10,7 @@ import numpy as np
 
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent
-from sledenv.simulation.memory import new_log, new_trajectory
+from sledenv.simulation.lanes import new_log, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, Record, descent_of
 from sledenv.simulation.records import (
     FINISH,
@@ -118,8 +118,7 @@ def euler_descent(
     MemoryError
         If ``max_rebounds`` records, or the rows of the trajectory, take more memory than there is.
     """
-    fields = {"max_time": max_time, "max_rebounds": max_rebounds, "sample_interval": sample_interval}
-    settings = changed(None, fields)
+    settings = changed(None, max_time=max_time, max_rebounds=max_rebounds, sample_interval=sample_interval)
     step = checked("euler_descent", "step", step, POSITIVE)
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     checked_choice("record", record, RECORDS)
