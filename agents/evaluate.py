@@ -21,7 +21,7 @@ from sledenv.benchmark.scores import lost, mean
 from sledenv.command.arguments import number
 from sledenv.command.running import app, progress, run, taken
 from sledenv.machine.files import replacing
-from sledenv.pages.tables import aligned
+from sledenv.machine.text_tables import aligned
 
 CONTEXTS = 200
 SEARCHED = 40  # of these, whose best launch is searched: a minute or two of two cores on sled_snow

@@ -24,12 +24,12 @@ from scipy.io import loadmat
 from scipy.spatial import KDTree
 
 from sledenv.identification.comparison import Comparison, Predictor, compare, impact_models, predictive_bands
-from sledenv.identification.figures import plot_errors, plot_residuals
 from sledenv.identification.fitting import profiled, solve
-from sledenv.identification.impact_model import ImpactModel
 from sledenv.identification.objective import Floats, Parameter, Problem
-from sledenv.identification.rebound_fit import Identification
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds, read_rebounds
+from sledenv.identification.plausibility import read_rebounds
+from sledenv.identification.rebound_fit import Identification, ImpactModel
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds
+from sledenv.identification.report import plot_errors, plot_residuals
 from sledenv.machine.files import publish
 from sledenv.plot.style import BLUE, DASHES, INK, ORANGE, RED, WIDTH, styled
 from sledenv.simulation.rigid_impact import velocities_after

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
-_PACKAGES = "sledenv numpy numba llvmlite scipy heyoka mujoco pymunk Box2D gymnasium stable_baselines3 torch"
+_PACKAGES = "sledenv numpy numba llvmlite scipy mujoco pymunk Box2D gymnasium stable_baselines3 torch"
 
 
 def timed(run: Callable[[], Any], units: float, part: float = 0.02, total: float = 0.0) -> Callable[[], float]:

@@ -1,4 +1,4 @@
-"""Time and velocity error a hop on the reference descent: sledenv, integrators and physics engines, one core."""
+"""Time and velocity error a hop on the reference descent: sledenv, the paper's Euler method and physics engines."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import numpy as np
 
 import sledenv
 from perf import engines, show
-from perf.contact_model import START
-from perf.harness import Floats, ratio, spread, take_turns, timed
-from perf.methods import Heyoka, dop853, euler, rk4
+from perf.harness import Floats, spread, take_turns, timed
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, settings, worst
 from perf.scalar_loop import scalar_loop
 from sledenv.reproduce.euler import euler_descent
@@ -21,13 +19,6 @@ from sledenv.reproduce.euler import euler_descent
 ROUNDS = 15
 LOOPED, LANES = 64, 1024  # copies of the reference descent in a compiled loop and in a batch
 BASE = "sledenv compliant, compiled loop"
-BATCH = "sledenv compliant, simulate_batch"
-EULER = "explicit Euler 2.5e-7, bare loop"
-
-# The loosest tolerances that bring a method to errors of the order of 1e-10, heyoka also to its best, DOP853 to 1e-5.
-# Found by trying; what each reaches is measured and stands beside it.
-HEYOKA = {FEW: (1e-7, 1e-14), MANY: (1e-10, 1e-14)}
-DOP853 = {FEW: (1e-10,), MANY: (1e-6, 1e-12)}
 
 SAME, RIGID, OTHER = "the reference's", "rigid surfaces", "the engine's own"
 _COLOURS = {SAME: show.SKY, RIGID: show.PURPLE, OTHER: show.ORANGE}
@@ -53,9 +44,9 @@ def _velocities(rebounds: np.ndarray) -> Floats:
     return np.stack([rebounds[name] for name in ("u_after", "v_after", "omega_after")], axis=-1)
 
 
-def _by_euler(name: str, rebounds: int) -> Peer:
+def _by_euler(rebounds: int) -> Peer:
     run = functools.partial(euler_descent, BODY, LAW, SLOPE, LAUNCH, step=2.5e-7, max_rebounds=rebounds)
-    return Peer(name, SAME, run, lambda: _velocities(run().rebounds))
+    return Peer("explicit Euler 2.5e-7, sledenv", SAME, run, lambda: _velocities(run().rebounds))
 
 
 def _looped(name: str, law: str, rebounds: int, solver: Any) -> Peer:
@@ -67,12 +58,6 @@ def _batch(name: str, law: str, rebounds: int, solver: Any) -> Peer:
     options = settings(solver=solver, max_rebounds=rebounds) | {"keep_rebounds": True}
     run = functools.partial(sledenv.simulate_batch, BODY, LAW, SLOPE, np.tile(LAUNCH, (LANES, 1)), **options)
     return Peer(name, law, run, lambda: _velocities(run().rebounds[-1]), LANES)
-
-
-def method(name: str, function: Callable[..., Floats], *arguments: Any) -> Peer:
-    """A general integrator."""
-    run = functools.partial(function, *arguments)
-    return Peer(name, SAME, run, run)
 
 
 def engine(label: str, name: str, dt: float) -> Peer:
@@ -87,16 +72,12 @@ def engine(label: str, name: str, dt: float) -> Peer:
 
 
 def methods(rebounds: int) -> list[Peer]:
-    """The methods that solve the reference's law, settled rolling included, and all others for the first rebounds."""
+    """Methods that solve the reference's law, settled rolling included, and all others for the first rebounds."""
     found = [
         _looped(BASE, SAME, rebounds, "compliant"),
-        _batch(BATCH, SAME, rebounds, "compliant"),
+        _batch("sledenv compliant, simulate_batch", SAME, rebounds, "compliant"),
         called("sledenv compliant, simulate()", SAME, rebounds),
-        *(method(f"heyoka (Taylor) {tol:.0e}, events in Python", Heyoka(tol), rebounds) for tol in HEYOKA[rebounds]),
-        *(method(f"scipy DOP853 {tol:.0e}, events", dop853, rebounds, tol) for tol in DOP853[rebounds]),
-        method("RK4 2.5e-5, compiled, no events", rk4, START, rebounds, 2.5e-5),
-        method(EULER, euler, START, rebounds, 2.5e-7),
-        _by_euler("explicit Euler 2.5e-7, sledenv", rebounds),
+        _by_euler(rebounds),
     ]
     if rebounds > FEW:
         return found
@@ -115,32 +96,21 @@ def methods(rebounds: int) -> list[Peer]:
 
 
 def rows(peers: Sequence[Peer], rebounds: int, rounds: int) -> list[dict[str, Any]]:
-    """Largest errors of some methods, and their times [s] a hop, round by round."""
+    """Largest errors of some methods, and their times [µs] a hop."""
     os.environ["NUMBA_NUM_THREADS"] = "1"
     errors = [worst(peer.answer(), rebounds) for peer in peers]
     times = take_turns({i: timed(peer.run, peer.copies * rebounds) for i, peer in enumerate(peers)}, rounds)
     found = zip(peers, errors, times.values(), strict=True)
     return [
-        {"name": peer.name, "law": peer.law, "error": error, "us_per_hop": spread(1e6 * own), "times": own}
+        {"name": peer.name, "law": peer.law, "error": error, "us_per_hop": spread(1e6 * own)}
         for peer, error, own in found
     ]
-
-
-def _compared(rebounds: int, rounds: int) -> list[dict[str, Any]]:
-    """Measure all methods; ratios of the times, round by round, stand in place of the times."""
-    found = rows(methods(rebounds), rebounds, rounds)
-    times = {row["name"]: row.pop("times") for row in found}
-    for row in found:
-        own = times[row["name"]]
-        row["times_euler"] = ratio(times[EULER], own)
-        row["slower_than_base"] = ratio(own, times[BASE])
-    return found
 
 
 def measure(rounds: int = ROUNDS) -> dict[str, Any]:
     """Measure for five rebounds, and for twenty those methods that follow the reference so far."""
     tuned = [{"engine": name, "step": dt, "settings": list(given)} for (name, dt), given in engines.TUNED.items()]
-    few, many = _compared(FEW, rounds), _compared(MANY, max(5, rounds // 2))
+    few, many = (rows(methods(count), count, turns) for count, turns in ((FEW, rounds), (MANY, max(5, rounds // 2))))
     return {"rounds": rounds, "few": few, "many": many, "tuned": tuned}
 
 
@@ -176,7 +146,6 @@ def tables(result: dict[str, Any]) -> str:
     """Return the tables of docs/performance.md."""
     columns: show.Columns = {
         "µs a hop": lambda row: show.median(row["us_per_hop"]),
-        "times Euler": lambda row: show.median(row["times_euler"]),
         "velocity error": lambda row: f"{row['error']:.1e}",
     }
     parts = [show.table(rows, {title: lambda row: row["name"], **columns}) for title, rows in _parts(result)]

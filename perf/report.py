@@ -8,7 +8,7 @@ import re
 from perf.harness import ROOT, load
 from perf.show import table
 
-NAMES = ("peers", "accuracy", "scaling", "env", "training", "startup")
+NAMES = ("peers", "env", "training", "startup")
 DOCUMENT = ROOT / "docs" / "performance.md"
 
 

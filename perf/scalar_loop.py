@@ -18,10 +18,8 @@ from numpy.typing import ArrayLike
 from sledenv import Body, ContactLaw, Settings, Slope, State
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import LIBRARY, run_lanes
-from sledenv.kernel.params import RigidLaw
 from sledenv.kernel.records import OUTCOME, REBOUND
 from sledenv.simulation.checks import checked_descent
-from sledenv.simulation.profiles import laid
 from sledenv.simulation.simulate import put_at_launch
 
 # Result and error, which mean nothing; numbers; whether surfaces are rigid; tables with their lengths; work space;
@@ -73,11 +71,11 @@ def scalar_loop(
     """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
     starts = np.array(launches, dtype=float, ndmin=2)
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
-    touching, limits = checked_descent(body, law, slope, State(*starts[0]), settings).touching, settings.limits
+    lanes = checked_descent(body, law, slope, State(*starts[0]), settings).lanes
+    rigid, limits, *_, ground = lanes.tables(settings.limits)
     log = np.zeros(max_rebounds, REBOUND)
-    loop, rigid = _loop(), int(isinstance(touching, RigidLaw))
-    numbers, law_row, slope_row = (np.array(one, float) for one in ((0.0, 0.0, *limits), touching, slope[:3]))
-    ground = laid(slope.vertices)
+    loop = _loop()
+    numbers, law_row, slope_row = (np.array(one, float) for one in ((0.0, 0.0, *limits), lanes.laws[0], slope[:3]))
 
     def run() -> np.ndarray:
         outcomes = np.zeros(len(starts), OUTCOME)

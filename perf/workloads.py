@@ -23,11 +23,11 @@ import numpy as np
 import sledenv
 from perf.env import IDS, SCENARIO, vector
 from perf.harness import timed
-from perf.limit import SCENARIO as CUT_DISC
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, contexts, launches, problem, settings
 from perf.startup import BASE, STEP, first
 
 _LEAST, _SLICE = 0.2, 0.005  # [s] that one timing, and each of its slices, should take
+_CUT_DISC = str(Path(__file__).with_name("cut_disc.yaml"))
 _KIND, _LANES = "SledLaunch", 1024
 _SINGLE = 64  # copies of the reference descent in a compiled loop, and episodes of an environment
 _SAMPLES = 16_384  # of one short training run
@@ -75,8 +75,8 @@ def _scenario(name: str, solver: str) -> Prepared:
 
 def _one_hop(phi: float, around: float) -> Prepared:
     """Prepare drops of a cut disc without spin from orientations around one [rad], up to the rebound."""
-    found = contexts(CUT_DISC, 500, orientation=(phi - around, phi + around), spin=(0.0, 0.0))
-    return _batch(problem(CUT_DISC, found), True, max_rebounds=1)
+    found = contexts(_CUT_DISC, 500, orientation=(phi - around, phi + around), spin=(0.0, 0.0))
+    return _batch(problem(_CUT_DISC, found), True, max_rebounds=1)
 
 
 def episodes() -> Callable[[], list[float]]:

@@ -1,10 +1,14 @@
-"""What a first use of the environments loads."""
+"""What a first use of the environments loads, and that no modules import each other."""
 
 from __future__ import annotations
 
+import ast
 import importlib.metadata
 import subprocess
 import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
 
 import gymnasium
 
@@ -37,3 +41,33 @@ def test_an_episode_without_pictures_loads_no_optional_package() -> None:
     """Oracle: sys.modules of a fresh process."""
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def imported(file: Path) -> Iterator[str]:
+    """Names that a file imports anywhere, in functions, for types and by ``import_module`` too."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module=str(module), names=names):
+                yield from (f"{module}.{alias.name}" for alias in names)
+            case ast.Call(
+                func=ast.Name("import_module") | ast.Attribute(attr="import_module"), args=[ast.Constant(str(name)), *_]
+            ):
+                yield name
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Oracle: the sources have an order in which each needs only what is before it."""
+    home = Path(__file__).parents[1] / "src"
+    files = {".".join(file.relative_to(home).with_suffix("").parts): file for file in home.glob("sledenv/**/*.py")}
+    files = {name.removesuffix(".__init__"): file for name, file in files.items()}
+
+    def module(name: str) -> str:
+        while name and name not in files:
+            name = name.rpartition(".")[0]
+        return name
+
+    needs = {name: {module(one) for one in imported(file)} - {"", name} for name, file in files.items()}
+    assert "sledenv.pages.notebook" in needs["sledenv.pages"]  # in a function
+    assert len(list(TopologicalSorter(needs).static_order())) == len(files)

@@ -8,17 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 import sledenv
-from perf import env, harness, learning, limit, methods, packs, reference, report, trims, versus, workloads
-from perf.contact_model import START
-from sledenv.agents.curve import validation
-from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import load_run
-from sledenv.kernel.records import REBOUND, RUNNING
+from perf import env, harness, reference, report, versus, workloads
 
 
 def test_every_measurement_has_one_turn_a_round_and_the_order_rotates() -> None:
@@ -63,21 +56,6 @@ def test_the_error_of_the_exact_velocities_is_zero_and_a_missing_rebound_counts(
     assert reference.worst(reference.EXACT[:4], 5) == 1.0
     off = reference.EXACT[:5] * (1.0 + 1e-3)
     assert reference.worst(off, 5) == pytest.approx(1e-3)
-
-
-@pytest.mark.jit_only
-def test_an_independent_hybrid_integration_reaches_the_twentieth_rebound() -> None:
-    """Oracle: extended precision. DOP853 with events and its own mode choice, settled rolling included."""
-    assert reference.worst(methods.dop853(20, 1e-12), 20) < 1e-6
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("method", [methods.rk4, methods.euler])
-def test_methods_without_events_converge_to_the_reference(method) -> None:
-    """Oracle: extended precision; an error that falls with the step."""
-    coarse, fine = (reference.worst(method(START, 5, dt), 5) for dt in (1e-4, 2e-6))
-    assert fine < 0.2
-    assert fine < 0.2 * coarse
 
 
 def test_the_performance_page_shows_the_committed_results() -> None:
@@ -188,83 +166,3 @@ def test_all_ways_to_step_run_and_a_bare_simulator_is_compared_with_itself() -> 
     alone = [row for row in rows if row["name"] == row["bare"]]
     assert len(alone) == 4
     assert all(row["of_bare"]["median"] == 1.0 for row in alone)
-
-
-@pytest.mark.jit_only
-def test_foresight_of_no_trim_is_the_descent_alone_and_other_trims_are_felt() -> None:
-    """Oracle: launches that are left alone, and rides that are trimmed by hand."""
-    problem, alone = Problem("sled_mat", "descent"), Problem("sled_mat")
-    trials = problem.trials(problem.contexts("test", 2), "test", 4)
-    actions = np.zeros((2, alone.actions))
-    earned = np.concatenate([trims.foreseen(problem, trials[[i]], actions[[i]]) for i in range(2)])
-    flat = trials.reshape(8, -1)
-    launches = problem.task.launches(flat, np.repeat(actions, 4, axis=0))
-    assert np.array_equal(earned[:, 0], problem.task.descend_batch(flat, launches).jam.reward)
-    rides = problem.task.rides(flat, launches)
-    rides.hop(np.zeros(8))
-    while (rides.outcomes()["status"] == RUNNING).any():
-        rides.hop(problem.task.trims(np.ones(8)))
-    assert np.array_equal(earned[:, 1], rides.descents().jam.reward)
-    assert np.ptp(earned, axis=1).max() > 0.0
-
-
-def test_seconds_to_a_goal_are_those_of_the_first_check_that_reaches_it() -> None:
-    """Oracle: curves written by hand, of which the third never gets there."""
-    curve = pd.DataFrame(
-        [(0, 1.0, 0.5), (0, 2.0, 0.8), (0, 3.0, 0.7), (1, 5.0, 0.9), (2, 9.0, 0.79)],
-        columns=["seed", "seconds", "mean_reward"],
-    )
-    seconds = learning.reached(curve, 0.8)
-    assert seconds == [2.0, 5.0, None]
-    rows = {"a": seconds, "b": seconds[:2], "c": [None]}
-    told = [learning.median(agent, {"seconds": rows}) for agent in "abcd"]
-    assert told == ["5, 2 of 3", "4", "0 of 1", ""]
-
-
-@pytest.mark.jit_only
-def test_the_best_of_runs_is_near_the_best_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the critic itself, and a search all over the box in the very trials of its curve."""
-    monkeypatch.setattr(learning, "DRAWS", 8)
-    monkeypatch.setattr(learning, "TRIED", 4)
-    name = Path("sled_tilt-launch-spin-critic-s0")
-    problem, critic, _ = load_run(name)
-    trials = validation(problem)
-    alone = problem.judge(critic, trials)[0].jam.reward.mean()
-    everywhere = problem.expect(trials[:, np.newaxis], np.tile(np.linspace(-1.0, 1.0, 201)[:, np.newaxis], (128, 1, 1)))
-    assert alone - 0.002 < learning.best_mean([name]) < everywhere.max(axis=1).mean() + 0.002
-
-
-def test_crashes_and_somersaults_of_packs_are_told() -> None:
-    """Oracle: the reward, of which a crash has its progress alone; a disc rolls over, a sled does not."""
-    exact = Problem("sled_tilt", launch_noise=(0.0, 0.0))
-    contexts = exact.contexts("test", 2)
-    rewards, crashed = packs.everywhere(exact, contexts)
-    assert crashed.any(axis=1).all()
-    assert rewards[crashed].max() <= 0.5 < rewards[~crashed].max()
-    points = packs.grid(packs.jam_map(exact, contexts[:1], packs.CELLS)[0].launches)
-    best = points[rewards.argmax(axis=1)]
-    for problem, actions, stays in ((exact, best, True), (Problem("disc"), np.zeros((2, 1)), False)):
-        drawn = problem.contexts("test", 2)
-        batch = problem.task.descend_batch(drawn, problem.task.launches(drawn, actions), keep_rebounds=True)
-        assert packs.upright(batch).tolist() == [stays, stays]
-
-
-def test_descents_part_where_a_rebound_differs() -> None:
-    rebounds = np.zeros((3, limit.REBOUNDS), REBOUND)
-    rebounds["v_before"], rebounds["v_after"] = -2.0, 1.0
-    other = rebounds.copy()
-    other["v_after"][1, 5] += 1.01 * 2.0 * limit.APART
-    other["v_after"][1, 3] += 0.99 * 2.0 * limit.APART
-    other["feature"][2, 2] = 1
-    assert limit.parted(other, rebounds, 0.5).tolist() == [limit.REBOUNDS, 5, 2]
-
-
-@pytest.mark.jit_only
-def test_stiff_springs_end_as_rigid_surfaces_do() -> None:
-    """The figure of docs/physics.md, section 8.3, with few launches; its committed result has all stiffnesses."""
-    points = limit.measure(count=200)["points"]
-    *compliant, rigid = points
-    assert abs(compliant[-1]["status"]["finish"] - rigid["status"]["finish"]) < 0.02
-    assert abs(compliant[-1]["more"]["mean"]) < 1e-3
-    assert compliant[0]["same"][3] < compliant[-1]["same"][3]
-    assert [point["stiffness"] for point in harness.load("limit")["points"]] == [*limit.STIFFNESSES, "rigid"]

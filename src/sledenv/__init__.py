@@ -22,6 +22,7 @@ if sys.argv[:1] == ["-m"]:  # until Python has found the module that it is to ru
 
     _starting.tell_in_one_line()
 
+import sledenv.pages as _pages  # noqa: F401  registers how a notebook shows a descent
 from sledenv.envs import register as _register
 from sledenv.machine.extras import Missing as _Missing
 from sledenv.machine.extras import MissingPackage as _MissingPackage
@@ -29,17 +30,16 @@ from sledenv.machine.extras import MissingPackage as _MissingPackage
 if TYPE_CHECKING:
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
     from sledenv.identification.choice import identify
-    from sledenv.identification.simulated_tables import recorded_poses, recorded_rebounds
-    from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
+    from sledenv.identification.tables import recorded_poses, recorded_rebounds
     from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
     from sledenv.simulation.bodies import Body, Segment, segment
-    from sledenv.simulation.derivatives import Sensitivity
     from sledenv.simulation.outcomes import Descent, DescentBatch
     from sledenv.simulation.outlines import Arc
+    from sledenv.simulation.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
     from sledenv.simulation.ride import Ride, RideBatch
     from sledenv.simulation.rigid_impact import Phase, RigidImpact, rigid_impact
     from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
-    from sledenv.simulation.sensitivity import sensitivity
+    from sledenv.simulation.sensitivity import Sensitivity, sensitivity
     from sledenv.simulation.settings import Settings
     from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
     from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
@@ -102,15 +102,14 @@ __all__ = [
 _MODULES = {
     "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
     "sledenv.identification.choice": ("identify",),
-    "sledenv.identification.simulated_tables": ("recorded_poses", "recorded_rebounds"),
-    "sledenv.kernel.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
+    "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
+    "sledenv.simulation.records": ("STATUS_OF_CODE", "Energy", "Feature", "Mode", "Status"),
     "sledenv.scenarios.scenario": ("Context", "Scenario", "ScenarioError", "load_scenario", "scenario_names"),
     "sledenv.simulation.bodies": ("Body", "Segment", "segment"),
     "sledenv.simulation.outlines": ("Arc",),
     "sledenv.simulation.shapes": ("circular_segment", "disc", "hull", "polygon", "rod"),
     "sledenv.simulation.sleds": ("sled",),
-    "sledenv.simulation.derivatives": ("Sensitivity",),
-    "sledenv.simulation.sensitivity": ("sensitivity",),
+    "sledenv.simulation.sensitivity": ("Sensitivity", "sensitivity"),
     "sledenv.simulation.outcomes": ("Descent", "DescentBatch"),
     "sledenv.simulation.ride": ("Ride", "RideBatch"),
     "sledenv.simulation.rigid_impact": ("Phase", "RigidImpact", "rigid_impact"),

@@ -19,8 +19,9 @@ from sledenv.envs.render import DescentRenderer, _push_words
 from sledenv.kernel.records import Mode, Status
 from sledenv.plot.grounds import bands
 from sledenv.plot.riders import HELMET, TOUCHED
-from sledenv.plot.shapes import arc_centre, film_times, pace, push_at, states_at
+from sledenv.plot.shapes import arc_centre, film_times, pace, push_at
 from sledenv.simulation.bodies import segment
+from sledenv.simulation.interpolation import states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone

@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from sledenv import Body, circular_segment, hull, rigid_impact, segment
-from sledenv.identification.impact_model import ImpactModel
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, read_rebounds
+from sledenv.identification.plausibility import read_rebounds
+from sledenv.identification.rebound_fit import ImpactModel
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from sledenv.simulation.scene import ContactLaw, State
 
 GYRATION = 0.02

@@ -8,9 +8,10 @@ import pytest
 
 from sledenv.command.cli import main
 from sledenv.identification.comparison import Comparison, compare, impact_models, predictive_bands
-from sledenv.identification.figures import plot_errors
-from sledenv.identification.impact_model import ImpactModel
-from sledenv.identification.rebounds import Rebounds, read_rebounds
+from sledenv.identification.plausibility import read_rebounds
+from sledenv.identification.rebound_fit import ImpactModel
+from sledenv.identification.rebounds import Rebounds
+from sledenv.identification.report import plot_errors
 from tests.identification.rebound_tables import GYRATION, rebounding, told_by_arms
 
 
@@ -148,7 +149,7 @@ def test_the_figure_names_every_model() -> None:
 
 
 def test_the_command_compares(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("sledenv.identification.impact_model._FEW_STARTS", 1)
+    monkeypatch.setattr("sledenv.identification.rebound_fit._FEW_STARTS", 1)
     rng = np.random.default_rng(10)
     file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
     rebounding(told_by_arms(rng, 24), rng, 0.02).to_csv(file, index=False)

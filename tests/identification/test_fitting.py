@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sledenv.identification.bootstrap import bootstrap
-from sledenv.identification.fitting import profiled, solve
-from sledenv.identification.intervals import LocalMinimumError
+from sledenv.identification.fitting import LocalMinimumError, bootstrap, profiled, solve
 from sledenv.identification.objective import Parameter, Problem
 
 LINE = (Parameter("slope", "m/s", -5.0, 5.0, 1.0), Parameter("height", "m", -10.0, 10.0, 1.0))

@@ -13,7 +13,8 @@ from scipy.io import savemat
 from examples import planar_impacts
 from examples.planar_impacts import GOAL, GYRATION_RADIUS, MASS, PUBLISHED, read_impacts, slips, study, turned
 from sledenv.identification.comparison import impact_models
-from sledenv.identification.rebounds import Rebounds, read_rebounds
+from sledenv.identification.plausibility import read_rebounds
+from sledenv.identification.rebounds import Rebounds
 
 DATASET = os.environ.get("SLEDENV_PLANAR_IMPACTS")
 

@@ -12,9 +12,9 @@ import pytest
 
 import sledenv
 from sledenv.command.cli import main
-from sledenv.identification.frame import check_frame
-from sledenv.identification.plausibility import other_zero
-from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds, read_rebounds
+from sledenv.identification.flights import check_frame
+from sledenv.identification.plausibility import doubts, other_zero, read_rebounds
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds
 from sledenv.identification.tracks import recordings_of
 from sledenv.simulation.scene import ContactLaw
 from tests.identification.drops import drop, track
@@ -55,7 +55,7 @@ def by_arms(seed: int, noise: float = 0.02) -> Table:
 def said(table: Table, **body: object) -> str:
     """What is said of a table before a fit: the doubts, or why it is refused."""
     try:
-        return " ".join(read_rebounds(table, **body).doubts())  # type: ignore[arg-type]
+        return " ".join(doubts(read_rebounds(table, **body)))  # type: ignore[arg-type]
     except ValueError as error:
         return str(error)
 
@@ -186,7 +186,7 @@ def test_friction_that_drives_a_slip_is_noticed_where_spins_balance() -> None:
     driven = Rebounds(GYRATION, sound.contacts, after, sound.corner, sound.recordings)
     shares = [list(one.balance()["share"]) for one in (sound, driven)]
     assert shares[0][0] == pytest.approx(shares[1][0], abs=0.3)
-    assert any("friction speeds up the slips" in text for text in driven.doubts())
+    assert any("friction speeds up the slips" in text for text in doubts(driven))
 
 
 def test_the_command_tells_doubts_before_it_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

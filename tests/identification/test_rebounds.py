@@ -6,6 +6,7 @@ import json
 import math
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,9 @@ import pytest
 import sledenv
 from sledenv import Body, ContactLaw
 from sledenv.command.cli import main
-from sledenv.identification.rebound_fit import Identification
+from sledenv.identification.fitting import profiled
+from sledenv.identification.plausibility import check_slips, read_rebounds
+from sledenv.identification.rebound_fit import Identification, ImpactModel
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from tests.identification.rebound_tables import (
     DISC,
@@ -254,7 +257,7 @@ def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: 
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has a_m"),
+        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has 'a_m'"),
         (spoilt().rename(columns={"b_m": "b"}), ValueError, "b_m: there is no such column, but b: a column is named w"),
         (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), ValueError, "but omega_before_deg_s"),
         (spoilt("v_before_m_s", value=np.nan), ValueError, "v_before_m_s, row 2: is nan, must be a finite number"),
@@ -269,6 +272,120 @@ def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: 
 def test_a_bad_table_is_refused_by_column_and_row(given: pd.DataFrame, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         identified(given)
+
+
+def test_columns_that_are_there_twice_and_spaces_after_commas(tmp_path: Path) -> None:
+    """Oracle: the table without either."""
+    given, file = table(17, 20), tmp_path / "rebounds.csv"
+    twice = pd.concat([given, given["v_before_m_s"]], axis=1)
+    twice.to_csv(file, index=False)
+    names = pd.DataFrame(0, given.index, ["recording", "recording"])
+    for wrong in (twice, file, pd.concat([given, names], axis=1)):
+        with pytest.raises(ValueError, match=r"(v_before_m_s|recording): there are 2 columns of this name"):
+            identified(wrong)
+    file.write_text(given.assign(recording="one").to_csv(index=False).replace(",", " , "))
+    assert identified(file).values == pytest.approx(identified(given.assign(recording=0)).values, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            10_000,
+            r"the table has 'c0', 'c1', 'c2', .*, 'c11' and 9988 more",
+        ),
+        (1_000_000, "its first line has more than 100000 characters"),
+    ],
+)
+def test_many_wrong_columns_are_refused_in_few_words(tmp_path: Path, columns: int, message: str) -> None:
+    file = tmp_path / "wide.csv"
+    file.write_text(f"{','.join(f'c{i}' for i in range(columns))}\n{'1,' * (columns - 1)}1\n")
+    with pytest.raises(ValueError, match=message) as refused:
+        identified(file)
+    assert len(str(refused.value)) < 300
+
+
+# --- speeds alone ----------------------------------------------------------------------------------------------------
+
+
+def bounces(noise: float) -> pd.DataFrame:
+    rng = np.random.default_rng(3)
+    before = -rng.uniform(1.0, 3.0, 40)
+    return pd.DataFrame({"v_before_m_s": before, "v_after_m_s": -0.7 * before + noise * rng.normal(size=40)})
+
+
+def test_normal_speeds_alone_tell_the_restitution(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the truth; linear least squares with the errors that vary between rebounds (White)."""
+    given = bounces(0.02)
+    found = sledenv.identify(given, fixed={"softening": 0.0}, loss="linear")
+    share = given["v_after_m_s"] / -given["v_before_m_s"]
+    assert found.values["restitution"] == pytest.approx(share.mean(), rel=1e-6)
+    assert found.fit.errors["restitution"] == pytest.approx(share.std(ddof=1) / math.sqrt(40), rel=1e-3)
+    assert found.table.loc["friction", "note"] == "not fitted"
+    assert any("nothing of friction" in text for text in found.warnings)
+    assert sledenv.identify(given, DISC).values["restitution"] == pytest.approx(0.7, abs=0.01)
+    file = tmp_path / "speeds.csv"
+    given.to_csv(file, index=False)
+    assert main(["identify", str(file)]) == 0
+    assert "restitution" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="spins must be given"):
+        sledenv.identify(given, ECCENTRIC)
+    with pytest.raises(ValueError, match="one of them must be given"):
+        sledenv.identify(given.assign(omega_before_rad_s=0.0))
+
+
+def test_times_of_touchdown_alone_tell_the_restitution() -> None:
+    """Oracle: flights that last in a geometric series; each recording by itself."""
+    times = np.cumsum(0.8 ** np.arange(9.0))
+    given = pd.DataFrame({"t_touchdown_s": [*times, *(7.0 + 0.5 * times)], "recording": np.repeat(["a", "b"], 9)})
+    found = sledenv.identify(given)
+    assert len(found.rebounds) == 14
+    assert found.values["restitution"] == pytest.approx(0.8, abs=1e-9)
+    with pytest.raises(ValueError, match="t_touchdown_s, row 9: is 0, must increase within a recording"):
+        sledenv.identify(given.assign(t_touchdown_s=[*times, *(times - times[0])], recording="a"))
+    with pytest.raises(ValueError, match="t_touchdown_s: must have 3 rows or more"):
+        sledenv.identify(given.iloc[:2])
+
+
+# --- laws that are none ----------------------------------------------------------------------------------------------
+
+
+def gripping(n: int, back: float, noise: float, seed: int = 40) -> pd.DataFrame:
+    """Impacts of a ball that ends each slip and gives a share of it back."""
+    rng = np.random.default_rng(seed)
+    b, k = 0.1, 0.1 * math.sqrt(0.4)
+    u, v, omega = rng.uniform(-2.0, 2.0, n), -rng.uniform(1.0, 3.0, n), rng.uniform(-10.0, 10.0, n)
+    impulse = -(1.0 + back) * (u + b * omega) / (1.0 + (b / k) ** 2)
+    after = np.stack([u + impulse, -0.7 * v, omega + b * impulse / k**2])
+    after += noise * rng.normal(size=(3, n)) / [[1.0], [1.0], [k]]
+    rows = zip((*BEFORE, *AFTER), (u, v, omega, *after), strict=True)
+    return pd.DataFrame({"a_m": 0.0, "b_m": b, **dict(rows)})
+
+
+@pytest.mark.parametrize(("back", "noise"), [(0.15, 1e-6), (0.15, 0.03), (0.6, 0.03)])
+def test_slip_that_is_reversed_is_refused_without_a_fit(back: float, noise: float) -> None:
+    with pytest.raises(ValueError, match=r"is reversed in \d+ of 40 rebounds, the first of them in row \d"):
+        sledenv.identify(gripping(40, back, noise), gyration_radius=0.1 * math.sqrt(0.4))
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.9])
+@pytest.mark.parametrize("arm", [0.0, 0.004, 0.05])
+def test_slips_of_a_disc_by_a_law_are_let_be(friction: float, arm: float) -> None:
+    """Oracle: rigid impacts; with the longest arm rolling resistance reverses slips of its own."""
+    given = of_body(DISC, ContactLaw(1e6, 0.0, friction, arm), 0.55, np.random.default_rng(2), 60)
+    rng = np.random.default_rng(3)
+    for noise in (0.0, 0.03):
+        after = given[list(AFTER)] + noise * rng.normal(size=(60, 3)) * [1.0, 1.0, 10.0]
+        noisy = given.assign(**after)
+        check_slips(read_rebounds(noisy, DISC))
+
+
+def test_a_fit_ends_where_a_cost_falls_by_its_rounding() -> None:
+    """Bounces that no law explains, nearly without noise, whose profile had no end."""
+    rebounds = read_rebounds(gripping(40, 0.15, 1e-6), gyration_radius=0.1 * math.sqrt(0.4))
+    fit, intervals = profiled(ImpactModel().fit(rebounds))
+    assert len(fit.starts) < 30
+    assert intervals["restitution"].low <= 0.7 + 1e-4
 
 
 def test_a_body_or_a_radius_of_gyration() -> None:

@@ -11,9 +11,8 @@ from scipy.stats import binom
 
 import sledenv
 from sledenv.command.cli import main
-from sledenv.identification.figures import plot_track_residuals
 from sledenv.identification.flights import flights_of
-from sledenv.identification.report import write_tracks
+from sledenv.identification.report import plot_track_residuals, write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -237,7 +236,7 @@ def bad(**columns: object) -> pd.DataFrame:
 def test_bad_tables_are_refused_by_name() -> None:
     good = bad()
     for table, words in (
-        (good.drop(columns="y_m"), "no column 'y_m'"),
+        (good.drop(columns="y_m"), "y_m: there is no such column"),
         (good.iloc[:5], "5 frames with a pose: must be at least 8"),
         (good.iloc[:0], "0 frames"),
         (good.iloc[::-1], r"t_s = .* in row 1: must increase"),
@@ -285,6 +284,10 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
     assert isinstance(found, TrackFit)
     with pytest.raises(ValueError, match="slope: poses over time need it"):
         sledenv.identify(file, DISC)
+    film = pd.read_parquet(file)
+    for name in ("t_s", "x_m", "y_m", "phi_rad"):
+        with pytest.raises(ValueError, match=f"{name}: there is no such column; poses over time need t_s"):
+            sledenv.identify(film.drop(columns=name), DISC, PLAIN.slope)
     rebounds = pd.DataFrame({"phi_rad": [0.0]})
     with pytest.raises(ValueError, match="a table of rebounds does not need it"):
         sledenv.identify(rebounds, DISC, PLAIN.slope)

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from sledenv import ContactLaw, Slope, State, simulate, sled
-from sledenv.pages.words import story
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.words import story
 from tests.browser import browser, data_of, needs_chromium, wait_until
 
 

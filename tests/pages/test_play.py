@@ -21,9 +21,10 @@ import sledenv
 from sledenv.pages.columns import rebound_columns
 from sledenv.pages.kernel import KERNEL
 from sledenv.pages.play import Mark, Played, play_page
-from sledenv.plot.shapes import drawable_rows, pace
+from sledenv.plot.shapes import pace
 from sledenv.scenarios.configuration import CONFIGS
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate, simulate_batch

@@ -19,19 +19,20 @@ from sledenv.machine.files import replacing
 from sledenv.pages import html
 from sledenv.pages.kernel import descent_input
 from sledenv.pages.replay import Ghost, replay_page, write_replay
-from sledenv.pages.words import mode_name
 from sledenv.plot.energy import energy_layers
 from sledenv.plot.riders import pieces
-from sledenv.plot.shapes import drawable_rows, film_times, push_at, states_at
+from sledenv.plot.shapes import film_times, push_at
 from sledenv.plot.trajectories import touches_in
 from sledenv.reproduce.euler import euler_descent
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
+from sledenv.simulation.words import mode_name
 from tests.bodies import rod
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, patient, wait_until
 from tests.plot.outlined import RIDDEN, descent_of

@@ -20,10 +20,10 @@ import sledenv
 from sledenv import plot
 from sledenv.kernel.records import Feature
 from sledenv.plot import shapes
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.outlines import Arc, arms_of
+from sledenv.simulation.outlines import Arc, arms_of, mass_properties
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.shapes import rod as round_rod
@@ -119,9 +119,9 @@ def test_an_outline_has_few_points_where_few_will_do() -> None:
 
 
 @pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD, *OTHERS.values()])
-def test_reach_is_the_distance_of_the_farthest_point(body: Body) -> None:
+def test_the_size_is_the_distance_of_the_farthest_point(body: Body) -> None:
     distances = np.hypot(*shapes.body_outline(body, 0.0, 0.0, 1.2, 4001).T)
-    assert shapes.reach(body) == pytest.approx(distances.max(), rel=1e-5)
+    assert body.size == pytest.approx(distances.max(), rel=1e-5)
 
 
 @pytest.mark.parametrize("half_angle", [0.3, 0.61, 1.2, math.pi / 2, 1.9, math.pi])
@@ -189,10 +189,10 @@ def test_the_slope_descends_to_the_right_in_the_world() -> None:
 def test_states_between_sparse_rows_follow_the_parabola() -> None:
     """Oracle: a body in free flight."""
     descent = run(DISC, ICE, Slope(0.2, math.inf), (1.0, 50.0, 0.3, 2.0, 5.0, -4.0), max_time=2.0, sample_interval=10.0)
-    rows = shapes.drawable_rows(descent)
+    rows = drawable_rows(descent)
     t = np.linspace(0.0, 2.0, 24)
     assert len(rows) < len(t)
-    x, y, phi, u, v, omega = shapes.states_at(rows, t).T
+    x, y, phi, u, v, omega = states_at(rows, t).T
     assert x == pytest.approx(1.0 + 2.0 * t + 0.5 * 9.81 * math.sin(0.2) * t**2)
     assert y == pytest.approx(descent.launch.y + 5.0 * t - 0.5 * 9.81 * math.cos(0.2) * t**2)
     assert phi == pytest.approx(0.3 - 4.0 * t)
@@ -203,9 +203,9 @@ def test_states_between_sparse_rows_follow_the_parabola() -> None:
 
 def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
     rows = slides.trajectory
-    states = shapes.states_at(rows, rows["t"])
+    states = states_at(rows, rows["t"])
     assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
-    outside = shapes.states_at(rows, [-1.0, 1e9])
+    outside = states_at(rows, [-1.0, 1e9])
     assert outside == pytest.approx(states[[0, -1]])
 
 
@@ -250,7 +250,7 @@ def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
 def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:
     moving = shapes.strobe_states(SEGMENT, slides.trajectory, 0.2)
     times = np.append(np.arange(0.0, slides.time, 0.2), slides.time)
-    expected = shapes.states_at(slides.trajectory, times)
+    expected = states_at(slides.trajectory, times)
     assert moving[-1] == pytest.approx(expected[-1])
     assert all(np.abs(expected - state).max(axis=1).min() < 1e-9 for state in moving)
     assert len(moving) > 5
@@ -267,9 +267,9 @@ def test_a_descent_without_trajectory_is_refused() -> None:
 def test_rows_that_overflowed_are_not_drawn(slides: Descent) -> None:
     trajectory = slides.trajectory.copy()
     trajectory["x"][5], trajectory["u"][7], trajectory["y"][9] = math.nan, math.inf, 1e300
-    assert len(shapes.drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
-    lost = shapes.drawable_rows(replace(slides, trajectory=trajectory[5:6]))
-    assert np.isfinite(shapes.states_at(lost, [0.0])).all()
+    assert len(drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
+    lost = drawable_rows(replace(slides, trajectory=trajectory[5:6]))
+    assert np.isfinite(states_at(lost, [0.0])).all()
 
 
 def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Descent, jams: Descent) -> None:
@@ -349,7 +349,7 @@ def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
     descent = run(SLED, law, Slope(0.1456, 10.0), launch, solver="rigid")  # type: ignore[arg-type]
     assert (descent.rebounds["duration"] > 0.1).any()
     assert (descent.rebounds["feature"] == Feature.CHORD).any()
-    layers = plot.energy_layers(descent, shapes.drawable_rows(descent))
+    layers = plot.energy_layers(descent, drawable_rows(descent))
     sums = np.sum(list(layers.values()), axis=0)
     assert sums == pytest.approx(sums[0], rel=0.03)
 
@@ -357,14 +357,14 @@ def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
 def test_the_flight_into_a_rigid_impact_is_ballistic_to_its_end() -> None:
     """Oracle: a parabola, and the velocities that the rebound recorded before the impact."""
     descent = run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
-    rows, rebound = shapes.drawable_rows(descent), descent.rebounds[0]
+    rows, rebound = drawable_rows(descent), descent.rebounds[0]
     times = np.linspace(0.0, float(rebound["t"]), 50)[:-1]
-    states = shapes.states_at(rows, times)
+    states = states_at(rows, times)
     launch, g = descent.launch, descent.slope.gravity
     along, normal = g * math.sin(0.15), -g * math.cos(0.15)
     assert states[:, 0] == pytest.approx(launch.x + launch.u * times + 0.5 * along * times**2, abs=1e-12)
     assert states[:, 1] == pytest.approx(launch.y + launch.v * times + 0.5 * normal * times**2, abs=1e-12)
-    before, after = shapes.states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
+    before, after = states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
     assert before[3:] == pytest.approx([rebound["u_before"], rebound["v_before"], rebound["omega_before"]])
     assert after[3:] == pytest.approx([rebound["u_after"], rebound["v_after"], rebound["omega_after"]])
 
@@ -488,7 +488,7 @@ def test_flights_of_a_phase_portrait_end_where_the_body_touches(slides: Descent)
     flights = [line for line in angles.lines if line.get_linewidth() == 0.5]
     assert len(flights) == len(slides.rebounds)
     touch = slides.rebounds["t"] - slides.rebounds["duration"]
-    states = shapes.states_at(slides.trajectory, touch)
+    states = states_at(slides.trajectory, touch)
     ends = [line.get_xydata()[-1] for line in flights]
     assert np.array(ends) == pytest.approx(np.stack([np.degrees(states[:, 2]), states[:, 5]], axis=-1), abs=1e-6)
     first = next(line for line in speeds.lines if line.get_linewidth() == 0.5)
@@ -538,7 +538,7 @@ def test_descents_of_any_body_are_drawn(name: str, solver: str) -> None:
     figures += [plot.plot_impact(descent)] + ([plot.plot_penetration(descent)] if solver == "compliant" else [])
     for figure in figures:
         figure.savefig(io.BytesIO(), dpi=40)
-    layers = plot.energy_layers(descent, shapes.drawable_rows(descent))
+    layers = plot.energy_layers(descent, drawable_rows(descent))
     sums = np.sum(list(layers.values()), axis=0)
     assert sums == pytest.approx(sums[0], rel=0.05)
 

@@ -11,8 +11,9 @@ import pytest
 
 from sledenv import plot
 from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, strobe_poses
-from sledenv.plot.shapes import body_outline, drawable_rows, strobe_states
+from sledenv.plot.shapes import body_outline, strobe_states
 from sledenv.simulation.bodies import Body
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outlines import arms_of
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER, sled
 from sledenv.simulation.support import support_height

@@ -247,7 +247,7 @@ def test_a_descent_in_many_calls_is_that_in_one(steps: int, monkeypatch: pytest.
 
 def test_rows_for_which_there_is_no_room_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the message."""
-    monkeypatch.setattr("sledenv.simulation.memory.available", lambda: 1e6)
+    monkeypatch.setattr("sledenv.simulation.lanes.available", lambda: 1e6)
     with pytest.raises(MemoryError, match=r"sample_interval = 1e-06: the \d+ rows of this trajectory take"):
         example(1e-6, max_time=10.0, record="trajectory", sample_interval=1e-6)  # type: ignore[arg-type]
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from sledenv.kernel import outline as kernel
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outlines import (
     Arc,
@@ -21,6 +20,7 @@ from sledenv.simulation.outlines import (
     directions,
     hull_of_circles,
     in_order,
+    mass_properties,
     outline_of,
     shifted,
 )

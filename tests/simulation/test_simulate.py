@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import sys
 from functools import partial
@@ -14,16 +15,14 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sledenv import RideBatch, Settings
+import sledenv
+from sledenv import Settings
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
-from sledenv.kernel import params as kernel_params
 from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
 from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
-from sledenv.simulation import scene
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
-from sledenv.simulation.checks import checked_lanes, checked_law
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -864,8 +863,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    for loop in ("follower", "follow_all"):
-        monkeypatch.setattr(simulate_module, loop, run)
+    monkeypatch.setattr(simulate_module, "follow_all", run)
 
 
 def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
@@ -1014,32 +1012,6 @@ def test_a_bad_batch_is_named_and_nothing_is_simulated(
     assert message in str(caught.value)
 
 
-class OtherLaw(kernel_params.ContactLaw):
-    """A law of another kind than ContactLaw."""
-
-    rules = ContactLaw.rules
-
-
-@pytest.mark.usefixtures("nothing_runs")
-def test_laws_of_several_kinds_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the kind; the message where it does not fit, for there is a rigid limit of ContactLaw alone."""
-    monkeypatch.setattr(scene, "LAWS", (ContactLaw, OtherLaw))
-    other, lane = OtherLaw(*LAW), np.array([LAUNCH])
-    assert [scene.kind_of(law) for law in (other, LAW, tuple(LAW))] == [OtherLaw, ContactLaw, ContactLaw]
-    for law, kind in ((other, OtherLaw), ([other], OtherLaw), (LAW, ContactLaw), (np.array([LAW]), ContactLaw)):
-        assert checked_lanes(DISC, law, INCLINE, lane, Settings()).kind is kind
-    assert type(checked_law(other)) is OtherLaw
-    with pytest.raises(TypeError, match="law holds ContactLaw and OtherLaw: must hold laws of one kind"):
-        simulate_batch(DISC, [LAW, other], INCLINE, [LAUNCH, LAUNCH])
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
-        simulate(DISC, other, INCLINE, LAUNCH, solver="rigid")
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: solver = 'rigid' needs a ContactLaw"):
-        simulate_batch(DISC, other, INCLINE, lane, Settings(solver="rigid"))
-    rides = RideBatch(DISC, LAW, INCLINE, lane)
-    with pytest.raises(TypeError, match="law is of the kind OtherLaw: the rides have a ContactLaw"):
-        rides.launch(np.arange(1), other, INCLINE, lane)
-
-
 @pytest.mark.usefixtures("nothing_runs")
 def test_a_wrong_block_is_named() -> None:
     """Oracle: the message."""
@@ -1100,8 +1072,36 @@ def test_the_times_of_a_trajectory_never_decrease(name, solver):
         assert steps.max() <= 7e-4 * (1.0 + 1e-9)
 
 
-def test_a_descent_is_shown_without_its_logs() -> None:
-    shown = repr(simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory"))
-    assert "status=<Status.FINISH: 'finish'>" in shown
-    assert "energy=Energy(" in shown
-    assert "array" not in shown
+def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:
+    """Oracle: what they are made of; on a slope without end there is no reward to show."""
+    descent = simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory")
+    end, jam, rows = descent.state, float(descent.jam.reward), len(descent.trajectory)
+    assert repr(descent) == (
+        f"Descent(finish at t = {descent.time:.4g} s, x = {end.x:.4g} m; {len(descent.rebounds)} rebounds, "
+        f"{rows} rows of trajectory; reward {jam:.3f})"
+    )
+    assert repr(simulate(DISC, LAW, Slope(0.1), LAUNCH, max_time=0.01)).startswith(
+        "Descent(timeout at t = 0.01 s, x = "
+    )
+    assert "reward" not in repr(simulate(DISC, LAW, Slope(0.1), LAUNCH, max_time=0.01))
+    assert repr(descent.as_batch()) == f"DescentBatch(1 descent: 100.0% finish; mean reward {jam:.3f})"
+    assert repr(simulate_batch(DISC, LAW, INCLINE, np.empty((0, 6)))) == "DescentBatch(0 descents: none)"
+    assert repr(segment(2.0, 0.5, 0.1, 0.3)) == (
+        "Segment(mass 2, radius 0.5, eccentricity 0.1, inertia 0.3, half_angle 3.14159; parts: arc, nose, tail, chord)"
+    )
+    assert repr(sledenv.rod(2.0, 1.5)) == "Body(mass 2, inertia 0.375; parts: nose, tail, bottom, top)"
+
+
+def test_a_batch_spells_the_fields_of_settings_as_one_descent_does() -> None:
+    """Oracle: the same fields in Settings; the errors of simulate, word for word."""
+    fields: Any = {"solver": "rigid", "max_rebounds": 5, "run_out": 1.0, "settle_speed": 0.0}
+    whole = simulate_batch(DISC, LAW, INCLINE, [LAUNCH], Settings(**fields), keep_rebounds=True)
+    assert_same_batch(simulate_batch(DISC, LAW, INCLINE, [LAUNCH], keep_rebounds=True, **fields), whole)
+    (part,) = simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], Settings(max_time=9.0), **fields | {"max_time": 60.0})
+    assert_same_batch(part, whole)
+    for bad in ({"solver": "euler"}, {"max_time": 0.0}, {"colour": 1.0}):
+        wrong: Any = bad
+        with pytest.raises((TypeError, ValueError)) as one:
+            simulate(DISC, LAW, INCLINE, LAUNCH, **wrong)
+        with pytest.raises(one.type, match=re.escape(str(one.value))):
+            simulate_batch(DISC, LAW, INCLINE, [LAUNCH], **wrong)

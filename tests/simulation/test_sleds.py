@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -77,25 +76,6 @@ def test_a_flat_landing_touches_with_the_side_and_with_both_its_ends(solver: Any
     descent = simulate(RIDDEN, ICE, TRACK, launched(phi, 0.3), solver=solver, end_touching=part, max_rebounds=1)
     assert (descent.status == "tumbled") == ends
     assert len(descent.rebounds) == 1
-
-
-def test_rides_and_batches_end_where_single_descents_do() -> None:
-    """Oracle: ``simulate``."""
-    settings = Settings(max_time=20.0, end_touching="rider")
-    launches = [launched(phi, 0.2, 1.0) for phi in (-2.0, -0.3, 0.0, 0.3, 2.0)]
-    singles = [simulate(RIDDEN, ICE, TRACK, launch, settings) for launch in launches]
-    batch = simulate_batch(RIDDEN, ICE, TRACK, launches, settings)
-    rides = RideBatch(RIDDEN, ICE, TRACK, launches, settings)
-    for _ in range(60):
-        rides.hop(np.zeros(len(launches)))
-    for i, single in enumerate(singles):
-        ride = Ride(RIDDEN, ICE, TRACK, launches[i], settings)
-        while ride.status == "running":
-            ride.hop()
-        assert str(single.status) == str(batch.status[i]) == str(ride.status)
-        same_bits(single.outcome, batch.outcomes[i])
-        same_bits(single.outcome, rides.outcomes()[i])
-    assert {"tumbled", "finish"} <= {str(single.status) for single in singles}
 
 
 @pytest.mark.parametrize(

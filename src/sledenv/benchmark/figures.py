@@ -25,11 +25,11 @@ from sledenv.benchmark.scores import (
     rank,
     regrets,
 )
-from sledenv.kernel.records import LOSSES
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
 from sledenv.scenarios.configuration import Pair
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.records import LOSSES
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "zero": (POTENTIAL, "x"),

@@ -17,11 +17,11 @@ from scipy.stats import qmc
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import FLIGHT, Task
-from sledenv.kernel.records import RUNNING
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.records import RUNNING
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]

@@ -30,8 +30,8 @@ from sledenv.benchmark.scores import (
     summary,
     verdicts,
 )
+from sledenv.machine import text_tables
 from sledenv.machine.files import publish
-from sledenv.pages import tables
 from sledenv.pages.html import filled
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def shown(table: pd.DataFrame) -> Table:
         for problem, group in table.groupby(PROBLEM, sort=False)
         for row in group.sort_values("reward", ascending=False, kind="stable").to_dict("records")
     ]
-    return tables.fitted(("scenario", "agent", "seeds", *_LEADING[:_SHOWN]), rows, words=2)
+    return text_tables.fitted(("scenario", "agent", "seeds", *_LEADING[:_SHOWN]), rows, words=2)
 
 
 def _png(figure: Figure) -> bytes:
@@ -192,7 +192,7 @@ def _verdicts(table: pd.DataFrame) -> str:
         ]
         for row in verdicts(table).to_dict("records")
     ]
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _scores(table: pd.DataFrame) -> str:
@@ -209,7 +209,7 @@ def _scores(table: pd.DataFrame) -> str:
         ]
         for row in table.to_dict("records")
     ]
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _separation(results: Results, table: pd.DataFrame) -> str:
@@ -225,7 +225,7 @@ def _separation(results: Results, table: pd.DataFrame) -> str:
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
         numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, row["width"]]
         rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
-    return tables.markdown(names, rows)
+    return text_tables.markdown(names, rows)
 
 
 def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:

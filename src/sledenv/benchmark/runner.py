@@ -20,14 +20,13 @@ from sledenv.benchmark.scores import STATUSES
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
-from sledenv.kernel.entries import LIBRARY
-from sledenv.kernel.records import LOSSES
 from sledenv.machine.blame import GivenCodeError, blaming
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.records import LIBRARY, LOSSES
 from sledenv.simulation.rules import checked_count
 from sledenv.simulation.settings import Solver
 

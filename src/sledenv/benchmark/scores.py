@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from sledenv.kernel.records import LOSSES
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.records import LOSSES
 
 Floats = NDArray[np.float64]
 

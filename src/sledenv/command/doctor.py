@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Final, get_args
 
 from sledenv.compiler.entries import INTERPRETED
-from sledenv.kernel.entries import LIBRARY
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.lanes import num_threads
+from sledenv.simulation.records import LIBRARY
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver

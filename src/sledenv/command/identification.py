@@ -45,7 +45,7 @@ class Shape:
     Parameters
     ----------
     gyration_radius
-        Root of inertia over mass [m].
+        Root of inertia over mass [m]; normal speeds alone do not need it.
     radius
         Of the arc [m] of a disc or a segment; a table with phi_rad needs it.
     eccentricity
@@ -54,7 +54,7 @@ class Shape:
         Of the arc; 180 has no corners.
     """
 
-    gyration_radius: Annotated[float, Parameter(metavar="M"), positive("m")]
+    gyration_radius: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
     radius: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
     eccentricity: Annotated[float, Parameter(metavar="M"), within(1e9, "m")] = 0.0
     half_angle_deg: Annotated[float, Parameter(metavar="DEG"), within(180.0, "deg")] = 180.0
@@ -68,6 +68,8 @@ class Shape:
                 "--radius: is missing, and phi_rad needs it: the radius of the arc [m] of a disc or a segment; "
                 "any other body goes by sledenv.identify(FILE, body, ...) in Python"
             )
+        if self.gyration_radius is None:
+            raise ValueError("--gyration-radius: is missing: root of inertia over mass [m] of the disc or segment")
         inertia = mass * self.gyration_radius**2
         return segment(mass, self.radius, self.eccentricity, inertia, math.radians(self.half_angle_deg))
 
@@ -142,14 +144,14 @@ class Tracks:
         raise ValueError("--position-noise, --angle-noise-deg: both must be given, or none")
 
 
-_USUAL, _NO_TRACKS = Rebounds(), Tracks()
+_NO_SHAPE, _USUAL, _NO_TRACKS = Shape(), Rebounds(), Tracks()
 
 
 def identify(
     file: File,
     /,
     *,
-    shape: Shape,
+    shape: Shape = _NO_SHAPE,
     rebounds: Rebounds = _USUAL,
     tracks: Tracks = _NO_TRACKS,
     fix: Fixed = (),
@@ -161,8 +163,9 @@ def identify(
 
     Fits restitution, friction and rolling arms to what was measured of one body, and prints them with their intervals.
     Columns of a table of rebounds, with their units: u_before_m_s, v_before_m_s, omega_before_rad_s, the same with
-    after, and phi_rad or the arms a_m and b_m of the contact. Of poses over time: t_s, x_m, y_m and phi_rad, in the
-    frame of the slope. recording, which tells recordings apart, is optional.
+    after, and phi_rad or the arms a_m and b_m of the contact. Of a ball or a centred disc v_before_m_s and v_after_m_s
+    alone tell the restitution, and so do times of touchdown, t_touchdown_s. Of poses over time: t_s, x_m, y_m and
+    phi_rad, in the frame of the slope. recording, which tells recordings apart, is optional.
 
     Here phi_rad is that of a disc or a segment, which --radius, --eccentricity and --half-angle-deg tell. Of any other
     body give the arms, or call sledenv.identify(FILE, body) in Python, which takes each Body.
@@ -179,7 +182,7 @@ def identify(
         Write tables and figures into this folder.
     """
     from sledenv.identification.choice import holds_tracks
-    from sledenv.identification.recorded_tables import read_table
+    from sledenv.identification.tables import read_table
     from sledenv.machine.files import publish
 
     table = read_table(file)
@@ -202,15 +205,18 @@ _Fit = tuple[Collection[str], Callable[[], tuple[str, dict[str, Any], Callable[[
 
 def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.comparison import compare
+    from sledenv.identification.plausibility import doubts, read_rebounds
     from sledenv.identification.rebound_fit import identify
-    from sledenv.identification.rebounds import ARMS, POSE, read_rebounds
+    from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, POSE
     from sledenv.identification.report import COMPARED, FILES, write_identification
 
+    if shape.gyration_radius is None and any(name in table for name in (BEFORE[2], AFTER[2])):
+        raise ValueError("--gyration-radius: is missing, and spins need it: root of inertia over mass [m]")
     by_arms = shape.radius is None and (POSE[0] not in table or any(name in table for name in ARMS))
     body = None if by_arms else shape.body(1.0)
     radius = None if body else shape.gyration_radius
     warn = progress("identify: warning")
-    for doubt in read_rebounds(table, body, gyration_radius=radius).doubts():  # a fit may take long
+    for doubt in doubts(read_rebounds(table, body, gyration_radius=radius)):  # a fit may take long
         warn(doubt)
 
     def fit() -> tuple[str, dict[str, Any], Callable[[Path], None]]:
@@ -237,6 +243,7 @@ def _of_rebounds(table: pd.DataFrame, shape: Shape, how: Rebounds, fixed: dict[s
 
 def _of_tracks(table: pd.DataFrame, shape: Shape, how: Tracks, fixed: dict[str, float], seed: int) -> _Fit:
     from sledenv.identification.report import track_files, write_tracks
+    from sledenv.identification.tables import numbered, recorded_names
     from sledenv.identification.tracks import identify_tracks
 
     body, slope, noise = shape.body(how.mass), how.slope(), how.noise()
@@ -248,4 +255,5 @@ def _of_tracks(table: pd.DataFrame, shape: Shape, how: Tracks, fixed: dict[str, 
         data = tables | {"launches": launches, "warnings": found.warnings}
         return str(found), data, lambda folder: write_tracks(found, folder)
 
-    return track_files(table["recording"].nunique() if "recording" in table else 1), fit
+    names = recorded_names(numbered(table))
+    return track_files(1 if names is None else names.nunique()), fit

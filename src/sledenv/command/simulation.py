@@ -92,7 +92,7 @@ def simulate(
     from sledenv.machine.files import publish, replacing, write_table
     from sledenv.pages.as_json import plain_descent
     from sledenv.pages.columns import rebound_columns, trajectory_columns
-    from sledenv.pages.words import story
+    from sledenv.simulation.words import story
 
     asked_for = {"--csv": (csv, trajectory_columns), "--rebounds-csv": (rebounds_csv, rebound_columns)}
     for option, (file, _) in asked_for.items():
@@ -145,8 +145,8 @@ def sensitivity(
     """
     from sledenv.machine.files import replacing
     from sledenv.pages.as_json import plain_sensitivity, plain_setting
-    from sledenv.pages.words import sensitivity_table, setting
     from sledenv.simulation.sensitivity import sensitivity as differentiate
+    from sledenv.simulation.words import sensitivity_table, setting
 
     with ExitStack() as places:
         picture = out and taken(places, "--out", replacing(out, ".png"))
@@ -165,7 +165,7 @@ def sensitivity(
 
 def scenarios(*, json: Json = False) -> None:
     """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
-    from sledenv.pages.tables import fitted
+    from sledenv.machine.text_tables import fitted
     from sledenv.scenarios.scenario import load_scenario, scenario_names
     from sledenv.scenarios.sections import control_words
 

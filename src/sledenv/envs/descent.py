@@ -14,9 +14,9 @@ from sledenv.envs.info import INFO_KEYS, episode_info, only_lane
 from sledenv.envs.inputs import Contexts, checked_actions
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, TaskOptions
-from sledenv.kernel.records import Status
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
 
 

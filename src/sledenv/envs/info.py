@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.envs.inputs import FIELDS, Contexts
-from sledenv.kernel.records import FINISH, LEDGER_FIELDS, REBOUND
 from sledenv.scenarios.scenario import Context
 from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.records import FINISH, LEDGER_FIELDS, REBOUND
 from sledenv.simulation.scene import State
 
 INFO_KEYS: Final = ("context", "launch", "rebounds", "jam", "is_success", "descent")

@@ -18,11 +18,11 @@ from sledenv.envs.info import INFO_KEYS, checked_info, context_info, episode_inf
 from sledenv.envs.inputs import Contexts, checked_actions, read_options
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Task, TaskOptions, check_options
-from sledenv.pages.words import setting, story
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import checked_choice, checked_seed
 from sledenv.simulation.scene import State
+from sledenv.simulation.words import setting, story
 
 _NOTHING = -1.0  # [s] before any time of a film
 

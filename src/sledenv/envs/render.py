@@ -11,23 +11,15 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import Camera, Canvas, panel_height
-from sledenv.kernel.records import Status
-from sledenv.pages.words import mode_name, motion_words, part_name, quantity
 from sledenv.plot.grounds import frictions
 from sledenv.plot.riders import strobe_poses
-from sledenv.plot.shapes import (
-    Push,
-    contact_paths,
-    drawable_rows,
-    film_times,
-    push_at,
-    reach,
-    states_at,
-    to_world,
-)
+from sledenv.plot.shapes import Push, contact_paths, film_times, push_at, to_world
 from sledenv.simulation.bodies import Body
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import Status
 from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.words import mode_name, motion_words, part_name, quantity
 
 if TYPE_CHECKING:
     import pygame
@@ -77,7 +69,7 @@ class DescentRenderer:
     def draw(self, body: Body) -> None:
         """Draw descents of another body from here on, in the same window."""
         self.body = body
-        self._reach = max(reach(body), 1e-6)  # a point mass has none
+        self._reach = max(body.size, 1e-6)  # a point mass has none
 
     def frame(self, descent: Descent, time: float) -> np.ndarray:
         """Draw the sled at one time of a descent.

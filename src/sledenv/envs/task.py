@@ -16,12 +16,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sledenv.envs.inputs import FIELDS, Contexts, Given
-from sledenv.kernel.records import LOG_FULL, OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
+from sledenv.simulation.records import LOG_FULL, OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
 from sledenv.simulation.scene import ContactLaw, Slope, State

@@ -24,7 +24,7 @@ from sledenv.envs.launch import SledLaunch, Snapshot, check_snapshot
 from sledenv.envs.streams import Floats, Lanes, Streams
 from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.scenarios.scenario import Scenario
-from sledenv.simulation.memory import check_room
+from sledenv.simulation.lanes import check_room
 from sledenv.simulation.ride import RideBatch
 from sledenv.simulation.rules import checked_count, checked_seed
 from sledenv.simulation.scene import State

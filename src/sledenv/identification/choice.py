@@ -9,15 +9,29 @@ import pandas as pd
 
 from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebound_fit import identify as identify_rebounds
-from sledenv.identification.recorded_tables import read_table
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, TOUCHDOWN
+from sledenv.identification.tables import listed, read_table
 from sledenv.identification.tracks import POSE, TIME, TrackFit, identify_tracks
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import Slope
 
 
 def holds_tracks(table: pd.DataFrame) -> bool:
-    """Whether a table holds poses over time, by its columns; of rebounds otherwise."""
-    return {TIME, *POSE} <= set(table.columns)
+    """Whether a table holds poses over time, by its columns; of rebounds otherwise.
+
+    Raises
+    ------
+    ValueError
+        If it has some of the columns of poses only, and none of rebounds.
+    """
+    missing = [name for name in (TIME, *POSE) if name not in table.columns]
+    begun = any(name in table.columns for name in (TIME, *POSE[:2]))
+    if missing and begun and not any(name in table.columns for name in (*BEFORE, *AFTER, *ARMS, TOUCHDOWN)):
+        raise ValueError(
+            f"{missing[0]}: there is no such column; poses over time need {', '.join((TIME, *POSE))}, and the table "
+            f"has {listed(table)}"
+        )
+    return not missing
 
 
 def identify(
@@ -53,7 +67,8 @@ def identify(
         table = read_table(table)
     if not holds_tracks(table):
         if slope is not None:
-            raise ValueError(f"slope = {slope!r}: a table of rebounds does not need it; poses over time need {TIME!r}")
+            needed = ", ".join((TIME, *POSE))
+            raise ValueError(f"slope = {slope!r}: a table of rebounds does not need it; poses over time need {needed}")
         return identify_rebounds(table, body, **settings)
     if body is None or slope is None:
         raise ValueError(f"{'body' if body is None else 'slope'}: poses over time need it")

@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.identification.impact_model import ImpactModel
 from sledenv.identification.objective import Floats
-from sledenv.identification.rebounds import Rebounds, read_rebounds
+from sledenv.identification.plausibility import read_rebounds
+from sledenv.identification.rebound_fit import ImpactModel
+from sledenv.identification.rebounds import Rebounds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis
 from sledenv.simulation.rules import checked, checked_count
@@ -160,7 +161,7 @@ def predictive_bands(
     Parameters
     ----------
     model : Predictor
-        Such as an :class:`sledenv.identification.impact_model.ImpactModel`.
+        Such as an :class:`sledenv.identification.rebound_fit.ImpactModel`.
     rebounds : Rebounds
     level : float
         In (0, 1).

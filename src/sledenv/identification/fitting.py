@@ -1,22 +1,25 @@
-"""Fits from several starts: what was found, its covariance and its intervals."""
+"""Fits from several starts: what was found, its covariance, its intervals, and how it varies between data sets."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.optimize import brentq
 
-from sledenv.identification.covariance import Covariance, covariance_at
-from sledenv.identification.intervals import Interval, LocalMinimumError, profile_end
-from sledenv.identification.minimisation import LIMIT, minimise
-from sledenv.identification.objective import Floats, Problem
+from sledenv.identification.objective import LIMIT, Floats, Parameter, Problem, minimise
 from sledenv.simulation.rules import checked, checked_count, checked_seed
 
+_REACH = 1e-6  # of a step's scale: how exactly the end of an interval is found
+_LOWER = 1e-2  # of the rise that an interval allows: a fall of a cost that is more than unfinished minimisation
+ROUNDING = 1e-9  # of a cost: what two minimisations may differ by, and no rise or fall is told below
+AGAIN = 50  # times that a fit goes on from a lower cost at most
 _SAME = 1e-3  # of its scale: values of a parameter that differ by less belong to one minimum
 _EXACT = 1e-8  # a residual that counts as zero
 
@@ -145,7 +148,7 @@ class Fit:
         level = checked("interval", "level", level, (lambda v: (v > 0.0) & (v < 1.0), "in (0, 1)"))
         one = self.problem.parameter(name)
         quantile = float(stats.t.ppf(0.5 + 0.5 * level, self.degrees)) ** 2
-        noise = _EXACT**2 * len(self.clusters)
+        noise = max(_EXACT**2 * len(self.clusters), ROUNDING * self.cost)
         again = [other for other in self.problem.free if other == name or other not in self.on_bound]
         allowed = 0.5 * max(quantile * self._covariance.widening(name, again), noise)
         step = self.errors[name] * np.sqrt(quantile)
@@ -223,10 +226,195 @@ def profiled(fit: Fit, level: float = 0.95, names: Sequence[str] | None = None) 
         In (0, 1).
     names : sequence of str, optional
         Of which parameters; all that are fitted by default.
+
+    Raises
+    ------
+    ValueError
+        If lower costs appear again and again, as where nothing near the parameters explains the data.
     """
-    while True:
+    for _ in range(AGAIN):
         try:
             return fit, {name: fit.interval(name, level) for name in (fit.problem.free if names is None else names)}
         except LocalMinimumError as error:
             further = pd.DataFrame([_row(fit.problem, error.values)])
             fit = _best(fit.problem, pd.concat([further, fit.starts], ignore_index=True))
+    raise ValueError(
+        f"the fit went on from a lower cost {AGAIN} times and found another each time: no such law explains the data"
+    )
+
+
+def bootstrap(fit: Fit, draws: int = 200, seed: int = 0) -> pd.DataFrame:
+    """Fitted parameters of as many data sets, each of recordings drawn with replacement from those of the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        Each drawn data set is fitted from its values.
+    draws : int
+    seed : int
+
+    Returns
+    -------
+    DataFrame
+        One row a draw, one column a fitted parameter.
+
+    Raises
+    ------
+    ValueError
+        If there is one recording only.
+    """
+    checked_count("draws", draws)
+    groups = int(fit.clusters.max()) + 1
+    if groups < 2:
+        raise ValueError("clusters: must be of at least two recordings to draw from")
+    rng = np.random.default_rng(seed)
+    own = np.ones(len(fit.clusters)) if fit.problem.weights is None else fit.problem.weights
+    rows = []
+    for _ in range(draws):
+        times = np.bincount(rng.integers(groups, size=groups), minlength=groups)
+        problem = replace(fit.problem, weights=own * times[fit.clusters])
+        rows.append(minimise(problem, fit.vector).values)
+    return pd.DataFrame(rows, columns=fit.problem.names)[fit.problem.free]
+
+
+class Interval(NamedTuple):
+    """Values that the data do not contradict; an end on a bound of the parameter is not a result of the data."""
+
+    low: float
+    high: float
+    level: float
+    low_on_bound: bool
+    high_on_bound: bool
+
+    @property
+    def note(self) -> str:
+        """Which of its ends are bounds, in words; "" if none is."""
+        ends = (("low", self.low_on_bound), ("high", self.high_on_bound))
+        return ", ".join(f"{end} end is its bound" for end, on_bound in ends if on_bound)
+
+
+class LocalMinimumError(RuntimeError):
+    """A fit turns out to be no global minimum.
+
+    Attributes
+    ----------
+    values : dict
+        Of all parameters, where the cost is lower.
+    """
+
+    def __init__(self, name: str, cost: float, lower: float, values: dict[str, float]) -> None:
+        super().__init__(f"{name} = {values[name]:.6g}: the cost is {lower:.6g}, below {cost:.6g} of the fit")
+        self.values = values
+
+
+def profile_end(problem: Problem, values: Floats, cost: float, one: Parameter, step: float, allowed: float) -> float:
+    """Return the value of a parameter at which the profiled cost has risen by what is allowed, or its bound.
+
+    Parameters
+    ----------
+    problem : Problem
+    values, cost
+        Its minimum.
+    one : Parameter
+        That the cost is profiled along.
+    step : float
+        The first step away from the minimum; negative to look for the lower end.
+    allowed : float
+        Rise of the cost, > 0.
+
+    Raises
+    ------
+    LocalMinimumError
+        If a lower cost appears on the way.
+    """
+    bound = one.high if step > 0.0 else one.low
+    at = float(values[problem.names.index(one.name)])
+    known = {at: (-allowed, values)}  # by its value: rise of the cost over what is allowed, all values
+
+    def rise(value: float) -> float:
+        if value not in known:
+            near = known[min(known, key=lambda other: abs(other - value))][1]
+            held = problem.holding({one.name: value})
+            found = minimise(held, near)
+            if found.cost > cost + allowed:  # where the cost is rough, one start may miss the least
+                found = min(found, minimise(held, values), key=lambda minimum: minimum.cost)
+            known[value] = found.cost - cost - allowed, found.values
+            if found.cost < cost - max(_LOWER * allowed, ROUNDING * cost):
+                raise LocalMinimumError(one.name, cost, found.cost, problem.named(found.values))
+        return known[value][0]
+
+    inside = at
+    while inside != bound:
+        outside = min(max(inside + step, one.low), one.high)
+        if rise(outside) > 0.0:
+            return float(brentq(rise, inside, outside, xtol=_REACH * abs(outside - at), rtol=1e-8))
+        inside = outside
+        step *= 1.6
+    return bound
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """What the covariance of any of the parameters follows from.
+
+    Attributes
+    ----------
+    problem : Problem
+    hessian : ndarray, shape (P, P)
+        Of the cost, by each parameter's scale.
+    variance : ndarray, shape (P, P)
+        Of the gradient of the cost, by scales too.
+    kind : {"sandwich", "model"}
+        How the variance was estimated: see :attr:`sledenv.identification.fitting.Fit.covariance_kind`.
+    degrees : int
+        Degrees of freedom of that estimate.
+    """
+
+    problem: Problem
+    hessian: Floats
+    variance: Floats
+    kind: Literal["sandwich", "model"]
+    degrees: int
+
+    def among(self, names: Sequence[str]) -> Floats:
+        """Covariance of some parameters, the others held; NaN for those that the data say nothing of."""
+        at = [self.problem.names.index(name) for name in names]
+        told = [k for k, row in enumerate(at) if self.hessian[row, row] > 0.0]
+        found = np.full((len(at), len(at)), np.nan)
+        kept = np.ix_([at[k] for k in told], [at[k] for k in told])
+        inverse = np.linalg.pinv(self.hessian[kept], hermitian=True)
+        scales = np.array([self.problem.parameters[at[k]].scale for k in told])
+        found[np.ix_(told, told)] = inverse @ self.variance[kept] @ inverse * np.outer(scales, scales)
+        return found
+
+    def widening(self, name: str, names: Sequence[str]) -> float:
+        """Factor of chi-squared in twice the rise of the profiled cost (Kent 1982): 1 for normal errors of size 1.
+
+        The cost is profiled along one parameter; ``names`` has it and those that are fitted again on the way.
+        """
+        if self.kind == "model" and np.trace(self.hessian) > 0.0:
+            # One factor for all, however little is told of this one.
+            return float(np.trace(self.variance) / np.trace(self.hessian))
+        at = [self.problem.names.index(one) for one in names]
+        hessian, k = self.hessian[np.ix_(at, at)], names.index(name)
+        if not hessian[k, k] > 0.0:
+            return 1.0
+        bare = np.linalg.pinv(hessian, hermitian=True)[k, k] * self.problem.parameter(name).scale ** 2
+        ratio = self.among(names)[k, k] / bare
+        return float(ratio) if np.isfinite(ratio) else 1.0
+
+
+def covariance_at(problem: Problem, values: Floats, clusters: NDArray[np.intp]) -> Covariance:
+    """Estimate the covariance at a minimum; ``clusters`` has the number of the recording of each row, shape (N,)."""
+    scores, hessian = problem.scores(values)
+    fitted = len(problem.free)
+    groups = int(clusters.max()) + 1
+    if groups >= fitted + 2:
+        degrees = groups - fitted
+        sums = np.zeros((groups, len(values)))
+        np.add.at(sums, clusters, scores)
+        sums -= sums.mean(axis=0)  # which is not zero where a parameter is on its bound
+        return Covariance(problem, hessian, sums.T @ sums * groups / degrees, "sandwich", degrees)
+    tamed = problem.tamed(values)
+    degrees = max(tamed.size - fitted, 1)
+    return Covariance(problem, hessian, hessian * float(tamed @ tamed) / degrees, "model", degrees)

@@ -1,19 +1,22 @@
-"""What a recording of rebounds must satisfy whatever the law, and which other sign, unit or zero would mend it."""
+"""Tables of rebounds, read and checked: what they must satisfy whatever the law, and what would mend them."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import minimize_scalar
 
 from sledenv.identification.objective import Floats
-
-if TYPE_CHECKING:
-    from sledenv.identification.rebounds import Rebounds
+from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, POSE, TOUCHDOWN, Rebounds, arms_of
+from sledenv.identification.tables import LARGEST, columns, numbered, place, read_table, recorded_names
+from sledenv.simulation.bodies import Body, made_body
+from sledenv.simulation.rules import Rule, checked
 
 FACTOR = 2.0  # by which the moment of the impulses may differ from the change of spin before it is doubted
 _SURE = 4.0  # standard errors
@@ -28,6 +31,14 @@ _HALF, _CLEARLY = 2.0, 90.0
 _SAME = 1.1  # times the least that is left: as little, as of a body that looks alike from several sides
 _ZEROS = 360  # of orientations that are tried in a turn
 _ENOUGH = 500  # rebounds tell a zero of orientations; more take longer
+_CENTRED = 1e-6  # of the distance of the contact: an arm a that counts as none
+_BACK = 0.05  # of the slip before: what a slip that is reversed is more than
+_GRIPPING = 0.5  # of the slip before: a larger slip after counts as one that never ended
+_BOUNCES = 3  # touchdowns that tell a rebound by the times between them
+_AROUND = np.linspace(-math.pi, math.pi, 33)  # [rad] orientations
+_HALF_GRAVITY = 0.5 * 9.81  # [m/s^2] of it the restitution does not depend
+
+_LENGTH: Rule = (lambda v: (v >= 1.0 / LARGEST) & (v <= LARGEST), f"in [{1.0 / LARGEST:g}, {LARGEST:g}] m")
 
 
 def off_balance(share: float, error: float) -> bool:
@@ -166,3 +177,155 @@ def _scaled(rebounds: Rebounds, arms: tuple[float, ...], velocities: tuple[float
         contacts=rebounds.contacts * factors,
         after=rebounds.after * factors[2:],
     )
+
+
+def doubts(rebounds: Rebounds) -> Iterator[str]:
+    """What is strange about rebounds, whatever the law, a sentence each."""
+    found = list(_contradictions(rebounds))
+    if found:
+        mended = remedy(rebounds)
+        yield from (f"{text}{mended}" for text in found)
+    elif (angle := other_zero(rebounds)) is not None:
+        yield f"the spins would balance far better if {zero_words(angle)}"
+    for what, rows in (
+        ("still approach afterwards", rebounds.opening < 0.0),
+        ("have more energy after than before", rebounds.energy_after > rebounds.speed**2),
+    ):
+        if rows.any():
+            first = rebounds.place(int(np.argmax(rows)))
+            yield f"{np.count_nonzero(rows)} rebounds {what}, the first of them in {first}"
+    if rebounds.normal_alone:
+        yield "normal speeds alone tell the restitution, and nothing of friction and rolling arms"
+
+
+def _contradictions(rebounds: Rebounds) -> Iterator[str]:
+    """What no law explains, taken over all rebounds."""
+    for name, (share, error) in rebounds.balance().iterrows():
+        if off_balance(share, error):
+            yield (
+                f"the spins do not balance: they change by {share:.3g} +- {error:.2g} times the moment of the "
+                f"impulse at the arm {name}, not by 1 times; is the sign of an arm, of omega or of u told wrongly, "
+                "or a unit?"
+            )
+    if friction_drives(rebounds):
+        yield "friction speeds up the slips of the contact point, u + b omega, where it can only slow them"
+
+
+def check_slips(rebounds: Rebounds) -> None:
+    """Refuse rebounds of a body hit below its mass centre whose slips are reversed.
+
+    Friction ends the slip of such a body at most, as the normal impulse does not turn it. Rolling resistance may go on
+    from there: a slip counts as reversed if it is so without what the moment of rolling has added to it, too. Judged
+    are all rebounds, and those alone whose slip ends, or nearly.
+
+    Raises
+    ------
+    ValueError
+    """
+    a, b = rebounds.arms.T
+    slip, after = (of[:, 0] + b * of[:, 2] for of in (rebounds.before, rebounds.after))
+    unrolled = slip + (1.0 + (b / rebounds.gyration_radius) ** 2) * (rebounds.after[:, 0] - rebounds.before[:, 0])
+    rows = np.flatnonzero((np.abs(a) <= _CENTRED * np.abs(b)) & (slip != 0.0))
+    left = np.clip(np.maximum(after[rows] / slip[rows], unrolled[rows] / slip[rows]), -1.0, 1.0)  # of the slip before
+    for some in (np.abs(left) < _GRIPPING, np.abs(left) <= 1.0):
+        weights = slip[rows][some] ** 2
+        if len(weights) < _FEW:
+            continue
+        mean = float(np.average(left[some], weights=weights))
+        error = float(np.linalg.norm(weights * (left[some] - mean)) / weights.sum())
+        if mean < -max(_BACK, _SURE * error):
+            back = rows[some & (left < 0.0)]
+            raise ValueError(
+                f"the table: the slip of the contact point, u + b omega, is reversed in {len(back)} of "
+                f"{len(rebounds)} rebounds, the first of them in {rebounds.place(back[0])}, to {mean:.2g} times what "
+                "it was, on average. Friction can end the slip of a body that is hit below its mass centre, not "
+                "reverse it: no such law explains them"
+            )
+
+
+def read_rebounds(
+    table: pd.DataFrame | str | os.PathLike[str],
+    body: Body | None = None,
+    *,
+    gyration_radius: float | None = None,
+    measured: bool = True,
+) -> Rebounds:
+    """Check a table of rebounds as :func:`sledenv.identify` takes it, but for velocities after unless ``measured``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the column, row or argument, its value and what is allowed.
+    OSError
+        If the file cannot be read.
+    """
+    if not isinstance(table, pd.DataFrame):
+        table = read_table(table)
+    if not len(table):
+        raise ValueError("the table has no rows")
+    table = numbered(table)
+    alone = _normal_speeds(table) if measured else None
+    if alone is None and (body is None) == (gyration_radius is None):
+        raise ValueError("body, gyration_radius: one of them must be given, and one only")
+    if body is not None:
+        body = made_body(body)
+        k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
+    else:
+        k = checked("identify", "gyration_radius", 1.0 if gyration_radius is None else gyration_radius, _LENGTH)
+    phi, corner = np.zeros(0), np.zeros(len(table), bool)
+    if alone is not None:
+        if body is not None and np.abs(arms_of(body, _AROUND)[0][:, 0]).max() > _CENTRED * body.size:
+            raise ValueError(f"body = {body!r}: spins must be given, as it is not hit below its mass centre")
+        table, speeds = alone
+        body, corner = None, np.zeros(len(table), bool)
+        before, after, reach = np.zeros((len(table), 3)), np.zeros((len(table), 3)), np.zeros((len(table), 2))
+        before[:, 1], after[:, 1] = speeds.T
+    else:
+        before = columns(table, BEFORE)
+        after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
+        if body is not None:
+            phi = columns(table, POSE)[:, 0]
+            reach, corner = arms_of(body, phi)
+        else:
+            reach = columns(table, ARMS)
+    names = recorded_names(table)
+    recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]
+    places = np.array([place(table, row) for row in range(len(table))])
+    found = Rebounds(k, np.hstack([reach, before]), after, corner, recordings, places, body, phi)
+    leaving = found.approach <= 0.0
+    if leaving.any():
+        row = int(np.argmax(leaving))
+        raise ValueError(
+            f"{found.place(row)}: the gap opens at {-found.approach[row]:.4g} m/s before the impact, where it must "
+            f"close (v_before - a omega_before < 0); {np.count_nonzero(leaving)} of {len(found)} rows are no rebounds"
+            + (remedy(found) if measured else "")
+        )
+    return found
+
+
+def _normal_speeds(table: pd.DataFrame) -> tuple[pd.DataFrame, Floats] | None:
+    """Rows of a table that has speeds normal to the slope alone, and these before and after [m/s]; None if it has more.
+
+    Times of touchdown alone tell them as well: a flight lasts in proportion to the speed that it begins and ends with.
+    """
+    if any(str(name).startswith("omega") for name in table.columns):
+        return None
+    if BEFORE[1] in table and AFTER[1] in table:
+        return table, columns(table, (BEFORE[1], AFTER[1]))
+    if TOUCHDOWN not in table or any(name in table for name in (*BEFORE, *AFTER)):
+        return None
+    times = columns(table, (TOUCHDOWN,))[:, 0]
+    names = recorded_names(table)
+    recordings = np.zeros(len(table), int) if names is None else pd.factorize(names)[0]
+    rows, speeds = [], []
+    for number in np.unique(recordings):
+        at = np.flatnonzero(recordings == number)
+        lasted = np.diff(times[at])
+        if (lasted <= 0.0).any():
+            row = int(at[int(np.argmax(lasted <= 0.0)) + 1])
+            raise ValueError(f"{TOUCHDOWN}, {place(table, row)}: is {times[row]:g}, must increase within a recording")
+        rows += at[1:-1].tolist()
+        speeds += [(-_HALF_GRAVITY * before, _HALF_GRAVITY * after) for before, after in pairwise(lasted.tolist())]
+    if not rows:
+        raise ValueError(f"{TOUCHDOWN}: must have {_BOUNCES} rows or more of a recording, to tell a rebound")
+    return table.iloc[rows], np.array(speeds)

@@ -1,10 +1,7 @@
-"""Measured rebounds of one body: their table, read and checked, and what is strange about it whatever the law."""
+"""Measured rebounds of one body, and the balance of their spins."""
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
@@ -14,19 +11,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sledenv.identification.objective import Floats
-from sledenv.identification.plausibility import friction_drives, off_balance, other_zero, remedy, zero_words
-from sledenv.identification.recorded_tables import LARGEST, columns, numbered, place, read_table, recorded_names
 from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS
-from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import Rule, checked
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.support import lowest_arms, within_a_turn
 
 BEFORE: Final = tuple(REBOUND_COLUMNS[f"{name}_before"] for name in ("u", "v", "omega"))
 AFTER: Final = tuple(REBOUND_COLUMNS[f"{name}_after"] for name in ("u", "v", "omega"))
 POSE: Final = (TRAJECTORY_COLUMNS["phi"],)
 ARMS: Final = ("a_m", "b_m")
-
-_LENGTH: Rule = (lambda v: (v >= 1.0 / LARGEST) & (v <= LARGEST), f"in [{1.0 / LARGEST:g}, {LARGEST:g}] m")
+TOUCHDOWN: Final = REBOUND_COLUMNS["t_touchdown"]
 
 
 @dataclass(frozen=True)
@@ -121,6 +114,11 @@ class Rebounds:
         energy: Floats = np.sum((self.after * self.scales) ** 2, axis=1)
         return energy
 
+    @property
+    def normal_alone(self) -> bool:
+        """Whether nothing slips, turns or could be turned, so that there is neither friction nor rolling resistance."""
+        return not (self.contacts[:, [0, 1, 2, 4]].any() or self.after[:, [0, 2]].any())
+
     def place(self, row: int) -> str:
         """Return where a rebound was read, such as "line 6" of a file."""
         return str(self.places[row]) if len(self.places) else f"row {row}"
@@ -161,83 +159,6 @@ class Rebounds:
             spread = inverse @ (scores.T @ scores) @ inverse
             found.loc[told, "share"], found.loc[told, "error"] = shares, np.sqrt(np.diag(spread))
         return found
-
-    def doubts(self) -> Iterator[str]:
-        """What is strange about them, whatever the law, a sentence each."""
-        found = list(self._contradictions())
-        if found:
-            mended = remedy(self)
-            yield from (f"{text}{mended}" for text in found)
-        elif (angle := other_zero(self)) is not None:
-            yield f"the spins would balance far better if {zero_words(angle)}"
-        for what, rows in (
-            ("still approach afterwards", self.opening < 0.0),
-            ("have more energy after than before", self.energy_after > self.speed**2),
-        ):
-            if rows.any():
-                first = self.place(int(np.argmax(rows)))
-                yield f"{np.count_nonzero(rows)} rebounds {what}, the first of them in {first}"
-
-    def _contradictions(self) -> Iterator[str]:
-        """What no law explains, taken over all rebounds."""
-        for name, (share, error) in self.balance().iterrows():
-            if off_balance(share, error):
-                yield (
-                    f"the spins do not balance: they change by {share:.3g} +- {error:.2g} times the moment of the "
-                    f"impulse at the arm {name}, not by 1 times; is the sign of an arm, of omega or of u told wrongly, "
-                    "or a unit?"
-                )
-        if friction_drives(self):
-            yield "friction speeds up the slips of the contact point, u + b omega, where it can only slow them"
-
-
-def read_rebounds(
-    table: pd.DataFrame | str | os.PathLike[str],
-    body: Body | None = None,
-    *,
-    gyration_radius: float | None = None,
-    measured: bool = True,
-) -> Rebounds:
-    """Check a table of rebounds as :func:`sledenv.identify` takes it, but for velocities after unless ``measured``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the column, row or argument, its value and what is allowed.
-    OSError
-        If the file cannot be read.
-    """
-    if (body is None) == (gyration_radius is None):
-        raise ValueError("body, gyration_radius: one of them must be given, and one only")
-    if not isinstance(table, pd.DataFrame):
-        table = read_table(table)
-    if not len(table):
-        raise ValueError("the table has no rows")
-    table = numbered(table)
-    phi = np.zeros(0)
-    before = columns(table, BEFORE)
-    after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
-    if body is not None:
-        body = made_body(body)
-        k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
-        phi = columns(table, POSE)[:, 0]
-        reach, corner = arms_of(body, phi)
-    else:
-        k = checked("identify", "gyration_radius", gyration_radius, _LENGTH)
-        reach, corner = columns(table, ARMS), np.zeros(len(table), bool)
-    names = recorded_names(table)
-    recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]
-    places = np.array([place(table, row) for row in range(len(table))])
-    found = Rebounds(k, np.hstack([reach, before]), after, corner, recordings, places, body, phi)
-    leaving = found.approach <= 0.0
-    if leaving.any():
-        row = int(np.argmax(leaving))
-        raise ValueError(
-            f"{found.place(row)}: the gap opens at {-found.approach[row]:.4g} m/s before the impact, where it must "
-            f"close (v_before - a omega_before < 0); {np.count_nonzero(leaving)} of {len(found)} rows are no rebounds"
-            + (remedy(found) if measured else "")
-        )
-    return found
 
 
 def arms_of(body: Body, phi: Floats) -> tuple[Floats, NDArray[np.bool_]]:

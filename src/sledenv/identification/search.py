@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sledenv.identification.fitting import Fit, profiled, solve
+from sledenv.identification.fitting import AGAIN, ROUNDING, Fit, Interval, LocalMinimumError, profiled, solve
 from sledenv.identification.flights import (
     FEWEST,
     LAW,
@@ -23,10 +23,9 @@ from sledenv.identification.flights import (
     lifted,
     likely_laws,
 )
-from sledenv.identification.intervals import Interval, LocalMinimumError
 from sledenv.identification.objective import Floats, Loss, Parameter, Problem
-from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import FINITE, POSITIVE, checked
 from sledenv.simulation.scene import Slope, State
@@ -89,7 +88,7 @@ def parameters_of(
 
 def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[Parameter]:
     """Bounds of a launch: no farther away, nor faster, than the poses are apart."""
-    size, frame = reach(body), float(np.diff(recording.times).min())
+    size, frame = body.size, float(np.diff(recording.times).min())
     middle, wide = (
         np.median(recording.poses, axis=0),
         np.ptp(recording.poses, axis=0) + np.array([size, size, 2.0 * math.pi]),
@@ -324,10 +323,10 @@ def _differ(one: Fit, other: Fit) -> bool:
     )
 
 
-def settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
+def settled(fits: Sequence[Fit], again: int = AGAIN) -> tuple[Fit, dict[str, Interval]]:
     """Return the best fit, and intervals of the law that hold those of all minima that are as good.
 
-    A minimum with a lower cost, here or beside an interval, is where the fit goes on.
+    A minimum with a lower cost, here or beside an interval, is where the fit goes on, so many times at most.
     """
     names = [name for name in fits[0].problem.free if name in (*LAW, STIFFNESS)]
     fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names=names)
@@ -342,8 +341,8 @@ def settled(fits: Sequence[Fit]) -> tuple[Fit, dict[str, Interval]]:
                 intervals = {name: _hull(ends, there.interval(name)) for name, ends in intervals.items()}
             except LocalMinimumError as lower:
                 other = solve(fit.problem, lower.values, starts=1)
-        if other.cost < fit.cost - _EQUAL:
-            return settled([other, fit])
+        if again and other.cost < fit.cost - max(_EQUAL, ROUNDING * fit.cost):
+            return settled([other, fit], again - 1)
     return fit, intervals
 
 

@@ -13,17 +13,15 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from sledenv.identification.fitting import Fit
-from sledenv.identification.flights import FEWEST, LAW, Noise, Recording, law_of
-from sledenv.identification.frame import check_frame
-from sledenv.identification.intervals import Interval
+from sledenv.identification.fitting import Fit, Interval
+from sledenv.identification.flights import FEWEST, LAW, Noise, Recording, check_frame, law_of
 from sledenv.identification.objective import Floats, Loss
-from sledenv.identification.recorded_tables import RECORDING, numbered, numbers, place, recorded_names
 from sledenv.identification.search import CLOSE, STIFFNESS, Model, Search, distinct, known_of, parameters_of, settled
+from sledenv.identification.tables import RECORDING, numbered, numbers, place, recorded_names
 from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import Ghost
-from sledenv.plot.shapes import drawable_rows, reach, states_at
 from sledenv.simulation.bodies import Body, made_body
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rules import (
     POSITIVE,
@@ -110,7 +108,7 @@ def identify_tracks(
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
     limits = checked_bounds(bounds)
     held = known_of(checked_mapping("fixed", fixed), limits, solver)
-    recordings = recordings_of(table, reach(body), known)
+    recordings = recordings_of(table, body.size, known)
     check_frame(body, slope, recordings)
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, limits), loss)
     if solver == "rigid":
@@ -156,7 +154,7 @@ def recordings_of(table: pd.DataFrame, size: float, noise: Noise | None = None) 
     """
     missing = [name for name in (TIME, *POSE) if name not in table.columns]
     if missing:
-        raise ValueError(f"the table has no column {missing[0]!r}: must have {', '.join((TIME, *POSE))}")
+        raise ValueError(f"{missing[0]}: there is no such column; poses over time need {', '.join((TIME, *POSE))}")
     table = numbered(table)
     names = recorded_names(table)
     if names is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sledenv.pages.words import mode_name, part_name
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.outcomes import Descent, ground_name
 from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
+from sledenv.simulation.words import mode_name, part_name
 
 
 def plain_setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, Any]:

@@ -6,10 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from sledenv.kernel.records import CONTACT_LOSSES
-from sledenv.pages.words import mode_name, part_name
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent, ground_name
+from sledenv.simulation.records import CONTACT_LOSSES
+from sledenv.simulation.words import mode_name, part_name
 
 # Fields of TRAJECTORY and how a table calls them; parts of the body are written as words.
 TRAJECTORY_COLUMNS: Final = {

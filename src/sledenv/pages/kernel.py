@@ -20,17 +20,22 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.entries import Table
-from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.entries import LIBRARY
-from sledenv.kernel.geometry import PIECE
-from sledenv.kernel.outline import BODY, GIVEN
-from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, Zone
-from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent, limits_of
-from sledenv.simulation.scene import AnyLaw
-from sledenv.simulation.scene import Slope as AnySlope
-from sledenv.simulation.scene import State as Launch
+from sledenv.simulation.records import (
+    BODY,
+    CONTACT_FORCES,
+    GIVEN,
+    LIBRARY,
+    OUTCOME,
+    PIECE,
+    REBOUND,
+    SPACE,
+    STATUS_OF_CODE,
+    TRAJECTORY,
+    params,
+)
+from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT, Settings
 
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
@@ -45,7 +50,7 @@ _RECORDS: Final = {
     "SPACE": SPACE,
     "TRAJECTORY": TRAJECTORY,
 }
-_TUPLES: Final = (ContactLaw, RigidLaw, Slope, Zone, State, Limits)
+_TUPLES: Final = (params.ContactLaw, params.RigidLaw, params.Slope, params.Zone, params.State, params.Limits)
 _STACK: Final = 1 << 18  # bytes
 _NO_LINKER = "needs the linker wasm-ld: pip install ziglang, or install lld (Debian: apt-get install lld)"
 
@@ -103,9 +108,7 @@ def jsonable(value: Any) -> Any:
             return value
 
 
-def descent_input(
-    body: Body, law: AnyLaw, slope: AnySlope, launch: Launch, settings: Settings = DEFAULT
-) -> dict[str, Any]:
+def descent_input(body: Body, law: AnyLaw, slope: Slope, launch: State, settings: Settings = DEFAULT) -> dict[str, Any]:
     """Return what ``Kernel.descend`` of ``templates/kernel.js`` takes, as JSON can hold it; numbers keep all digits.
 
     Parameters
@@ -124,15 +127,15 @@ def descent_input(
     TypeError, ValueError
         As :func:`sledenv.simulate`.
     """
-    body, law, slope, launch, touching, _ = checked_descent(body, law, slope, launch, settings)
-    record = body.record[0]
+    body, _, slope, launch, lanes = checked_descent(body, law, slope, launch, settings)
+    tables, record = lanes.tables(limits_of(body, settings)), body.record[0]
     arcs = [{name: float(record[name][k]) for name in GIVEN} for k in range(int(record["count"]))]
     given = {
         "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
-        "law": touching._asdict(),
+        "law": lanes.kind(*tables.laws[0].tolist())._asdict(),
         "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
         "launch": launch._asdict(),
-        "limits": limits_of(body, settings)._asdict(),
+        "limits": tables.limits._asdict(),
         "solver": settings.solver,
     }
     plain: dict[str, Any] = jsonable(given)

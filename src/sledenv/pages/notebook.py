@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 
 from sledenv.pages.replay import replay_page
-from sledenv.pages.words import story
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.words import story
 
 _FRAME = '<iframe srcdoc="{page}" title="{title}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 

@@ -12,22 +12,21 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES, Mode
 from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import KERNEL, descent_input, jsonable
 from sledenv.pages.scenes import drawn_body
-from sledenv.pages.words import REBOUND_HEADER, mode_name
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
 from sledenv.simulation.scene import AnyLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, within_a_turn
+from sledenv.simulation.words import REBOUND_HEADER, mode_name
 
 MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0
@@ -297,7 +296,7 @@ def _own_bodies(scenario: Scenario) -> list[NamedBody]:
     found = []
     for k, body in enumerate(bodies):
         name = f"body {k + 1} of {scenario.id}" if len(bodies) > 1 else f"body of {scenario.id}"
-        python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else repr(body)
+        python = f'sledenv.load_scenario("{scenario.id}").all_bodies()[{k}]' if shipped else body.typed()
         found.append(NamedBody(name, python, body))
     return found
 

@@ -7,16 +7,16 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sledenv.kernel.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.machine.files import replacing
 from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
-from sledenv.pages.words import setting
-from sledenv.plot.shapes import drawable_rows
 from sledenv.plot.trajectories import touches_in
 from sledenv.scenarios.sections import BOTH
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.simulation.scene import State
 from sledenv.simulation.settings import DEFAULT
+from sledenv.simulation.words import setting
 
 _COLUMNS: Final = ("t", *State._fields, "normal", "tangential", "rolling", "feature", "slip", "spin", *FLIGHT_LOSSES)
 _AS_RECORDED = (
@@ -68,7 +68,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     else:
         recorded = None
     context = told_setting("as given", 0, given_values(*given), *given[1:])
-    body = NamedBody("body as given", repr(descent.body), descent.body)
+    body = NamedBody("body as given", descent.body.typed(), descent.body)
     return simulating_page(
         page_content([context], [body], descent.law, descent.slope, settings) | ({"kernel": ""} if recorded else {}),
         title=title,

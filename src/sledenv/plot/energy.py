@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sledenv.kernel.records import CONTACT_LOSSES, FLIGHT_LOSSES
-from sledenv.plot.shapes import drawable_rows, to_world
+from sledenv.plot.shapes import to_world
 from sledenv.plot.style import (
     BLUE,
     GREEN,
@@ -24,7 +23,9 @@ from sledenv.plot.style import (
     styled,
 )
 from sledenv.plot.trajectories import kinetic, touches_in
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

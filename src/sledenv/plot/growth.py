@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, PURPLE, RED, SKY, WIDTH, outcome, styled
-from sledenv.simulation.derivatives import LAUNCH, Sensitivity
+from sledenv.simulation.sensitivity import LAUNCH, Sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

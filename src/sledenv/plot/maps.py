@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.kernel.records import Mode
 from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, PURPLE, RED, SKY, WIDTH, styled
+from sledenv.simulation.records import Mode
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

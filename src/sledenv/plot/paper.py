@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.shapes import body_outline, drawable_rows, strobe_states, to_world
+from sledenv.plot.shapes import body_outline, strobe_states, to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -25,6 +25,7 @@ from sledenv.plot.style import (
     styled,
 )
 from sledenv.plot.trajectories import contact_rows, opening
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Where the body is, what it looks like and how it is touched: what figures, renderer and replay share."""
+"""What the body looks like, how it is touched and how fast it is shown: what figures, renderer and replay share."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.kernel.records import CONTACT_FORCES, Status
-from sledenv.simulation.areas import mass_properties
 from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, touches_at
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import State
+from sledenv.simulation.outlines import mass_properties
+from sledenv.simulation.records import CONTACT_FORCES, Status
 
-_DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
-_LATE = 1e-9  # [s] rounding of the beginning of a contact, which is its end less its duration
 _DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
 HOLD = 0.6  # [s] that an impact stays on the screen at least
 HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
@@ -163,11 +161,6 @@ def _middle(body: Body) -> tuple[float, float]:
         return x, y
 
 
-def reach(body: Body) -> float:
-    """Return the largest distance [m] of a point of the body from its mass centre."""
-    return body.size
-
-
 def to_world(points: ArrayLike, angle: float) -> np.ndarray:
     """Rotate slope-frame points so that the slope descends to the right.
 
@@ -186,72 +179,6 @@ def to_world(points: ArrayLike, angle: float) -> np.ndarray:
     along, normal = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.stack([along * cosine + normal * sine, normal * cosine - along * sine], axis=-1)
-
-
-def drawable_rows(descent: Descent) -> np.ndarray:
-    """Return the rows of the trajectory that can be drawn, at least one: a numerical overflow is left out.
-
-    An impact without duration has two rows, the state before it and the state after.
-
-    Raises
-    ------
-    ValueError
-        If the descent was simulated without ``record="trajectory"``.
-    """
-    rows = descent.trajectory
-    if len(rows) == 0:
-        raise ValueError('the descent has no trajectory: simulate(..., record="trajectory") keeps it')
-    values = np.stack([rows[name] for name in ("t", *State._fields)])
-    drawable = (np.abs(values) < _DRAWABLE).all(axis=0)  # False for NaN
-    if drawable.any():
-        return _with_states_before_impacts(rows[drawable], descent.rebounds)
-    row = rows[:1].copy()
-    for name in ("t", *State._fields):
-        row[name] = np.clip(np.nan_to_num(row[name]), -_DRAWABLE, _DRAWABLE)
-    return row
-
-
-def _with_states_before_impacts(rows: np.ndarray, rebounds: np.ndarray) -> np.ndarray:
-    impacts = rebounds[rebounds["duration"] == 0.0]
-    places = np.searchsorted(rows["t"], impacts["t"])
-    known = places < len(rows)
-    known[known] = rows["t"][places[known]] == impacts["t"][known]
-    impacts, places = impacts[known], places[known]
-    before = np.zeros(len(impacts), rows.dtype)
-    for name in ("t", "x", "y", "phi"):
-        before[name] = rows[name][places]
-    for rate in State._fields[3:]:
-        before[rate] = impacts[f"{rate}_before"]
-    return np.insert(rows, places, before)
-
-
-def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:
-    """Interpolate a trajectory.
-
-    Parameters
-    ----------
-    rows : ndarray of TRAJECTORY, shape (m,)
-        At least one row.
-    times : array_like, shape (n,)
-        Times [s]; those outside the trajectory take its ends.
-
-    Returns
-    -------
-    ndarray, shape (n, 6)
-        Columns as in :class:`State`. Positions follow the recorded velocities, which is exact in flight.
-    """
-    when = np.asarray(times, dtype=float)
-    i = np.clip(np.searchsorted(rows["t"], when, side="right") - 1, 0, max(len(rows) - 2, 0))
-    j = np.minimum(i + 1, len(rows) - 1)
-    step = rows["t"][j] - rows["t"][i]
-    s = np.clip(np.divide(when - rows["t"][i], step, out=np.zeros_like(when), where=step > 0.0), 0.0, 1.0)
-    columns = []
-    for name, rate in zip(State._fields[:3], State._fields[3:], strict=True):
-        start, end = rows[name][i], rows[name][j]
-        bend = step * s * (1.0 - s) * ((1.0 - s) * rows[rate][i] - s * rows[rate][j])
-        columns.append(start + s * s * (3.0 - 2.0 * s) * (end - start) + bend)
-    columns += [rows[rate][i] + s * (rows[rate][j] - rows[rate][i]) for rate in State._fields[3:]]
-    return np.stack(columns, axis=-1)
 
 
 def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float = _DISTINCT) -> np.ndarray:
@@ -276,7 +203,7 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float
     start, end = float(rows["t"][0]), float(rows["t"][-1])
     times = start + interval * np.arange(max(1, math.ceil((end - start) / interval - 1e-9)))
     states = states_at(rows, np.append(times, end))
-    size = reach(body)
+    size = body.size
     weights = np.array([1.0, 1.0, size]) / max(size, 1e-9)
     kept = [len(states) - 1]
     for i in range(len(states) - 2, -1, -1):
@@ -314,39 +241,9 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
         if until < rebound["t"]:
             now = touches_at(rows, until)[0]
             path = np.append(path, [(now["x"], now["y"])], axis=0)
-        jumps = np.hypot(*np.diff(path[: len(within)], axis=0).T) > _SAME * reach(descent.body)
+        jumps = np.hypot(*np.diff(path[: len(within)], axis=0).T) > _SAME * descent.body.size
         paths.append(np.insert(path, np.flatnonzero(jumps & (np.diff(within["t"]) == 0.0)) + 1, np.nan, axis=0))
     return paths
-
-
-def rows_of(rebound: np.void, rows: np.ndarray, until: float = math.inf) -> np.ndarray:
-    """Return the rows of a rebound in which something touches."""
-    begin, end = rebound["t_touchdown"], min(rebound["t"], until)
-    first, last = np.searchsorted(rows["t"], begin - _LATE), np.searchsorted(rows["t"], end, side="right")
-    found: np.ndarray = rows[first:last]
-    return found[found["touching"] > 0]
-
-
-def touches_at(rows: np.ndarray, time: float) -> np.ndarray:
-    """Return the contacts that there are at ``time`` [s], of CONTACT_FORCES, interpolated between two rows.
-
-    Parameters
-    ----------
-    rows : ndarray of TRAJECTORY, shape (m,)
-        At least one row.
-    time : float
-        Within them.
-    """
-    i = max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)
-    j = min(i + 1, len(rows) - 1)
-    now: np.ndarray = rows["contacts"][i, : rows["touching"][i]].copy()
-    then = rows["contacts"][j, : rows["touching"][j]]
-    step = float(rows["t"][j] - rows["t"][i])
-    if step > 0.0 and len(now) == len(then) and (now[["part", "ground"]] == then[["part", "ground"]]).all():
-        share = (time - float(rows["t"][i])) / step
-        for name in ("x", "y", "normal_x", "normal_y", "normal", "tangential"):
-            now[name] += share * (then[name] - now[name])
-    return now
 
 
 def push_at(descent: Descent, time: float) -> Push | None:

@@ -10,17 +10,9 @@ import numpy as np
 
 from sledenv.plot.grounds import LINE, bands
 from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, strobe_poses
-from sledenv.plot.shapes import (
-    body_outline,
-    contact_paths,
-    drawable_rows,
-    heavy_side,
-    placed,
-    reach,
-    spoke,
-    to_world,
-)
+from sledenv.plot.shapes import body_outline, contact_paths, heavy_side, placed, spoke, to_world
 from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, styled
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
 
@@ -132,7 +124,7 @@ def _round_interval(interval: float) -> float:
 
 def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
     """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
-    size = reach(descent.body)
+    size = descent.body.size
     path = np.stack([rows["x"], rows["y"]], axis=-1)
     below = path * (1.0, 0.0)
     ends = [(0.0, 0.0), (descent.slope.length, 0.0)] if whole and math.isfinite(descent.slope.length) else path[:1]

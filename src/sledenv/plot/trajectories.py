@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.plot.shapes import drawable_rows, rows_of
 from sledenv.simulation.bodies import Body
+from sledenv.simulation.interpolation import drawable_rows, rows_of
 from sledenv.simulation.outcomes import Descent, contacts_in, ground_name
 from sledenv.simulation.support import lowest_arms
 

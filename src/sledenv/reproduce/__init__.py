@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sledenv.machine.files import publish, write_csv
-from sledenv.pages.tables import markdown
+from sledenv.machine.text_tables import markdown
 from sledenv.reproduce import cases
 from sledenv.reproduce.euler import euler_descent
 from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows

@@ -8,7 +8,11 @@ from typing import Final, Literal, NamedTuple, get_args
 import numba
 import numpy as np
 
-from sledenv.kernel.records import (
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import checked_descent
+from sledenv.simulation.lanes import new_log, new_trajectory
+from sledenv.simulation.outcomes import RECORDS, Descent, Record, descent_of
+from sledenv.simulation.records import (
     FINISH,
     LOG_FULL,
     NON_FINITE,
@@ -18,10 +22,6 @@ from sledenv.kernel.records import (
     TRAJECTORY,
     Mode,
 )
-from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import checked_descent
-from sledenv.simulation.memory import new_log, new_trajectory
-from sledenv.simulation.outcomes import RECORDS, Descent, Record, descent_of
 from sledenv.simulation.rules import POSITIVE, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT, changed
@@ -118,8 +118,7 @@ def euler_descent(
     MemoryError
         If ``max_rebounds`` records, or the rows of the trajectory, take more memory than there is.
     """
-    fields = {"max_time": max_time, "max_rebounds": max_rebounds, "sample_interval": sample_interval}
-    settings = changed(None, fields)
+    settings = changed(None, max_time=max_time, max_rebounds=max_rebounds, sample_interval=sample_interval)
     step = checked("euler_descent", "step", step, POSITIVE)
     checked_choice("friction_sign", friction_sign, get_args(FrictionSign))
     checked_choice("record", record, RECORDS)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from sledenv.closed_forms.wheel import collide_wheel
-from sledenv.kernel.records import Feature, Status
 from sledenv.machine.files import write_csv
 from sledenv.plot import (
     plot_convergence,
@@ -26,6 +25,7 @@ from sledenv.plot import (
 from sledenv.reproduce import cases
 from sledenv.reproduce.euler import FrictionSign
 from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.records import Feature, Status
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import State
 from sledenv.simulation.simulate import simulate

@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sledenv.closed_forms.wheel import collide_wheel
-from sledenv.kernel.records import Feature, Status
 from sledenv.reproduce import cases
 from sledenv.reproduce.cases import Floats
 from sledenv.reproduce.euler import FrictionSign
 from sledenv.simulation.outcomes import Descent, DescentBatch
+from sledenv.simulation.records import Feature, Status
 from sledenv.simulation.rigid_impact import rigid_impact
 
 _SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")

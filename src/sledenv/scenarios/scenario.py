@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from sledenv.kernel import params
-from sledenv.kernel.ground import MOST_ZONES
 from sledenv.scenarios.configuration import Document, Pair
 from sledenv.scenarios.sections import (
     AnyBody,
@@ -30,6 +28,7 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.simulation.bodies import Body, records_of
+from sledenv.simulation.records import MOST_ZONES, params
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.settings import Settings, Solver

@@ -9,9 +9,9 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
-from sledenv.kernel.outline import MOST_ARCS
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
+from sledenv.simulation.records import MOST_ARCS
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 

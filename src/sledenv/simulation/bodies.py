@@ -18,7 +18,7 @@ from sledenv.simulation.outlines import (
     directions,
     outline_of,
 )
-from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows
+from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows, checked_table, is_frame
 
 HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
@@ -126,9 +126,14 @@ class Body:
     def __hash__(self) -> int:
         return hash((type(self), self._values()))
 
-    def __repr__(self) -> str:
+    def typed(self) -> str:
+        """Return the Python that makes it anew."""
         values = (f"{field}={value!r}" for field, value in zip(self.fields, self._values(), strict=True))
         return f"{type(self).__name__}({', '.join(values)})"
+
+    def __repr__(self) -> str:
+        numbers = (f"{field} {getattr(self, field):.6g}" for field in self.fields if field != "arcs")
+        return f"{type(self).__name__}({', '.join(numbers)}; parts: {', '.join(self.parts)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._values()
@@ -232,7 +237,7 @@ def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str
     """
     if isinstance(bodies, Body):
         return bodies.record
-    if isinstance(bodies, np.ndarray):
+    if isinstance(bodies, np.ndarray) or is_frame(bodies):
         return _records_of_table(bodies, lanes, name)
     given: Any = bodies
     if isinstance(given, str | bytes) or not isinstance(given, Sequence):
@@ -248,19 +253,14 @@ def _check_count(bodies: Any, lanes: int, name: str) -> None:
         raise ValueError(f"{name} has no row: give one Body for all where there are no launches")
 
 
-def _records_of_table(table: np.ndarray, lanes: int, name: str) -> np.ndarray:
+def _records_of_table(table: Any, lanes: int, name: str) -> np.ndarray:
     """Records that are complete, or of the segments that rows of numbers are."""
-    if table.dtype == BODY and table.ndim == 1:
+    if isinstance(table, np.ndarray) and table.dtype == BODY and table.ndim == 1:
         if len(table) != 1:
             _check_count(table, lanes, name)
         return np.ascontiguousarray(table)
-    columns = f"columns {', '.join(Segment.fields)}"
-    if table.dtype.kind not in "biuf":
-        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, {columns}")
-    if table.ndim != 2 or table.shape[1] != len(Segment.fields):
-        raise ValueError(f"{name} has shape {table.shape}: must be (N, {len(Segment.fields)}), {columns}")
-    _check_count(table, lanes, name)
-    rows = table.astype(float)
+    rows = checked_table(name, table, Segment.fields)
+    _check_count(rows, lanes, name)
     check_bodies(f"{name}[{{lane}}]", rows)
     return segment_records(rows)
 

@@ -11,53 +11,113 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.params import SLOPE_FIELDS, Law, Limits, RigidLaw
+from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
-from sledenv.simulation.clearance import resting_heights
-from sledenv.simulation.profiles import crests, level_at, vertices_of
-from sledenv.simulation.rules import checked_rows, made, or_absent
-from sledenv.simulation.scene import AnyLaw, ContactLaw, Slope, SlopeTable, State, Zone, kind_of, restitution_of
+from sledenv.simulation.lanes import Tables
+from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
+from sledenv.simulation.scene import (
+    ContactLaw,
+    Slope,
+    SlopeTable,
+    State,
+    Zone,
+    crests,
+    laid,
+    level_at,
+    restitution_of,
+    vertices_of,
+)
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.support import within_a_turn
+from sledenv.simulation.support import resting_heights, within_a_turn
 
 Bodies = Body | Sequence[Body] | np.ndarray
-Laws = AnyLaw | Sequence[AnyLaw] | np.ndarray
+Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray | SlopeTable
 
+_ASYMMETRY, _RESTITUTION = ContactLaw._fields.index("asymmetry"), Zone._fields.index("restitution")
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 _SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
+
+
+class CheckedLanes(NamedTuple):
+    """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
+
+    kind: type[Law]  # of the rows of laws
+    bodies: np.ndarray  # of kernel.outline.BODY
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+    vertices: np.ndarray  # of the profile that all of them have, shape (n, 2)
+
+    def tables(self, limits: Limits) -> Tables:
+        """Return what the loop over lanes takes."""
+        rigid = int(self.kind is RigidLaw)
+        return Tables(rigid, limits, self.bodies, self.laws, self.slopes, self.launches, laid(self.vertices))
 
 
 class CheckedDescent(NamedTuple):
     """What one descent is of."""
 
     body: Body
-    law: AnyLaw  # as it was given
+    law: ContactLaw  # as it was given
     slope: Slope
     launch: State
-    touching: Law  # as the kernel follows it
-    vertices: np.ndarray  # of the profile, shape (n, 2)
+    lanes: CheckedLanes  # one, for the kernel
 
 
-def checked_descent(body: Body, law: AnyLaw, slope: Slope, launch: State, settings: Settings) -> CheckedDescent:
-    """Check what one descent is given.
+class _Names(NamedTuple):
+    """What messages call things; ``{lane}`` becomes the number of a lane."""
+
+    body: str
+    law: str
+    slope: str
+    launch: str
+
+
+_ONE, _MANY = (
+    _Names("body", "law", "Slope", "State"),
+    _Names(*(f"{name}[{{lane}}]" for name in ("body", "law", "slope", "launches"))),
+)
+
+
+def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, settings: Settings) -> CheckedDescent:
+    """Check what one descent is given: lane 0 of a batch of one.
 
     Raises
     ------
     TypeError, ValueError
         Naming the argument or its field, the value and the allowed range.
     """
-    body, law, slope = made_body(body), checked_law(law), made("slope", Slope, slope)
-    launch, vertices = made("launch", State, launch), slope.vertices
-    _check_solver(type(law), settings.solver)
-    if law.asymmetry == 1.0 or any(zone.restitution == 0.0 for zone in slope.zones):
-        _check_bounce("law", "Slope", np.array([law]), np.array([slope.row]), settings.solver)
-    _check_ground("body", "Slope", body.record, np.array([slope.length]), vertices, settings.solver)
-    launch = _admitted(body, slope, launch, vertices)
-    touching: Law = law
-    if settings.solver == "rigid":
-        touching = RigidLaw._make(map(float, _stiff_limit(body.size, law, slope, settings.settle_speed)))
-    return CheckedDescent(body, law, slope, launch, touching, vertices)
+    body, law, slope = made_body(body), made("law", ContactLaw, law), made("slope", Slope, slope)
+    launch = made("launch", State, launch)
+    if not math.isfinite(sum(launch)):  # as that of an outcome may be
+        launch = State(*launch)
+    row = np.array([[*law, *slope.row, *launch]])
+    rows = row[:, : len(law)], row[:, len(law) : -len(launch)], row[:, -len(launch) :]
+    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, slope.vertices), settings)
+    return CheckedDescent(body, law, slope, State.found(lanes.launches[0].tolist()), lanes)
+
+
+def checked_lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> CheckedLanes:
+    """Check what N lanes are given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument or the lane, the value and the allowed range.
+    """
+    starts = checked_table("launches", launches, State._fields, State.rules)
+    count = len(starts)
+    rows = records_of(body, count), _rows_of_laws(law, count), _rows_of_slopes(slope, count)
+    return _allowed(_MANY, CheckedLanes(params.ContactLaw, *rows, starts, _vertices_of_all(slope)), settings)
+
+
+def _allowed(names: _Names, lanes: CheckedLanes, settings: Settings) -> CheckedLanes:
+    """Return lanes whose fields have been checked, as the solver follows them, if they are allowed together."""
+    _check_bounce(names, lanes, settings.solver)
+    _check_ground(names, lanes, settings.solver)
+    _admit(names, lanes)
+    return _stiff_limit(lanes, settings.settle_speed) if settings.solver == "rigid" else lanes
 
 
 def limits_of(body: Bodies, settings: Settings) -> Limits:
@@ -83,111 +143,24 @@ def limits_of(body: Bodies, settings: Settings) -> Limits:
     return settings.limits._replace(end_part=float(max(codes, default=0)))
 
 
-def checked_law(law: AnyLaw) -> AnyLaw:
-    """Return a contact law whose fields have been checked, or raise TypeError or ValueError."""
-    return made("law", kind_of(law), law)
-
-
-class CheckedLanes(NamedTuple):
-    """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
-
-    kind: type[Law]  # of the rows of laws
-    bodies: np.ndarray  # of kernel.outline.BODY
-    laws: np.ndarray
-    slopes: np.ndarray
-    launches: np.ndarray
-    vertices: np.ndarray  # of the profile that all of them have, shape (n, 2)
-
-    def like(self) -> Law:
-        """Return any law of the kind."""
-        return self.kind(*self.laws[0])
-
-
-def checked_lanes(
-    body: Bodies,
-    law: Laws,
-    slope: Slopes,
-    given: ArrayLike,
-    settings: Settings,
-) -> CheckedLanes:
-    """Check what N lanes are given.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument or the lane, the value and the allowed range.
-    """
-    launches = checked_table("launches", given, State._fields)
-    kind = _kind_of_all(law)
-    _check_solver(kind, settings.solver)
-    bodies = records_of(body, len(launches))
-    laws = _rows("law", kind, law, len(launches))
-    slopes, vertices = _rows_of_slopes(slope, len(launches)), _vertices_of_all(slope)
-    _check_bounce("law[{lane}]", "slope[{lane}]", laws, slopes, settings.solver)
-    rigid = settings.solver == "rigid"
-    if rigid:
-        columns = params.ContactLaw._make(laws.T), params.Slope._make(slopes.T[:SLOPE_FIELDS])
-        laws = np.stack(np.broadcast_arrays(*_stiff_limit(bodies["size"], *columns, settings.settle_speed)), axis=-1)
-    checked_rows("launches[{lane}]", State, launches)
-    _check_ground("body[{lane}]", "slope[{lane}]", bodies, slopes[:, 1], vertices, settings.solver)
-    _admit("launches[{lane}]", bodies, slopes, launches, vertices)
-    return CheckedLanes(RigidLaw if rigid else kind, bodies, laws, slopes, launches, vertices)
-
-
-def checked_table(name: str, given: ArrayLike, fields: tuple[str, ...]) -> np.ndarray:
-    """Return a new array of floats, shape (N, fields), of N tuples, or of one."""
-    try:
-        table = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        table = np.asarray(given, dtype=object)
-    if table.dtype.kind == "b" or _has_flag(given):
-        raise TypeError(f"{name} holds True or False: must hold numbers, columns {', '.join(fields)}")
-    if table.dtype.kind not in "iuf":
-        raise TypeError(f"{name} holds {table.dtype}: must hold numbers, columns {', '.join(fields)}")
-    table = np.array(table, dtype=float, ndmin=2, order="C")
-    if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), columns {', '.join(fields)}")
-    return table
-
-
-def _kind_of_all(given: Laws) -> type[AnyLaw]:
-    """Kind of one or of N laws; that of rows of numbers is ContactLaw."""
-    if isinstance(given, tuple) or not isinstance(given, Sequence):
-        return kind_of(given)
-    kinds = list(dict.fromkeys(map(kind_of, given)))
-    if len(kinds) > 1:
-        raise TypeError(f"law holds {' and '.join(kind.__name__ for kind in kinds)}: must hold laws of one kind")
-    return kinds[0] if kinds else ContactLaw
-
-
-def _check_solver(kind: type[AnyLaw], solver: str) -> None:
-    if kind is not ContactLaw and solver != "compliant":
-        raise TypeError(f"law is of the kind {kind.__name__}: solver = {solver!r} needs a ContactLaw")
-
-
-def _rows(name: str, kind: type[AnyLaw], given: object, lanes: int) -> np.ndarray:
+def _rows_of_laws(given: Any, lanes: int) -> np.ndarray:
     """Fields of one or of N laws, shape (1 or N, fields)."""
-    if isinstance(given, kind):
-        return np.array([kind(*given)])
-    _check_rows(name, kind, given, lanes)
-    rows = checked_table(name, given, kind._fields)  # type: ignore[arg-type]
-    checked_rows(f"{name}[{{lane}}]", kind, rows)
+    if isinstance(given, params.ContactLaw):
+        return np.array([ContactLaw(*given)])
+    _check_rows("law", ContactLaw, given, lanes)
+    rows = checked_table("law", given, ContactLaw._fields, ContactLaw.rules)
+    _check_rows("law", ContactLaw, rows, lanes)
     return rows
 
 
 def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
     """Refuse what is not a sequence of as many rows as lanes."""
-    if not isinstance(given, np.ndarray | Sequence) or isinstance(given, tuple | str):
+    if not (isinstance(given, np.ndarray | Sequence) or is_frame(given)) or isinstance(given, tuple | str):
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")
     if not lanes:
         raise ValueError(f"{name} has no row: give one {kind.__name__} for all where there are no launches")
-
-
-def _has_flag(given: Any) -> bool:
-    """Whether True or False is among the numbers of lists, where NumPy would make a number of it."""
-    return any(map(_has_flag, given)) if isinstance(given, tuple | list) else isinstance(given, bool | np.bool_)
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
@@ -198,16 +171,16 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
         given = given.rows
     _check_rows("slope", Slope, given, lanes)
     fields = params.Slope._fields
-    if isinstance(given, np.ndarray):
-        widest = given.shape[1] if given.ndim == 2 else 0
+    if isinstance(given, np.ndarray) or is_frame(given):
+        widest = given.shape[1] if len(given.shape) == 2 else 0
     else:
         given = [one.row if isinstance(one, Slope) else one for one in given]
         widest = max(map(_width, given))
         given = [(*one, *[math.nan] * (widest - _width(one))) if _width(one) >= len(fields) else one for one in given]
     zones = max((widest - len(fields)) // len(Zone._fields), 0)
     names = [f"zones[{k}].{name}" for k in range(zones) for name in Zone._fields]
-    rows = checked_table("slope", given, (*fields, *names))
-    checked_rows("slope[{lane}]", Slope, rows[:, : len(fields)])
+    rows = checked_table("slope", given, (*fields, *names), Slope.rules)
+    _check_rows("slope", Slope, rows, lanes)
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
     _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)))
@@ -220,7 +193,8 @@ def _vertices_of_all(given: Slopes) -> np.ndarray:
         return given.vertices
     if isinstance(given, SlopeTable):
         return given.over.vertices
-    profiles = [] if isinstance(given, np.ndarray) else [one.profile if isinstance(one, Slope) else () for one in given]
+    rows: Any = () if isinstance(given, np.ndarray) or is_frame(given) else given
+    profiles = [one.profile if isinstance(one, Slope) else () for one in rows]
     for lane, profile in enumerate(profiles):
         if profile is not profiles[0] and profile != profiles[0]:
             raise ValueError(f"slope[{lane}].profile: must be that of slope[0], as all lanes have one profile")
@@ -257,53 +231,50 @@ def _check_zones(zones: np.ndarray) -> None:
         reached = np.where(absent, reached, end)
 
 
-def _stiff_limit(size: Any, law: Any, slope: Any, settle_speed: float | None) -> RigidLaw:
-    """Stiff limit of a contact law, or of the columns of a table of them; ``size`` [m] is that of the body."""
-    settle: Any = settle_speed
-    if settle is None:
-        settle = _SETTLE * np.sqrt(slope.gravity * size)
-    return RigidLaw(
-        restitution=restitution_of(law.asymmetry),
-        friction=law.friction,
-        rolling_arm=law.rolling_arm,
-        corner_rolling_arm=law.corner_rolling_arm,
-        settle_speed=settle,
-    )
+def _stiff_limit(lanes: CheckedLanes, settle_speed: float | None) -> CheckedLanes:
+    """Stiff limit of lanes; the speed below which an impact is plastic depends on body and slope, unless given."""
+    law = params.ContactLaw._make(lanes.laws.T)
+    gravity, size = lanes.slopes[:, params.Slope._fields.index("gravity")], lanes.bodies["size"]
+    settle = np.array([settle_speed]) if settle_speed is not None else _SETTLE * np.sqrt(gravity * size)
+    columns = restitution_of(law.asymmetry), law.friction, law.rolling_arm, law.corner_rolling_arm, settle
+    rows = np.empty((max(len(settle), len(lanes.laws)), len(columns)))
+    for i, column in enumerate(columns):
+        rows[:, i] = column
+    return lanes._replace(kind=RigidLaw, laws=rows)
 
 
-def _check_bounce(law: str, slope: str, laws: np.ndarray, slopes: np.ndarray, solver: str) -> None:
-    """Refuse compliant surfaces that give nothing back, in rows of laws and of slopes with their zones.
+def _check_bounce(names: _Names, lanes: CheckedLanes, solver: str) -> None:
+    """Refuse compliant surfaces that give nothing back.
 
     Raises
     ------
     ValueError
-        Naming the law or the zone; ``{lane}`` in ``law`` and ``slope`` becomes the number.
+        Naming the law or the zone.
     """
     why = "springs that give nothing back never let go; solver = 'rigid' takes it"
     if solver == "rigid":
         return
-    plastic = laws[:, params.ContactLaw._fields.index("asymmetry")] == 1.0
-    if plastic.any():
-        name = law.format(lane=int(np.argmax(plastic)))
+    plastic = lanes.laws[:, _ASYMMETRY] == 1.0
+    if np.count_nonzero(plastic):  # of few lanes any() takes ten times as long
+        name = names.law.format(lane=int(np.argmax(plastic)))
         raise ValueError(f"{name}.asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = {solver!r}: {why}")
-    zones = slopes[:, SLOPE_FIELDS:].reshape(len(slopes), -1, len(Zone._fields))
-    lanes, numbers = np.nonzero(zones[:, :, Zone._fields.index("restitution")] == 0.0)
-    if len(lanes):
-        name = f"{slope.format(lane=int(lanes[0]))}.zones[{numbers[0]}]"
+    restitutions = lanes.slopes[:, SLOPE_FIELDS + _RESTITUTION :: ZONE_FIELDS]
+    if restitutions.size and np.count_nonzero(restitutions == 0.0):
+        lane, zone = np.argwhere(restitutions == 0.0)[0].tolist()
+        name = f"{names.slope.format(lane=lane)}.zones[{zone}]"
         raise ValueError(f"{name}.restitution = 0.0: must be in (0, 1] with solver = {solver!r}: {why}")
 
 
-def _check_ground(
-    body: str, slope: str, bodies: np.ndarray, lengths: np.ndarray, vertices: np.ndarray, solver: str
-) -> None:
-    """Refuse what cannot be simulated over a profile, of one or of N bodies and lengths [m] of slopes.
+def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
+    """Refuse what cannot be simulated over a profile.
 
     Raises
     ------
     ValueError
         For rigid surfaces, for a body with a sharp corner where there are crests, and where the finish lies within the
-        size of the body of a piece that is not level; ``{lane}`` in ``body`` and ``slope`` becomes the number.
+        size of the body of a piece that is not level.
     """
+    bodies, vertices = lanes.bodies, lanes.vertices
     if not len(vertices):
         return
     if solver != "compliant":
@@ -314,69 +285,49 @@ def _check_ground(
         sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
         if sharp.any():
             raise ValueError(
-                f"{body.format(lane=int(np.argmax(sharp)))} has a sharp corner: all arcs must have a radius > 0 where "
-                "the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
+                f"{names.body.format(lane=int(np.argmax(sharp)))} has a sharp corner: all arcs must have a radius > 0 "
+                "where the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
             )
-    sizes, lengths = np.broadcast_arrays(bodies["size"], lengths)
+    sizes, lengths = np.broadcast_arrays(bodies["size"], lanes.slopes[:, 1])
     sloping, level = level_at(lengths, sizes, vertices)
     if not level.all():
         lane = int(np.argmin(level))
         begin, end = vertices[sloping[lane] : sloping[lane] + 2, 0].tolist()
         raise ValueError(
-            f"{slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from where the "
-            f"profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, {float(sizes[lane])!r} m: "
-            "the speed along the plane says little there"
+            f"{names.slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from where "
+            f"the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
+            f"{float(sizes[lane])!r} m: the speed along the plane says little there"
         )
 
 
-def _admitted(body: Body, slope: Slope, launch: State, vertices: np.ndarray) -> State:
-    """Return one launch as :func:`_admit` does many."""
-    if not math.isfinite(sum(launch)):  # as that of an outcome may be
-        launch = State(*launch)
-    x, y, phi, *rates = launch
-    if abs(phi) > math.pi:
-        phi = float(within_a_turn(np.array(phi)))
-    lowest = float(resting_heights(body.record, np.array([x]), np.array([phi]), vertices)[0])
-    if y - lowest < -_SURFACE * body.size:
-        raise _below("State", x, y, phi, lowest)
-    if x >= slope.length:
-        raise _beyond("State", x, slope.length)
-    if y >= lowest and phi == launch.phi:
-        return launch
-    return State(x, y if y >= lowest else lowest, phi, *rates)
-
-
-def _admit(owner: str, bodies: np.ndarray, slopes: np.ndarray, launches: np.ndarray, vertices: np.ndarray) -> None:
-    """Take whole turns off launches, shape (N, 6), in place, and lift those that lie on the surface up to rounding.
+def _admit(names: _Names, lanes: CheckedLanes) -> None:
+    """Take whole turns off launches, in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.
 
     Raises
     ------
     ValueError
-        If one lies below the surface or beyond the end of its slope; ``{lane}`` in ``owner`` becomes its number.
+        If one lies below the surface or beyond the end of its slope.
     """
-    x, y, phi = launches[:, 0], launches[:, 1], launches[:, 2]
-    if (np.abs(phi) > np.pi).any():
+    x, y, phi = lanes.launches.T[:3]
+    if np.count_nonzero(np.abs(phi) > np.pi):
         phi[:] = within_a_turn(phi)
-    lowest = resting_heights(bodies, x, phi, vertices)
-    below = y - lowest < -_SURFACE * bodies["size"]
-    if below.any():
-        i = int(np.argmax(below))
-        raise _below(owner.format(lane=i), float(x[i]), float(y[i]), float(phi[i]), float(lowest[i]))
-    beyond = x >= slopes[:, 1]
-    if beyond.any():
+    lowest = resting_heights(lanes.bodies, x, phi, lanes.vertices)
+    lies = y < lowest
+    if np.count_nonzero(lies):
+        below = y - lowest < -_SURFACE * lanes.bodies["size"]
+        if below.any():
+            i = int(np.argmax(below))
+            raise ValueError(
+                f"{names.launch.format(lane=i)}.y = {float(y[i])!r}: the launch lies below the surface; at "
+                f"x = {float(x[i])!r} m and phi = {float(phi[i])!r} rad the mass centre must be at "
+                f"y >= {float(lowest[i])!r} m"
+            )
+        y[lies] = lowest[lies]
+    lengths = lanes.slopes[:, 1]
+    beyond = x >= lengths
+    if np.count_nonzero(beyond):
         i = int(np.argmax(beyond))
-        raise _beyond(owner.format(lane=i), float(x[i]), float(slopes[i if len(slopes) > 1 else 0, 1]))
-    y[:] = np.where(y >= lowest, y, lowest)
-
-
-def _below(owner: str, x: float, y: float, phi: float, lowest: float) -> ValueError:
-    return ValueError(
-        f"{owner}.y = {y!r}: the launch lies below the surface; at x = {x!r} m and phi = {phi!r} rad the mass centre "
-        f"must be at y >= {lowest!r} m"
-    )
-
-
-def _beyond(owner: str, x: float, length: float) -> ValueError:
-    return ValueError(f"{owner}.x = {x!r}: must be < Slope.length = {length!r} m")
+        length = float(lengths[i if len(lengths) > 1 else 0])
+        raise ValueError(f"{names.launch.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")

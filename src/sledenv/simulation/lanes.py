@@ -1,12 +1,15 @@
-"""Many descents at once: blocks of lanes, which threads take one after the other."""
+"""Many descents at once: room for their logs, and blocks of lanes, which threads take one after the other."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import math
 import os
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
 from threading import Event
 from typing import Any, NamedTuple
 
@@ -14,7 +17,7 @@ import numpy as np
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
-from sledenv.kernel.params import Law, Limits, RigidLaw
+from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation.rules import checked_count
 
@@ -24,18 +27,58 @@ _FEWEST, _MOST = 16, 128  # lanes of a block: enough to be worth a call, few eno
 _BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one
 _WORTH_A_THREAD = 64  # lanes that take longer than to wake it
 NO_ROWS = np.zeros(0, TRAJECTORY)
+_LITTLE = 1 << 26  # bytes that every machine has
+
+
+def new_log(max_rebounds: int) -> np.ndarray:
+    """Return a log without a rebound yet, shape (max_rebounds,), or raise MemoryError."""
+    check_room(max_rebounds * REBOUND.itemsize, f"max_rebounds = {max_rebounds}: as many records", "lower it")
+    return np.zeros(max_rebounds, REBOUND)
+
+
+def new_logs(lanes: int, max_rebounds: int) -> np.ndarray:
+    """Return as many logs as lanes, shape (lanes, max_rebounds), or raise MemoryError."""
+    what = f"keep_rebounds = True: the logs of {lanes} launches, max_rebounds = {max_rebounds},"
+    remedy = "lower max_rebounds or take them block by block, see simulate_blocks"
+    check_room(lanes * max_rebounds * REBOUND.itemsize, what, remedy)
+    return np.zeros((lanes, max_rebounds), REBOUND)
+
+
+def new_trajectory(rows: int, sample_interval: float) -> np.ndarray:
+    """Return room for so many rows of a trajectory, or raise MemoryError."""
+    what = f"sample_interval = {sample_interval!r}: the {rows} rows of this trajectory"
+    check_room(rows * TRAJECTORY.itemsize, what, "make it longer")
+    return np.zeros(rows, TRAJECTORY)
+
+
+def available() -> float:
+    """Return how much memory [bytes] may be had without swapping; all there is, or inf, where the system is silent."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return 1024.0 * float(Path("/proc/meminfo").read_text().partition("MemAvailable:")[2].split()[0])
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return math.inf
+
+
+def check_room(size: int, what: str, remedy: str) -> None:
+    """Raise MemoryError for more bytes than there are; what takes them and what helps become parts of the message."""
+    if size > _LITTLE and size > (room := available()):  # looked up where it may matter: that takes a while
+        raise MemoryError(f"{what} take {size / 1e9:.3g} GB, and there are {room / 1e9:.3g} GB; {remedy}")
+
+
+# Lanes.
 
 
 class Tables(NamedTuple):
-    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`. A tuple is one row."""
+    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`."""
 
-    like: Law
+    rigid: int  # 1 of rigid surfaces, 0 of compliant ones
     limits: Limits
-    bodies: Any
-    laws: Any
-    slopes: Any
-    launches: Any
-    pieces: np.ndarray  # of the ground, see :func:`sledenv.simulation.profiles.laid`; the same for all
+    bodies: np.ndarray  # of BODY; this and the next three have one row for all lanes, or one for each
+    laws: np.ndarray
+    slopes: np.ndarray
+    launches: np.ndarray
+    pieces: np.ndarray  # of the ground, see :func:`sledenv.simulation.scene.laid`; the same for all
 
 
 def num_threads() -> int:
@@ -66,9 +109,9 @@ def follower(
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
-    like, limits, *given, pieces = tables
+    rigid, limits, *given, pieces = tables
     written = flights, logs, trajectory, space
-    run = run_lanes.prepared(int(isinstance(like, RigidLaw)), limits, *given, trims, pieces, *written)
+    run = run_lanes.prepared(rigid, limits, *given, trims, pieces, *written)
     lane = space["lane"]
 
     def follow(first: int, last: int) -> None:
@@ -79,9 +122,17 @@ def follower(
     return follow
 
 
-def follow_all(tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray) -> None:
-    """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`."""
+def follow_all(
+    tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray, trajectory: np.ndarray = NO_ROWS
+) -> None:
+    """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`.
+
+    A trajectory is that of a single lane.
+    """
     lanes = len(flights)
+    if lanes <= _FEWEST:
+        follower(tables, trims, flights, rebounds, trajectory)(0, lanes)
+        return
     threads = min(num_threads(), max(1, lanes // _WORTH_A_THREAD))
     size = min(max(lanes // (_BLOCKS * threads), _FEWEST), _MOST)
     starts, ended = deque(range(0, lanes, size)), Event()

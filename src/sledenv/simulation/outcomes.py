@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from operator import itemgetter
 from typing import Any, Final, Literal, get_args
 
@@ -14,8 +13,9 @@ import numpy as np
 from sledenv.kernel.records import CONTACT_FORCES, OUTCOME, STATUS_OF_CODE, Energy, Status
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, ReboundJam, descent_jam, rebound_jam
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
+from sledenv.simulation.views import shown
 
 Record = Literal["rebounds", "trajectory"]
 RECORDS: Final = get_args(Record)
@@ -53,7 +53,7 @@ def contacts_in(rows: np.ndarray) -> np.ndarray:
     return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Descent:
     """One simulated descent.
 
@@ -82,17 +82,23 @@ class Descent:
     """
 
     body: Body
-    law: AnyLaw
+    law: ContactLaw
     slope: Slope
     launch: State
     status: Status
     time: float
     state: State
-    rebounds: np.ndarray = field(repr=False)
-    trajectory: np.ndarray = field(repr=False)
+    rebounds: np.ndarray
+    trajectory: np.ndarray
     energy: Energy
-    outcome: np.void = field(repr=False)
-    settings: Settings | None = field(repr=False)
+    outcome: np.void
+    settings: Settings | None
+
+    def __repr__(self) -> str:
+        rows = f", {len(self.trajectory)} rows of trajectory" if len(self.trajectory) else ""
+        ended = f"{self.status} at t = {self.time:.4g} s, x = {self.state.x:.4g} m"
+        reward = f"; reward {float(self.jam.reward):.3f}" if math.isfinite(self.slope.length) else ""
+        return f"Descent({ended}; {_counted(len(self.rebounds), 'rebound')}{rows}{reward})"
 
     @cached_property
     def contacts(self) -> np.ndarray:
@@ -139,11 +145,10 @@ class Descent:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: with a trajectory the page that replays it, or else its story."""
-        # Pages are made of descents, so no import can stand at the top of this file.
-        return str(import_module("sledenv.pages.notebook").descent_view(self))
+        return shown(self)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DescentBatch:
     """Many simulated descents, arrays of N.
 
@@ -160,6 +165,15 @@ class DescentBatch:
     outcomes: np.ndarray
     rebounds: np.ndarray
     jam: DescentJam
+
+    def __repr__(self) -> str:
+        lanes = len(self.outcomes)
+        counts = np.bincount(self.outcomes["status"], minlength=len(STATUS_OF_CODE))
+        ends = ", ".join(
+            f"{counts[code] / lanes:.1%} {STATUS_OF_CODE[code]}" for code in np.argsort(-counts) if counts[code]
+        )
+        reward = f"; mean reward {self.jam.reward.mean():.3f}" if lanes else ""
+        return f"DescentBatch({_counted(lanes, 'descent')}: {ends or 'none'}{reward})"
 
     @property
     def status(self) -> np.ndarray:
@@ -182,9 +196,14 @@ class DescentBatch:
         return np.stack([self.outcomes[name] for name in State._fields], axis=-1)
 
 
+def _counted(count: int, what: str) -> str:
+    """Say how many there are."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def descent_of(
     body: Body,
-    law: AnyLaw,
+    law: ContactLaw,
     slope: Slope,
     launch: State,
     outcome: np.void,

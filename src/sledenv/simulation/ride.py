@@ -10,27 +10,54 @@ from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.entries import run_embark, run_trim
-from sledenv.kernel.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.kernel.params import Limits
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import (
-    Bodies,
-    CheckedLanes,
-    Laws,
-    Slopes,
-    checked_descent,
-    checked_lanes,
-    checked_table,
-    limits_of,
-)
+from sledenv.simulation.checks import Bodies, CheckedLanes, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import descent_jam
-from sledenv.simulation.lanes import NO_ROWS, Tables, follow_all, follower
-from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
-from sledenv.simulation.profiles import laid
-from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
+from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_table
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
+
+
+class _Lanes:
+    """Lanes that are followed hop by hop, whose arguments have been checked: one of a ride, many of a batch."""
+
+    def __init__(
+        self, given: CheckedLanes, limits: Limits, settings: Settings, logs: np.ndarray, rotor_inertia: float | None
+    ) -> None:
+        """Begin with what has been checked; logs are empty, of all lanes or of none."""
+        self.settings, self.rotor_inertia, self._rebounds = settings, rotor_inertia, logs
+        self._rigid, self._limits, *_, self._pieces = given.tables(limits)
+        self._bodies, self._vertices = given.bodies.copy(), given.vertices  # one body for all lanes, or one a lane
+        lanes = len(given.launches)
+        self._laws, self._slopes = (
+            rows if len(rows) == lanes else np.repeat(rows, lanes, axis=0) for rows in (given.laws, given.slopes)
+        )
+        self._launches, self._flights = given.launches, np.zeros(lanes, OUTCOME)
+        put_at_launch(self._flights, self._launches)
+
+    def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
+        more = given.slopes.shape[1] - self._slopes.shape[1]  # some slope has more zones than any before
+        if more > 0:
+            self._slopes = np.pad(self._slopes, ((0, 0), (0, more)), constant_values=np.nan)
+        self._slopes[lanes], self._slopes[lanes, : given.slopes.shape[1]] = np.nan, given.slopes
+        self._laws[lanes], self._launches[lanes] = given.laws, given.launches
+        flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
+        put_at_launch(flights, given.launches)
+        self._flights[lanes] = flights
+        if self._rebounds.size:
+            self._rebounds[lanes] = np.zeros((), REBOUND)
+
+    def _followed(self, trims: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> np.ndarray:
+        """Where the descents are after one hop; nothing but logs is changed, for an interrupt may come."""
+        rows = self._bodies, self._laws, self._slopes, self._launches
+        flights = self._flights.copy()
+        follow_all(Tables(self._rigid, self._limits, *rows, self._pieces), trims, flights, self._rebounds, trajectory)
+        return flights
 
 
 class Ride:
@@ -57,7 +84,7 @@ class Ride:
     def __init__(
         self,
         body: Body,
-        law: AnyLaw,
+        law: ContactLaw,
         slope: Slope,
         launch: State,
         settings: Settings | None = None,
@@ -65,20 +92,34 @@ class Ride:
         record: Record = "rebounds",
         rotor_inertia: float | None = None,
     ) -> None:
-        self.settings = checked_settings(settings)
         checked_choice("record", record, RECORDS)
-        given = checked_descent(body, law, slope, launch, self.settings)
-        self.body, self.law, self.slope, self.launch, self._touching, vertices = given
-        self._pieces = laid(vertices)
-        self._limits = limits_of(self.body, self.settings)
-        self.rotor_inertia = None
+        settings = checked_settings(settings)
+        self.body, self.law, self.slope, self.launch, lanes = checked_descent(body, law, slope, launch, settings)
         if rotor_inertia is not None:
-            self.rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
-        self._rebounds = new_log(self.settings.max_rebounds)
+            rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        log = new_log(settings.max_rebounds)[np.newaxis]
+        self._lane = _Lanes(lanes, limits_of(self.body, settings), settings, log, rotor_inertia)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
-        self._flight = np.zeros(1, OUTCOME)
-        put_at_launch(self._flight, self.launch)
-        run_embark(self.body.record, self._pieces, params.Slope(*self.slope[:3]), self.launch, self._flight)
+        run_embark(self.body.record, *self._ground(), self._flight)
+
+    @property
+    def settings(self) -> Settings:
+        """How it is simulated."""
+        return self._lane.settings
+
+    @property
+    def rotor_inertia(self) -> float | None:
+        """Moment of inertia of the rider's rotor [kg m^2]; None without one."""
+        return self._lane.rotor_inertia
+
+    @property
+    def _flight(self) -> np.ndarray:
+        """Where the descent is, shape (1,) of OUTCOME."""
+        return self._lane._flights
+
+    def _ground(self) -> tuple[np.ndarray, params.Slope, State]:
+        """Return what the kernel needs for the ledger."""
+        return self._lane._pieces, params.Slope(*self.slope[:3]), self.launch
 
     @property
     def status(self) -> Status:
@@ -114,8 +155,7 @@ class Ride:
         if self.rotor_inertia is None:
             raise RuntimeError("the ride has no rotor to trim with: give it a rotor_inertia")
         lent = checked("Ride.trim", "spin", spin, FINITE)
-        slope = params.Slope(*self.slope[:3])
-        run_trim(self.body.record, self._pieces, slope, self.launch, self.rotor_inertia, lent, self._flight)
+        run_trim(self.body.record, *self._ground(), self.rotor_inertia, lent, self._flight)
 
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
@@ -126,14 +166,15 @@ class Ride:
             If the descent has ended.
         """
         self._check_running()
-        flight = self._followed()
-        if len(self._trajectory) < (rows := int(flight[0]["samples"])):
-            written = int(self._flight[0]["samples"])
+        trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
+        flight = self._lane._followed(trims, self._trajectory)
+        if len(self._trajectory) < (rows := int(flight["samples"][0])):
+            written = int(self._flight["samples"][0])
             longer = new_trajectory(2 * rows, self.settings.sample_interval)
             longer[:written] = self._trajectory[:written]
             self._trajectory = longer
-            flight = self._followed()
-        self._flight = flight  # only now, for an interrupt may have come before
+            flight = self._lane._followed(trims, self._trajectory)
+        self._lane._flights = flight
         return self.status
 
     def run(self) -> Descent:
@@ -154,26 +195,18 @@ class Ride:
             outcome["samples"] += 1
         repeatable = self.rotor_inertia is None and self.status != Status.RUNNING
         given, settings = (self.body, self.law, self.slope, self.launch), self.settings if repeatable else None
-        return descent_of(*given, outcome, self._rebounds, trajectory.copy(), settings)
+        return descent_of(*given, outcome, self._lane._rebounds[0], trajectory.copy(), settings)
 
     def copy(self) -> Self:
         """Return an independent ride that stands where this one stands."""
         return copy.deepcopy(self)
-
-    def _followed(self) -> np.ndarray:
-        """Where the descent is after one hop."""
-        law, flight = self._touching, self._flight.copy()
-        tables = Tables(law, self._limits, self.body.record, law, self.slope.row, self.launch, self._pieces)
-        trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
-        follower(tables, trims, flight, self._rebounds[np.newaxis], self._trajectory)(0, 1)
-        return flight
 
     def _check_running(self) -> None:
         if self.status != Status.RUNNING:
             raise RuntimeError(f"the descent has ended with status {str(self.status)!r}")
 
 
-class RideBatch:
+class RideBatch(_Lanes):
     """Many descents, followed hop by hop on all cores; lane i is a :class:`Ride` of its own, bit for bit.
 
     A lane can be launched anew whatever the others do. Pickles and copies go on independently and identically.
@@ -204,22 +237,12 @@ class RideBatch:
         keep_rebounds: bool = False,
         rotor_inertia: float | None = None,
     ) -> None:
-        self.settings = checked_settings(settings)
-        self.rotor_inertia = None
+        settings = checked_settings(settings)
         if rotor_inertia is not None:
-            self.rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        given = checked_lanes(body, law, slope, launches, self.settings)
-        self._limits = limits_of(body, self.settings)
-        lanes = len(given.launches)
-        self._like, self._bodies = given.like(), given.bodies.copy()  # one for all lanes, or one a lane
-        self._laws = np.empty((lanes, given.laws.shape[1]))
-        self._slopes, self._vertices = np.empty((lanes, 0)), given.vertices
-        self._pieces = laid(given.vertices)
-        self._launches = np.empty_like(given.launches)
-        self._flights = np.zeros(lanes, OUTCOME)
-        self._touched = np.zeros(lanes, REBOUND)  # the last contact of each lane
-        self._rebounds = new_logs(lanes, self.settings.max_rebounds) if keep_rebounds else np.zeros((0, 0), REBOUND)
-        self._begin(np.arange(lanes), given)
+            rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
+        given, limits = checked_lanes(body, law, slope, launches, settings), limits_of(body, settings)
+        logs = new_logs(len(given.launches), settings.max_rebounds) if keep_rebounds else NO_LOGS
+        super().__init__(given, limits, settings, logs, rotor_inertia)
 
     def launch(
         self,
@@ -254,6 +277,8 @@ class RideBatch:
             name = self.settings.end_touching
             raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
         given = checked_lanes(bodies, law, slope, launches, self.settings)
+        if not np.array_equal(given.vertices, self._vertices):
+            raise ValueError("slope.profile: must be that of the rides, as all lanes have one profile")
         self._begin(numbers, given)
         if body is not None and (len(self._bodies) > 1 or given.bodies.tobytes() != self._bodies.tobytes()):
             if len(self._bodies) < len(self._flights):
@@ -278,14 +303,8 @@ class RideBatch:
             raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
-        before = self._flights["rebounds"].copy() if self._rebounds.size else None
-        rows = self._bodies, self._laws, self._slopes, self._launches
-        tables = Tables(self._like, self._limits, *rows, self._pieces)
-        trimmed = np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0), axis=-1)
-        follow_all(tables, trimmed, self._flights, self._touched[:, np.newaxis])
-        if before is not None:
-            touching = np.flatnonzero(self._flights["rebounds"] > before)
-            self._rebounds[touching, before[touching]] = self._touched[touching]
+        inertia = self.rotor_inertia or 1.0
+        self._flights = self._followed(np.stack([spins, np.full(spins.shape, inertia)], axis=-1))
 
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
         """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it.
@@ -327,22 +346,6 @@ class RideBatch:
         if len(set(numbers.tolist())) < count:
             raise ValueError(f"lanes = {lanes!r}: no two must be alike")
         return numbers.astype(np.intp)
-
-    def _begin(self, lanes: np.ndarray, given: CheckedLanes) -> None:
-        if given.kind is not type(self._like):
-            raise TypeError(f"law is of the kind {given.kind.__name__}: the rides have a {type(self._like).__name__}")
-        if not np.array_equal(given.vertices, self._vertices):
-            raise ValueError("slope.profile: must be that of the rides, as all lanes have one profile")
-        more = given.slopes.shape[1] - self._slopes.shape[1]  # some slope has more zones than any before
-        if more > 0:
-            self._slopes = np.pad(self._slopes, ((0, 0), (0, more)), constant_values=np.nan)
-        self._slopes[lanes], self._slopes[lanes, : given.slopes.shape[1]] = np.nan, given.slopes
-        self._laws[lanes], self._launches[lanes] = given.laws, given.launches
-        flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
-        put_at_launch(flights, given.launches)
-        self._flights[lanes] = flights
-        if self._rebounds.size:
-            self._rebounds[lanes] = np.zeros((), REBOUND)
 
 
 def _numbers(given: ArrayLike) -> np.ndarray | None:

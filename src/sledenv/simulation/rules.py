@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -42,10 +43,11 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
     if type(value) is float and accepts(value):
         return value
     try:
-        if isinstance(value, str | bytes | bool) or getattr(value, "dtype", np.dtype(float)).kind not in "iuf":
+        kind = getattr(getattr(value, "dtype", None), "kind", "f")  # a tensor's type has none
+        if isinstance(value, str | bytes | bool | np.ma.MaskedArray) or kind not in "iuf":
             raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):
         comma = "," if allowed.startswith("a ") else ""
         raise TypeError(f"{owner}.{field} = {value!r}: must be a number{comma} {allowed}") from None
     except OverflowError:  # an integer that no float holds
@@ -120,7 +122,112 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
     ValueError
         Naming row, field, value and allowed range.
     """
-    for column, field, (accepts, allowed) in zip(rows.T, ruled(kind), kind.rules, strict=True):
+    _check_columns(owner, rows, ruled(kind), kind.rules)
+
+
+def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[Rule] = ()) -> np.ndarray:
+    """Return the numbers of a table that users give, whatever kind of table it is.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the table.
+    given : DataFrame, Series or array_like
+        N rows, or one. The columns of a DataFrame and the labels of a Series are the fields, in any order. Those of
+        anything else, of arrays and of lists of tuples, are taken by position.
+    fields : sequence of str
+        Names of the columns.
+    rules : sequence of Rule, optional
+        What the numbers of each of the first columns must be; without one a column may hold anything, NaN too.
+
+    Returns
+    -------
+    ndarray of float, shape (N, fields)
+        A new array.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the column that is unknown, missing, there twice or without numbers; the shape; masked numbers; or the
+        row and the field, its value and the allowed range.
+    """
+    columns = f"columns {', '.join(fields)}"
+    if _is_series(given):
+        given = given.to_frame().T.infer_objects()
+    if is_frame(given):
+        table = _columns_by_name(name, given, fields)
+    else:
+        _check_entries(name, given, fields)
+        try:
+            table = np.asarray(given)
+        except ValueError:  # rows of different lengths
+            table = np.asarray(given, dtype=object)
+        if table.dtype.kind not in "iuf":
+            found = "True or False" if table.dtype.kind == "b" else table.dtype
+            raise TypeError(f"{name} holds {found}: must hold numbers, {columns}")
+        table = np.array(table, dtype=float, ndmin=2, order="C")
+    if table.ndim != 2 or table.shape[1] != len(fields):
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), {columns}")
+    _check_columns(f"{name}[{{lane}}]", table, fields, rules)
+    return table
+
+
+def is_frame(given: Any) -> bool:
+    """Whether this is a DataFrame, of pandas or of another library."""
+    return hasattr(given, "columns") and hasattr(given, "to_numpy")
+
+
+def _is_series(given: Any) -> bool:
+    """Whether this is a row or a column of a DataFrame of pandas."""
+    return hasattr(given, "index") and hasattr(given, "to_frame")
+
+
+def check_names(name: str, columns: Iterable[Any]) -> None:
+    """Raise ValueError, naming it, if a column of a table is there twice."""
+    twice = [column for column, count in Counter(columns).items() if count > 1]
+    if twice:
+        raise ValueError(f"{name} has the column {twice[0]!r} more than once")
+
+
+def _columns_by_name(name: str, given: Any, fields: Sequence[str]) -> np.ndarray:
+    """Columns of a DataFrame in the order of the fields, shape (N, fields)."""
+    there, columns = list(given.columns), f"columns {', '.join(fields)}"
+    check_names(name, there)
+    for column in there:
+        if column not in fields:
+            raise ValueError(f"{name} has the column {column!r}: must have the {columns}")
+    table = np.empty((len(given), len(fields)))
+    for i, field in enumerate(fields):
+        if field not in there:
+            raise ValueError(f"{name} has no column {field!r}: must have the {columns}")
+        column = np.asarray(given[field])
+        if column.dtype.kind not in "iuf":
+            raise TypeError(f"{name}.{field} holds {column.dtype}: must hold numbers")
+        table[:, i] = column
+    return table
+
+
+def _check_entries(name: str, given: Any, fields: Sequence[str]) -> None:
+    """Refuse what NumPy would take for numbers in lists, or take by position though it has other names."""
+    if isinstance(given, tuple | list):
+        for one in given:
+            if type(one) is not float:  # as nearly all are
+                _check_entries(name, one, fields)
+        other = getattr(given, "_fields", ())
+        if other and tuple(other) != tuple(fields):
+            found = f"a {type(given).__name__} of {', '.join(other)}"
+            raise TypeError(f"{name} holds {found}: must have {', '.join(fields)}")
+    elif isinstance(given, bool | np.bool_):
+        raise TypeError(f"{name} holds True or False: must hold numbers, columns {', '.join(fields)}")
+    elif isinstance(given, np.ma.MaskedArray):
+        raise TypeError(f"{name} is a masked array, or holds one: must hold numbers, without a mask")
+    elif _is_series(given):
+        raise TypeError(f"{name} holds a {type(given).__name__}: must be one DataFrame, or hold numbers")
+
+
+def _check_columns(owner: str, rows: np.ndarray, fields: Sequence[str], rules: Sequence[Rule]) -> None:
+    """Raise ValueError, naming row, field, value and allowed range, for the first number that its rule refuses."""
+    for column, field, (accepts, allowed) in zip(rows.T, fields, rules, strict=False):
         accepted = accepts(column)
         if not accepted.all():
             lane = int(np.argmin(accepted))

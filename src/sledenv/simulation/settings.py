@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, TypedDict, Unpack, get_args
 
 from sledenv.kernel.params import Limits
 from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_choice, checked_count, checked_flag
@@ -112,13 +112,28 @@ class Settings:
         )
 
 
+class Fields(TypedDict, total=False):
+    """Fields of :class:`Settings` that a call spells; one that is None is as if it were not given."""
+
+    solver: Solver | None
+    max_time: float | None
+    max_rebounds: int | None
+    end_on_chord: bool | None
+    end_touching: str | None
+    run_out: float | None
+    settle_speed: float | None
+    tolerance: float | None
+    sample_interval: float | None
+
+
 DEFAULT: Final = Settings()
 
 
-def changed(settings: Settings | None, fields: dict[str, Any]) -> Settings:
+def changed(settings: Settings | None, **fields: Unpack[Fields]) -> Settings:
     """Return settings, the default ones for None, with some fields in place of theirs; raises as :class:`Settings`."""
     settings = checked_settings(settings)
-    return replace(settings, **fields) if fields else settings
+    given: dict[str, Any] = {name: value for name, value in fields.items() if value is not None}
+    return replace(settings, **given) if given else settings
 
 
 def checked_settings(settings: Settings | None) -> Settings:

@@ -9,9 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.simulation.areas import mass_properties, segment_moments
 from sledenv.simulation.bodies import HALF_ANGLE, Body, Segment
-from sledenv.simulation.outlines import Arc, Floats, hull_of_circles, polygon_of, shifted
+from sledenv.simulation.outlines import (
+    Arc,
+    Floats,
+    hull_of_circles,
+    mass_properties,
+    polygon_of,
+    segment_moments,
+    shifted,
+)
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, Rule, checked
 
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits

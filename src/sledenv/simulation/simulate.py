@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,38 +13,35 @@ from sledenv.kernel.records import OUTCOME, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, follower
-from sledenv.simulation.memory import new_log, new_logs, new_trajectory
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
-from sledenv.simulation.profiles import laid
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
-from sledenv.simulation.scene import AnyLaw, Slope, State
-from sledenv.simulation.settings import Settings, Solver, changed, checked_settings
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Fields, Settings, changed
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
+_LAYOUT: Any = {
+    "names": ["state"],
+    "formats": [("f8", len(State._fields))],
+    "offsets": [OUTCOME.fields[State._fields[0]][1]] if OUTCOME.fields else [],
+    "itemsize": OUTCOME.itemsize,
+}
+_STATES = np.dtype(_LAYOUT)  # OUTCOME with the fields of State, which lie in a row, as one
 _BLOCK = 8192  # lanes of a batch that are simulated together
 
 
 def simulate(
     body: Body,
-    law: AnyLaw,
+    law: ContactLaw,
     slope: Slope,
     launch: State,
     settings: Settings | None = None,
     *,
     record: Record = "rebounds",
-    solver: Solver | None = None,
-    max_time: float | None = None,
-    max_rebounds: int | None = None,
-    end_on_chord: bool | None = None,
-    end_touching: str | None = None,
-    run_out: float | None = None,
-    settle_speed: float | None = None,
-    tolerance: float | None = None,
-    sample_interval: float | None = None,
+    **fields: Unpack[Fields],
 ) -> Descent:
     """Simulate one descent until it finishes, jams or meets a limit.
 
@@ -61,10 +58,9 @@ def simulate(
         How it is simulated; the default ones otherwise.
     record : {"rebounds", "trajectory"}
         "trajectory" also records positions, velocities and contact forces.
-    solver, max_time, max_rebounds, end_on_chord, end_touching, run_out
-        Fields of :class:`sledenv.Settings`; given here they stand in place of those of ``settings``.
-    settle_speed, tolerance, sample_interval
-        The same.
+    **fields
+        Fields of :class:`sledenv.Settings`, such as ``solver`` and ``max_rebounds``: given here they stand in place of
+        those of ``settings``.
 
     Returns
     -------
@@ -78,44 +74,32 @@ def simulate(
         If ``max_rebounds`` records take more memory than there is, before anything is simulated; or if the rows of the
         trajectory do, once they have been counted and before any is kept.
     """
-    spelled = {
-        "solver": solver,
-        "max_time": max_time,
-        "max_rebounds": max_rebounds,
-        "end_on_chord": end_on_chord,
-        "end_touching": end_touching,
-        "run_out": run_out,
-        "settle_speed": settle_speed,
-        "tolerance": tolerance,
-        "sample_interval": sample_interval,
-    }
-    settings = changed(settings, {name: value for name, value in spelled.items() if value is not None})
+    settings = changed(settings, **fields)
     checked_choice("record", record, RECORDS)
-    body, law, slope, launch, touching, vertices = checked_descent(body, law, slope, launch, settings)
-    limits, pieces = limits_of(body, settings), laid(vertices)
-    rebounds = new_log(settings.max_rebounds)
+    given = checked_descent(body, law, slope, launch, settings)
+    tables = given.lanes.tables(limits_of(given.body, settings))
+    rebounds, outcomes = new_log(settings.max_rebounds), np.zeros(1, OUTCOME)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
-
-    def run() -> np.void:
-        outcomes = np.zeros(1, OUTCOME)
-        put_at_launch(outcomes, launch)
-        tables = Tables(touching, limits, body.record, touching, slope.row, launch, pieces)
-        follower(tables, ALL_HOPS, outcomes, rebounds[np.newaxis], trajectory)(0, 1)
-        outcome: np.void = outcomes[0]
-        return outcome
-
-    outcome = run()
-    if record == "trajectory" and outcome["samples"] > len(trajectory):
-        trajectory = new_trajectory(int(outcome["samples"]), settings.sample_interval)
-        outcome = run()
-    return descent_of(body, law, slope, launch, outcome, rebounds, trajectory, settings)
+    _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
+    if record == "trajectory" and outcomes["samples"][0] > len(trajectory):
+        trajectory, outcomes = (
+            new_trajectory(int(outcomes["samples"][0]), settings.sample_interval),
+            np.zeros(1, OUTCOME),
+        )
+        _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
+    return descent_of(*given[:4], outcomes[0], rebounds, trajectory, settings)
 
 
-def put_at_launch(flights: np.ndarray, launches: np.ndarray | State) -> None:
+def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
     """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
     flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
-    for name, column in zip(State._fields, launches.T if isinstance(launches, np.ndarray) else launches, strict=True):
-        flights[name] = column
+    flights.view(_STATES)["state"] = launches
+
+
+def _follow(tables: Tables, outcomes: np.ndarray, rebounds: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> None:
+    """Follow descents from their launches to their ends; ``outcomes`` and ``rebounds`` are 0."""
+    put_at_launch(outcomes, tables.launches)
+    follow_all(tables, ALL_HOPS, outcomes, rebounds, trajectory)
 
 
 class _Lanes(NamedTuple):
@@ -137,17 +121,13 @@ class _Lanes(NamedTuple):
         rows = {name: getattr(self.tables, name) for name in ("bodies", "laws", "slopes", "launches")}
         own = {name: table[part] for name, table in rows.items() if len(table) > 1}  # others are of all lanes
         tables = self.tables._replace(**own)
-        put_at_launch(outcomes, tables.launches)
-        follow_all(tables, ALL_HOPS, outcomes, rebounds)
+        _follow(tables, outcomes, rebounds)
         return descent_jam(outcomes, tables.bodies["mass"], tables.slopes[:, 1])
 
 
-def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings | None) -> _Lanes:
+def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> _Lanes:
     """Check a batch."""
-    settings = checked_settings(settings)
-    given = checked_lanes(body, law, slope, launches, settings)
-    limits = limits_of(body, settings)
-    return _Lanes(Tables(given.like(), limits, *given[1:-1], laid(given.vertices)))
+    return _Lanes(checked_lanes(body, law, slope, launches, settings).tables(limits_of(body, settings)))
 
 
 def simulate_batch(
@@ -159,6 +139,7 @@ def simulate_batch(
     *,
     keep_rebounds: bool = False,
     progress: bool = False,
+    **fields: Unpack[Fields],
 ) -> DescentBatch:
     """Simulate many descents on all cores; lane i equals ``simulate`` of launch i bit for bit.
 
@@ -179,6 +160,8 @@ def simulate_batch(
         Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
     progress : bool
         Show a bar on standard error; needs tqdm.
+    **fields
+        As for :func:`simulate`.
 
     Returns
     -------
@@ -194,7 +177,7 @@ def simulate_batch(
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
-    lanes = _lanes(body, law, slope, launches, settings)
+    lanes = _lanes(body, law, slope, launches, changed(settings, **fields))
     count = len(lanes.tables.launches)
     rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
     outcomes = np.zeros(count, OUTCOME)
@@ -216,6 +199,7 @@ def simulate_blocks(
     *,
     block: int = 1024,
     keep_rebounds: bool = True,
+    **fields: Unpack[Fields],
 ) -> Iterator[DescentBatch]:
     """Simulate many descents block by block, for logs that memory cannot hold all at once.
 
@@ -228,6 +212,8 @@ def simulate_blocks(
     keep_rebounds : bool
         Give the logs too, block * max_rebounds records of 176 bytes at a time: 180 MB by default, and as much again
         while the caller still holds the block before.
+    **fields
+        As for :func:`simulate`.
 
     Yields
     ------
@@ -240,7 +226,7 @@ def simulate_blocks(
     TypeError, ValueError, MemoryError
         As :func:`simulate_batch`, when it is called.
     """
-    lanes = _lanes(body, law, slope, launches, settings)
+    lanes = _lanes(body, law, slope, launches, changed(settings, **fields))
     block = checked_count("block", block)
     keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
     # Refuses what will not fit before anything is simulated.

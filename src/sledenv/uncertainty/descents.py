@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.kernel.records import FINISH, OUTCOME
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.jam import DescentJam, descent_jam
+from sledenv.simulation.records import FINISH, OUTCOME
 from sledenv.simulation.scene import Slope
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate_batch

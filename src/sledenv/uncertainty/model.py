@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
-from sledenv.kernel.entries import LIBRARY
 from sledenv.scenarios.configuration import Document, Section, Whole, wrong_kind
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import ChoiceBody, ContactSection, LaunchSection, SlopeSection, ZoneSection
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.records import LIBRARY
 from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from SALib.sample import sobol
 from tqdm import tqdm
 
-from sledenv.kernel.records import LOSSES, STATUS_OF_CODE
 from sledenv.machine.files import check_free, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, Runner, runner
+from sledenv.simulation.records import LOSSES, STATUS_OF_CODE
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.descents import descend_past

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol
 from scipy import stats
 
-from sledenv.kernel.records import LOSSES, Status
-from sledenv.pages.tables import aligned
+from sledenv.machine.text_tables import aligned
 from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.records import LOSSES, Status
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 NAMES: Final = tuple(f"q{100 * share:02.0f}" for share in QUANTILES)

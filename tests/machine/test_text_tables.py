@@ -6,7 +6,7 @@ import io
 
 from rich.console import Console
 
-from sledenv.pages.tables import aligned, fitted, markdown
+from sledenv.machine.text_tables import aligned, fitted, markdown
 
 ROWS = (("name", "value", ""), ("a", "1.5", "low"), ("longer", "-10.25", ""))
 

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, segment
-from sledenv.simulation.clearance import resting_heights
 from sledenv.simulation.outlines import directions
 from sledenv.simulation.scene import Slope
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
-from sledenv.simulation.support import support_height
+from sledenv.simulation.support import resting_heights, support_height
 
 Floats = NDArray[np.float64]
 

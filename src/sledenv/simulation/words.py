@@ -7,14 +7,13 @@ import math
 import numpy as np
 
 from sledenv.kernel.records import Mode
-from sledenv.pages.tables import aligned
+from sledenv.machine.text_tables import aligned
 from sledenv.simulation.bodies import Body, Segment
-from sledenv.simulation.clearance import resting_heights
-from sledenv.simulation.derivatives import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import AnyLaw, Slope, State, Zone
-from sledenv.simulation.support import within_a_turn
+from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
+from sledenv.simulation.support import resting_heights, within_a_turn
 
 
 def part_name(body: Body, code: int) -> str:

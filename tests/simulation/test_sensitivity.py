@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from sledenv.simulation.bodies import Body, Segment, segment
-from sledenv.simulation.derivatives import (
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.sensitivity import (
     END_QUANTITIES,
     LAUNCH,
     PARAMETERS,
     REBOUND_QUANTITIES,
     STATE_AFTER,
     Sensitivity,
+    sensitivity,
 )
-from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
-from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment, disc, rod
 from sledenv.simulation.simulate import simulate, simulate_batch

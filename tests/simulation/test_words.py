@@ -8,11 +8,11 @@ import pytest
 
 from sledenv.pages.as_json import plain_descent, plain_setting
 from sledenv.pages.columns import trajectory_columns
-from sledenv.pages.words import part_name, rebound_cells, setting, story
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import Arc
 from sledenv.simulation.shapes import circular_segment
+from sledenv.simulation.words import part_name, rebound_cells, setting, story
 from tests.bodies import DISC, HILL, ICE, SLED, run
 from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
 
