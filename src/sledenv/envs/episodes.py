@@ -203,7 +203,8 @@ class Episodes(ABC):
             viewer.enter(self.contexts[i : i + 1], past)
 
     def _draw(self, lanes: Lanes) -> Floats:
-        return np.array([self.generators[i].random(self.task.draws) for i in lanes.tolist()])  # type: ignore[union-attr]
+        generators: list[Any] = self.generators  # seeded before
+        return np.array([generators[i].random(self.task.draws) for i in lanes.tolist()])
 
     def _identity(self, environment: dict[str, Any]) -> dict[str, Any]:
         return environment | {"info": self.info_keys} | self.task.identity
@@ -214,16 +215,17 @@ class Episodes(ABC):
             raise TypeError(f"snapshot = {snapshot!r}: must come from snapshot()")
         if not isinstance(snapshot.task, dict) or snapshot.task.keys() != task.keys():
             raise ValueError(f"snapshot.task = {snapshot.task!r}: the snapshot is of another task, must be {task}")
-        for name, own in task.items():
-            if (given := snapshot.task[name]) != own:
+        for name, must in task.items():
+            if (given := snapshot.task[name]) != must:
                 which = f"snapshot.task[{name!r}] = {given!r}"
-                raise ValueError(f"{which}: the snapshot is of another task, must be {own!r}")
+                raise ValueError(f"{which}: the snapshot is of another task, must be {must!r}")
         held, stream = snapshot.episode, snapshot.stream
         if not isinstance(held, dict) or tuple(held) != self._state:
             raise ValueError(f"snapshot.episode = {held!r}: must hold {', '.join(self._state)}")
         for name, value in held.items():
             own: Any = getattr(self, name)
-            if not isinstance(value, RideBatch | None if name == "rides" else type(own)):
+            kind: Any = RideBatch | None if name == "rides" else type(own)
+            if not isinstance(value, kind):
                 raise TypeError(f"snapshot.episode[{name!r}] = {value!r}: must come from snapshot()")
             if isinstance(own, np.ndarray) and (value.dtype, value.shape) != (own.dtype, own.shape):
                 have = f"is {value.dtype} of shape {value.shape}"

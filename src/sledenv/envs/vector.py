@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Lanes, LaunchEpisodes, Snapshot
+from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Floats, Lanes, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.inputs import checked_actions, read_options
 from sledenv.envs.task import Task, TaskOptions, check_options
@@ -149,9 +149,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         self._add_infos(info, self._episodes.begin(lanes, fixed), lanes)
         return self._episodes.seen.copy(), info
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[Any], Flags, Flags, dict[str, Any]]:
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
         """Advance every lane by one step; a lane that is reset by it ("NextStep") ignores its action.
 
         Parameters
