@@ -91,12 +91,12 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         check_options(type(self), task)
         self.task = Task(scenario, control, **task)
-        self._episodes = self._kind(self.task, 1, info, render_mode)
-        self.observation_space = self._episodes.observation_space
-        self.action_space = self._episodes.action_space
-        self.observation_names: tuple[str, ...] = self._episodes.observation_names
-        self.action_names: tuple[str, ...] = self._episodes.action_names
-        self.info_keys = self._episodes.info_keys
+        self.episodes = self._kind(self.task, 1, info, render_mode)
+        self.observation_space = self.episodes.observation_space
+        self.action_space = self.episodes.action_space
+        self.observation_names: tuple[str, ...] = self.episodes.observation_names
+        self.action_names: tuple[str, ...] = self.episodes.action_names
+        self.info_keys = self.episodes.info_keys
         self.render_mode = render_mode
 
     def reset(
@@ -121,9 +121,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         given = read_options(options, self.task.split)
         self.task.check(given)
         super().reset(seed=None if seed is None else checked_seed(seed))
-        self._episodes.generators[0] = self.np_random
-        info = self._episodes.begin(_ONLY, given)
-        return self._episodes.seen[0].copy(), only_lane(info)
+        self.episodes.generators[0] = self.np_random
+        info = self.episodes.begin(_ONLY, given)
+        return self.episodes.seen[0].copy(), only_lane(info)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run the whole descent, or in :class:`sledenv.envs.descent.SledDescent` one hop of it.
@@ -135,7 +135,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         gymnasium.error.InvalidAction
             For an action outside the action space; the episode goes on.
         """
-        episodes = self._episodes
+        episodes = self.episodes
         if not episodes.begun or episodes.ended[0]:
             raise ResetNeeded("call reset before step: no episode is under way")
         step = episodes.step(_ONLY, checked_actions(self.action_space, [action], 1))
@@ -156,7 +156,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._check_begun("render")
         if self.render_mode is None:
             gym.logger.warn("render is called without a render_mode: give one to gym.make")
-        return self._episodes.viewers[0].render()
+        return self.episodes.viewers[0].render()
 
     def film(self) -> Iterator[NDArray[np.uint8]]:
         """Draw what "rgb_array_list" would list, one picture after the other, so that none needs to be kept.
@@ -169,7 +169,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             Before the first reset.
         """
         self._check_begun("film")
-        return self._episodes.viewers[0].film()
+        return self.episodes.viewers[0].film()
 
     def snapshot(self) -> Snapshot:
         """Return where the environment stands; what is done with it later does not change the snapshot.
@@ -179,8 +179,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         gymnasium.error.ResetNeeded
             Before the first reset.
         """
-        self._episodes.generators[0] = self.np_random
-        return self._episodes.snapshot(self._identity())
+        self.episodes.generators[0] = self.np_random
+        return self.episodes.snapshot(self._identity())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot: what follows is, bit for bit, what would have followed there.
@@ -195,18 +195,18 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         TypeError, ValueError
             If it is no snapshot, or one of another task; the environment stays where it is.
         """
-        self._episodes.restore(snapshot, self._identity())
-        (generator,) = self._episodes.generators
+        self.episodes.restore(snapshot, self._identity())
+        (generator,) = self.episodes.generators
         assert generator is not None
         self.np_random = generator
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        self._episodes.viewers[0].close()
+        self.episodes.viewers[0].close()
 
     def _identity(self) -> dict[str, Any]:
         return {"environment": type(self).__name__}
 
     def _check_begun(self, call: str) -> None:
-        if not self._episodes.begun:
+        if not self.episodes.begun:
             raise ResetNeeded(f"call reset before {call}")

@@ -93,13 +93,13 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
         self.task = Task(scenario, control, **task)
         self.num_envs = int(num_envs)
-        self._episodes = self._kind(self.task, self.num_envs, info, render_mode, max_episode_steps)
-        self.single_observation_space = self._episodes.observation_space
-        self.single_action_space = self._episodes.action_space
-        self.observation_names, self.action_names = self._episodes.observation_names, self._episodes.action_names
+        self.episodes = self._kind(self.task, self.num_envs, info, render_mode, max_episode_steps)
+        self.single_observation_space = self.episodes.observation_space
+        self.single_action_space = self.episodes.action_space
+        self.observation_names, self.action_names = self.episodes.observation_names, self.episodes.action_names
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.info_keys = self._episodes.info_keys
+        self.info_keys = self.episodes.info_keys
         self.autoreset_mode = mode
         self.metadata = METADATA | {"autoreset_mode": mode}
         self.max_episode_steps = max_episode_steps
@@ -137,17 +137,17 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         given = dict(options or {})
         mask = given.pop("reset_mask", None)
         lanes = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._checked_mask(mask))
-        if not self._episodes.begun and len(lanes) < self.num_envs:
+        if not self.episodes.begun and len(lanes) < self.num_envs:
             raise ResetNeeded("the first reset must be one of all lanes")
         seeds = self._checked_seeds(seed, lanes)
         fixed = read_options(given, self.task.split, self.num_envs, ("reset_mask",)).of(lanes)
         self.task.check(fixed)
         if lanes[0] == 0 and seeds[0] is not None:
             super().reset(seed=seeds[0])  # np_random, which is nobody's lane
-        self._episodes.seed(lanes, seeds)
+        self.episodes.seed(lanes, seeds)
         info: dict[str, Any] = {}
-        self._add_infos(info, self._episodes.begin(lanes, fixed), lanes)
-        return self._episodes.seen.copy(), info
+        self._add_infos(info, self.episodes.begin(lanes, fixed), lanes)
+        return self.episodes.seen.copy(), info
 
     def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Floats, Flags, Flags, dict[str, Any]]:
         """Advance every lane by one step; a lane that is reset by it ("NextStep") ignores its action.
@@ -168,7 +168,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         gymnasium.error.InvalidAction
             Naming the lane; no lane has advanced then.
         """
-        episodes, ended = self._episodes, self._episodes.ended
+        episodes, ended = self.episodes, self.episodes.ended
         if not episodes.begun:
             raise ResetNeeded("call reset before step")
         if self.autoreset_mode is AutoresetMode.DISABLED and ended.any():
@@ -209,14 +209,14 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self.render_mode is None:
             gym.logger.warn("render is called without a render_mode: give one to gym.make_vec")
             return None
-        if not self._episodes.begun:
+        if not self.episodes.begun:
             raise ResetNeeded("call reset before render")
-        frames: Any = tuple(viewer.render() for viewer in self._episodes.viewers)  # lists of pictures as well
+        frames: Any = tuple(viewer.render() for viewer in self.episodes.viewers)  # lists of pictures as well
         return frames  # type: ignore[no-any-return]
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the windows, if there are any."""
-        for viewer in self._episodes.viewers:
+        for viewer in self.episodes.viewers:
             viewer.close()
 
     def snapshot(self) -> Snapshot:
@@ -227,7 +227,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         gymnasium.error.ResetNeeded
             Before the first reset.
         """
-        return self._episodes.snapshot(self._identity())
+        return self.episodes.snapshot(self._identity())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot: what follows is, bit for bit, what would have followed there.
@@ -242,7 +242,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         TypeError, ValueError
             If it is no snapshot, or one of another task; the batch stays where it is.
         """
-        self._episodes.restore(snapshot, self._identity())
+        self.episodes.restore(snapshot, self._identity())
 
     def _identity(self) -> dict[str, Any]:
         batch = {"num_envs": self.num_envs, "autoreset_mode": self.autoreset_mode.value}
@@ -251,7 +251,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]  # as in SyncVectorEnv
         """Seed of each lane, None before the first reset."""
-        return tuple(self._episodes.seeds)
+        return tuple(self.episodes.seeds)
 
     def _checked_mask(self, mask: Any) -> Flags:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
