@@ -193,13 +193,7 @@ def test_a_snapshot_restores_what_was_shown(name):
     [
         ({"episode": {}}, "must hold contexts, launches"),
         ({"episode": None}, "must hold contexts, launches"),
-        ({"episode": {"contexts": 3}}, r"snapshot.episode\['contexts'\] = 3"),
-        ({"episode": {"contexts": np.zeros((2, 11))}}, r"shape \(2, 11\): must be float64"),
-        ({"episode": {"contexts": np.zeros((1, 11), int)}}, "is int64 of shape"),
-        ({"episode": {"rides": 3}}, r"snapshot.episode\['rides'\] = 3"),
         ({"episode": {"pasts": []}}, r"snapshot.episode\['pasts'\] is empty"),
-        ({"stream": None}, "snapshot.stream = None"),
-        ({"stream": []}, "snapshot.stream has 0 entries: must be one a lane, 1"),
         ({"task": None}, "of another task"),
     ],
 )

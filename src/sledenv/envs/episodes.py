@@ -57,31 +57,6 @@ class Episodes(ABC):
         How lanes are shown. One that is alone can be filmed without.
     most_steps : int, optional
         After how many an episode is truncated.
-
-    Attributes
-    ----------
-    observation_space, action_space, observation_names, action_names
-        Of one lane.
-    generators : list of Generator or None
-        The random stream of each lane, None before it is first needed; contexts and launch noise come from it alone.
-    seeds : list of int or None
-        With which they began.
-    begun : bool
-        Whether there has been a reset.
-    contexts : ndarray, shape (lanes, 11) or (lanes, 13)
-        With the launch noise, if there is any.
-    launches : ndarray, shape (lanes, 6)
-        With which the lanes were let go last.
-    trims : ndarray, shape (lanes,)
-        Spin [rad/s] that the riders lent in the last step.
-    seen : ndarray of float32, shape (lanes, ...)
-        Observations.
-    steps : ndarray of int, shape (lanes,)
-        Since the reset.
-    ended : ndarray of bool, shape (lanes,)
-        Whether a lane waits for a reset.
-    viewers : list of Viewer
-        One a lane, or none.
     """
 
     by_hops: ClassVar[bool]  # whether a step is a hop, and not the whole descent
@@ -97,15 +72,15 @@ class Episodes(ABC):
         self.most_steps = most_steps
         self.observation_space, self.action_space = self._spaces()
         self.observation_names, self.action_names = self._names()
-        self.generators: list[np.random.Generator | None] = [None] * lanes
+        self.generators: list[np.random.Generator | None] = [None] * lanes  # all that is drawn comes from them
         self.seeds: list[int | None] = [None] * lanes
-        self.begun = False
+        self.begun = False  # before the first reset
         self.contexts = np.full((lanes, task.draws), np.nan)
-        self.launches = np.zeros((lanes, len(State._fields)))
-        self.trims = np.zeros(lanes)
-        self.seen = np.zeros((lanes, *self.observation_space.shape), np.float32)
-        self.steps = np.zeros(lanes, np.int64)
-        self.ended = np.zeros(lanes, np.bool_)
+        self.launches = np.zeros((lanes, len(State._fields)))  # with which the lanes were let go last
+        self.trims = np.zeros(lanes)  # [rad/s] lent in the last step
+        self.seen = np.zeros((lanes, *self.observation_space.shape), np.float32)  # observations
+        self.steps = np.zeros(lanes, np.int64)  # since the reset
+        self.ended = np.zeros(lanes, np.bool_)  # waits for a reset
         self.rides: RideBatch | None = None  # of hops, once lanes have been launched
         shown = lanes if render_mode is not None or lanes == 1 else 0
         self.viewers = [Viewer(task, render_mode, by_hops=self.by_hops) for _ in range(shown)]
@@ -219,21 +194,9 @@ class Episodes(ABC):
             if (given := snapshot.task[name]) != must:
                 which = f"snapshot.task[{name!r}] = {given!r}"
                 raise ValueError(f"{which}: the snapshot is of another task, must be {must!r}")
-        held, stream = snapshot.episode, snapshot.stream
+        held = snapshot.episode
         if not isinstance(held, dict) or tuple(held) != self._state:
             raise ValueError(f"snapshot.episode = {held!r}: must hold {', '.join(self._state)}")
-        for name, value in held.items():
-            own: Any = getattr(self, name)
-            kind: Any = RideBatch | None if name == "rides" else type(own)
-            if not isinstance(value, kind):
-                raise TypeError(f"snapshot.episode[{name!r}] = {value!r}: must come from snapshot()")
-            if isinstance(own, np.ndarray) and (value.dtype, value.shape) != (own.dtype, own.shape):
-                have = f"is {value.dtype} of shape {value.shape}"
-                raise ValueError(f"snapshot.episode[{name!r}] {have}: must be {own.dtype} of shape {own.shape}")
-        if not isinstance(stream, list) or not all(isinstance(one, np.random.Generator) for one in stream):
-            raise TypeError(f"snapshot.stream = {stream!r}: must come from snapshot()")
-        if len(stream) != len(self.generators):
-            raise ValueError(f"snapshot.stream has {len(stream)} entries: must be one a lane, {len(self.generators)}")
         if len(held["pasts"]) < len(self.viewers):
             raise ValueError("snapshot.episode['pasts'] is empty: a batch that draws needs a snapshot of one that does")
 

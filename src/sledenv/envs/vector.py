@@ -189,9 +189,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if self.autoreset_mode is AutoresetMode.SAME_STEP and done.size:  # all lanes stepped: none waits in this mode
             final_obs = np.fromiter(observations[done], dtype=object, count=len(done))
             self._add_infos(info, {"final_obs": final_obs, "final_info": _rows(step.info, done)}, done)
-            if done.size < self.num_envs:
-                _blank(step.info, done)
-                self._add_infos(info, step.info, np.setdiff1d(lanes, done))
+            kept = np.setdiff1d(lanes, done)
+            if kept.size:
+                self._add_infos(info, _rows(step.info, kept), kept)
             self._add_infos(info, episodes.begin(done), done)
             observations[done] = episodes.seen[done]
         elif lanes.size:
@@ -277,17 +277,12 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         return [None if own is None else checked_seed(own, f"seed[{i}]") for i, own in owns]
 
     def _add_infos(self, infos: dict[str, Any], columns: dict[str, Any], lanes: Lanes) -> None:
-        """Add the info of many lanes: what ``VectorEnv._add_info`` does for one.
-
-        New columns may have a row for every lane, blank for those that are not meant.
-        """
+        """Add the info of some lanes, a row each: what ``VectorEnv._add_info`` does for one."""
         told = np.zeros(self.num_envs, np.bool_)
         told[lanes] = True
         for key, value in columns.items():
             if isinstance(value, dict):
                 self._add_infos(infos.setdefault(key, {}), value, lanes)
-            elif key not in infos and len(value) == self.num_envs:
-                infos[key] = value
             else:
                 if key not in infos:
                     made = np.empty if value.dtype == object else np.zeros  # of empty objects each is None
@@ -319,12 +314,3 @@ class SledDescentVector(SledVectorEnv, VectorEnv[NDArray[np.float32], NDArray[np
 def _rows(columns: dict[str, Any], lanes: Lanes) -> dict[str, Any]:
     """Select rows of arrays in dicts."""
     return {key: _rows(value, lanes) if isinstance(value, dict) else value[lanes] for key, value in columns.items()}
-
-
-def _blank(columns: dict[str, Any], lanes: Lanes) -> None:
-    """Blank rows of arrays in dicts."""
-    for value in columns.values():
-        if isinstance(value, dict):
-            _blank(value, lanes)
-        else:
-            value[lanes] = None if value.dtype == object else 0
