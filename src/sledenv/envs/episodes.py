@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
@@ -60,6 +59,8 @@ class Episodes(ABC):
     """
 
     by_hops: ClassVar[bool]  # whether a step is a hop, and not the whole descent
+    observation_names: tuple[str, ...]
+    action_names: tuple[str, ...]
     # Attributes that make up a snapshot.
     _state: ClassVar = ("contexts", "launches", "trims", "seen", "steps", "ended", "seeds", "rides", "pasts")
 
@@ -70,8 +71,12 @@ class Episodes(ABC):
         self.info_keys = checked_info(info)
         checked_render_mode(render_mode)
         self.most_steps = most_steps
-        self.observation_space, self.action_space = self._spaces()
-        self.observation_names, self.action_names = self._names()
+        if self.by_hops:
+            self.observation_space, self.action_space = task.ride_observation_space, task.ride_action_space
+            self.observation_names, self.action_names = task.ride_observation_names, task.ride_action_names
+        else:
+            self.observation_space, self.action_space = task.observation_space, task.action_space
+            self.observation_names, self.action_names = task.observation_names, task.action_names
         self.generators: list[np.random.Generator | None] = [None] * lanes  # all that is drawn comes from them
         self.seeds: list[int | None] = [None] * lanes
         self.begun = False  # before the first reset
@@ -86,20 +91,12 @@ class Episodes(ABC):
         self.viewers = [Viewer(task, render_mode, by_hops=self.by_hops) for _ in range(shown)]
 
     @abstractmethod
-    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        """Observation and action space of one lane."""
-
-    @abstractmethod
-    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of the entries of an observation and of an action of one lane."""
-
-    @abstractmethod
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
         """Advance lanes by one step each, renew what is seen of them, and return their descents so far."""
 
-    @abstractmethod
     def _verdict(self, batch: DescentBatch) -> tuple[Floats, Flags, Flags]:
         """Return rewards, terminated and truncated of a step."""
+        return self.task.verdict(batch)
 
     def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
         """Start streams anew where there is a seed, and from fresh entropy where there was none before."""
@@ -206,12 +203,6 @@ class LaunchEpisodes(Episodes):
 
     by_hops = False
 
-    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        return self.task.observation_space, self.task.action_space
-
-    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        return self.task.observation_names, self.task.action_names
-
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
         contexts = self.contexts[lanes]
         launches = self.launches[lanes] = self.task.launches(contexts, actions)
@@ -227,12 +218,6 @@ class DescentEpisodes(Episodes):
 
     by_hops = True
 
-    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        return self.task.ride_observation_space, self.task.ride_action_space
-
-    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        return self.task.ride_observation_names, self.task.ride_action_names
-
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
         fresh = self.steps[lanes] == 0
         if fresh.any():
@@ -245,9 +230,6 @@ class DescentEpisodes(Episodes):
         batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
         self.seen[lanes, FIELDS:] = self.task.observe_flights(batch.outcomes)
         return batch
-
-    def _verdict(self, batch: DescentBatch) -> tuple[Floats, Flags, Flags]:
-        return self.task.verdict(batch)
 
     def _launch(self, lanes: Lanes, actions: Floats) -> None:
         """Begin the rides of some lanes; before the first rides those are all lanes."""
