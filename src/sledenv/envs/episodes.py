@@ -133,31 +133,14 @@ class Episodes(ABC):
         return Step(rewards, terminated, truncated, info)
 
     def snapshot(self, environment: dict[str, Any]) -> Snapshot:
-        """Return where all lanes stand; what is done later does not change it.
-
-        Parameters
-        ----------
-        environment : dict
-            What of an environment another one must have in common with it to go on from there.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
-        """
+        """Return where all lanes stand, and what of an environment another must have in common to go on from there."""
         if not self.begun:
             raise ResetNeeded("call reset before snapshot")
         episode = {name: copy.deepcopy(getattr(self, name)) for name in self._state}
         return Snapshot(self._identity(environment), episode, copy.deepcopy(self.generators))
 
     def restore(self, snapshot: Snapshot, environment: dict[str, Any]) -> None:
-        """Go on from a snapshot: what follows is, bit for bit, what would have followed there.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it is no snapshot, or one of another task; all lanes stay where they are.
-        """
+        """Go on from a snapshot, or raise TypeError or ValueError: all lanes stay where they are then."""
         self._check(snapshot, self._identity(environment))
         for name, value in copy.deepcopy(snapshot.episode).items():
             setattr(self, name, value)
