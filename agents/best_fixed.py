@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 from tqdm import tqdm
 
 from sledenv.benchmark.problem import Problem
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 _FILE = "action.yaml"
 
@@ -50,13 +50,13 @@ class Agent:
             for candidate in tqdm(candidates, desc="best-fixed", unit="candidate", disable=None)
         ]
         agent = cls(candidates[int(np.argmax(rewards))])
-        (folder / _FILE).write_text(yaml.safe_dump({"action": agent.action.tolist()}))
+        write_yaml(folder / _FILE, {"action": agent.action.tolist()})
         return agent
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the action of a run."""
-        return cls(yaml.safe_load((folder / _FILE).read_text())["action"])
+        return cls(read_yaml(folder / _FILE)["action"])
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.tile(self.action, (len(observations), 1))

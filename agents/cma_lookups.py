@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from sledenv.machine.extras import needs
 
 from . import uniform_lookups
-from .lookups import Model
 
 with needs("benchmark", __name__):
     import cma
@@ -22,7 +21,7 @@ class Agent(uniform_lookups.Agent):
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         problem, count = self._problem, len(observations)
-        model = Model(problem, self._lookups, observations)
+        model = uniform_lookups.Model(problem, self._lookups, observations)
         # A search needs two dimensions at least, so a second one without effect where a launch has one.
         start, options = np.zeros(max(problem.actions, 2)), {"verbose": -9, "popsize": _POPULATION}
         searches = [cma.CMAEvolutionStrategy(start, _WIDTH, options | {"seed": 1 + i}) for i in range(count)]

@@ -355,9 +355,18 @@ def keep(critic: Critic, path: Path) -> None:
 
 
 def kept(problem: Problem, path: Path) -> Critic:
-    """Read what :func:`keep` wrote."""
+    """Read what :func:`keep` wrote.
+
+    Raises
+    ------
+    ValueError
+        If a weight is no finite number: whatever is rated by it would be the first that is tried.
+    """
     with np.load(path, allow_pickle=False) as arrays:
         state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+    wrong = [name for name, value in state.items() if not value.isfinite().all()]
+    if wrong:
+        raise ValueError(f"{path}: {wrong[0]} has weights that are no finite numbers")
     *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
     critic = Critic(Touch(problem), layers, bins)
     critic.load_state_dict(state)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 from . import critic, replan
 
@@ -37,13 +37,13 @@ class Agent(replan.Replanner):
         """
         settings = dict(settings)
         trims = int(settings.pop("trims"))
-        (folder / _FILE).write_text(yaml.safe_dump({"trims": trims}))
+        write_yaml(folder / _FILE, {"trims": trims})
         return cls(problem, trims, critic.Agent.train(problem.launch_alone(), settings, seed, folder))
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the critic of a run."""
-        trims = yaml.safe_load((folder / _FILE).read_text())["trims"]
+        trims = read_yaml(folder / _FILE)["trims"]
         return cls(problem, trims, critic.Agent.load(problem.launch_alone(), folder))
 
     def _launches(self, observations: NDArray[np.float32]) -> NDArray[Any]:

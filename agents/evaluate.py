@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from json import dumps
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from cyclopts import Parameter
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
+from sledenv.benchmark.oracle import best_launches
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
+from sledenv.benchmark.scores import lost, mean
 from sledenv.command.arguments import number
-from sledenv.command.running import app, run
+from sledenv.command.running import app, progress, run, taken
+from sledenv.machine.files import replacing
+from sledenv.pages.tables import aligned
 
 CONTEXTS = 200
+SEARCHED = 40  # of these, whose best launch is searched: a minute or two of two cores on sled_snow
 
 
 class Score(NamedTuple):
@@ -32,6 +39,15 @@ class Score(NamedTuple):
         """Mean reward."""
         return float(self.rewards.mean())
 
+    @property
+    def falls(self) -> NDArray[np.float64]:
+        """Share of the trials of each context in which a part touches that must not, shape (n,)."""
+        return np.asarray((self.status == "tumbled").mean(axis=1))
+
+    def regrets(self, best: pd.DataFrame) -> NDArray[np.float64]:
+        """Share that is lost against the best launches of the first contexts, shape (m,)."""
+        return lost(self.rewards[: len(best)], best["reward"].to_numpy())
+
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """95 % bootstrap interval (BCa) of the mean over contexts."""
@@ -41,6 +57,11 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
 
 
+def falls_interval(falls: NDArray[np.float64]) -> tuple[float, float]:
+    """95 % interval of a mean share over contexts; it has a width even if nothing was counted."""
+    return mean(falls[np.newaxis]).share_interval(len(falls))
+
+
 def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
     """Simulate the agent's launches on ``count`` held-out contexts, the same for every agent."""
     trials = problem.trials(problem.contexts("test", count), "test")
@@ -48,34 +69,58 @@ def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -
     return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status.reshape(trials.shape[:2]))
 
 
-def table(scores: list[Score]) -> str:
-    """Return the scores as text; the last column compares each with the last score, context by context."""
-    best = scores[-1]
-    wide = max(12, *(len(score.name) for score in scores))
-    header = f"{'agent':<{wide}} {'mean reward':>11}  {'95 % interval':>16}  {'finish':>6} {'jam':>5} {'tumble':>6}"
-    lines = [f"{header}   {best.name} minus agent (95 %)", "-" * (wide + 86)]
-    for score in scores:
-        low, high = interval(score.rewards)
-        share = {status: float(np.mean(score.status == status)) for status in ("finish", "jammed", "tumbled")}
-        line = f"{score.name:<{wide}} {score.mean:>11.4f}  [{low:.4f}, {high:.4f}]"
-        line += f"  {share['finish']:>6.0%} {share['jammed']:>5.0%} {share['tumbled']:>6.0%}"
-        if score is not best:
-            difference = best.rewards - score.rewards
-            low, high = interval(difference)
-            line += f"   {difference.mean():+.4f} [{low:+.4f}, {high:+.4f}]"
-        lines.append(line)
-    return "\n".join(lines)
+def table(scores: list[Score], best: pd.DataFrame | None = None) -> str:
+    """Return the scores as text, most reward first, with what the words in it mean.
+
+    Parameters
+    ----------
+    scores : list of Score
+    best : DataFrame, optional
+        The best launches of the first contexts, of :func:`sledenv.benchmark.oracle.best_launches`.
+    """
+    first, *others = sorted(scores, key=lambda score: -score.mean)
+    names = ["agent", "mean reward [95 %]", "mean loss [95 %]", "falls [95 %]", "finished"]
+    rows = [[*names, *([f"behind {first.name} [95 %]"] if others else [])]]
+    for score in (first, *others):
+        share = "-" if best is None else _told(score.regrets(best), interval, ".1%")
+        row = [score.name, _told(score.rewards, interval, ".3f"), share, _told(score.falls, falls_interval, ".1%")]
+        row.append(f"{(score.status == 'finish').mean():.1%}")
+        if others:  # context by context
+            row.append("-" if score is first else _told(first.rewards - score.rewards, interval, ".3f"))
+        rows.append(row)
+    header, *lines = aligned(rows, ["<12", "<"])
+    words = [f"Reward: from 0 to 1, over {len(first.rewards)} contexts that no training has seen."]
+    if best is not None:
+        earned, low, high = (best[name].mean() for name in ("reward", "low", "high"))
+        words += [
+            f"Loss: share of the best launch's reward that an agent misses, over the first {len(best)} contexts.",
+            f"  Best launches, by a dense search, earn {earned:.3f} there; the best there are {low:.3f} to {high:.3f}.",
+        ]
+    words += ["Falls: share of the descents in which a part touches the ground that must not, such as the rider."]
+    words += ["Brackets: 95 % intervals, of the mean over all such contexts."]
+    return "\n".join([header, "-" * len(header), *lines, "", *words])
 
 
-def as_json(scores: list[Score]) -> list[dict[str, Any]]:
+def _told(values: NDArray[np.float64], ends: Any, form: str) -> str:
+    """Write the mean of values with its interval."""
+    low, high = (format(end, f"z{form}").removesuffix("%") for end in ends(values))
+    return f"{values.mean():z{form}} [{low}, {high}]"
+
+
+def as_json(scores: list[Score], best: pd.DataFrame | None = None) -> list[dict[str, Any]]:
     """Return the scores as plain data."""
-    return [
-        {"agent": s.name, "mean": s.mean, "interval": interval(s.rewards), "rewards": s.rewards.tolist()}
-        for s in scores
-    ]
+    found = []
+    for one in scores:
+        plain = {"agent": one.name, "mean": one.mean, "interval": interval(one.rewards)}
+        if best is not None:
+            regrets = one.regrets(best)
+            plain |= {"regret": float(regrets.mean()), "regret_interval": interval(regrets)}
+        plain |= {"falls": float(one.falls.mean()), "falls_interval": falls_interval(one.falls)}
+        found.append(plain | {"rewards": one.rewards.tolist()})
+    return found
 
 
-command = app("python -m sledenv.agents.evaluate", __doc__.partition(":")[0] + ".")
+command = app("python -m sledenv.agents.evaluate", "Judge trained agents on the same held-out contexts.")
 
 
 @command.default
@@ -84,6 +129,7 @@ def _evaluate(
     /,
     *,
     contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
+    searched: Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)] = SEARCHED,
     json: Path | None = None,
 ) -> None:
     """Judge trained agents.
@@ -94,17 +140,26 @@ def _evaluate(
         Folders written by sledenv.agents.train, or names of runs that ship: sled_snow-launch-orientation-critic-s0.
     contexts
         Number of held-out contexts.
+    searched
+        Of these, whose best launch is searched, against which losses are; 0 leaves losses out.
     json
-        Also write the rewards to this file.
+        Also write the numbers to this file.
     """
     loaded = [load_run(folder) for folder in runs]
     problems = {(problem.scenario.hash, problem.control) for problem, _, _ in loaded}
     if len(problems) > 1:
         raise ValueError("the runs have different scenarios or controls: judge them apart")
-    scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for problem, agent, config in loaded]
-    print(table(scores))
-    if json:
-        json.write_text(dumps(as_json(scores)))
+    with ExitStack() as places:
+        file = json and taken(places, "--json", replacing(json, ".json"))
+        scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for problem, agent, config in loaded]
+        best = None
+        if count := min(searched, contexts):
+            problem = loaded[0][0].seeing_all()
+            progress("evaluate")(f"searching the best launches of {count} contexts (--searched 0 leaves them out)")
+            best = best_launches(problem, problem.contexts("test", count))
+        print(table(scores, best))
+        if file:
+            file.write_text(dumps(as_json(scores, best)), encoding="utf-8")
 
 
 def main(arguments: list[str] | None = None) -> int:

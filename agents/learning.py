@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
 from sledenv.machine.extras import needs
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 from .curve import Curve
 
@@ -174,7 +174,7 @@ class Learned:
         steps = settings.pop("n_timesteps")
         checks = settings.pop("checks", 20)
         landings = bool(settings.pop("landings", True)) and problem.environment == "launch"
-        (folder / _LANDINGS).write_text(yaml.safe_dump({"landings": landings}))
+        write_yaml(folder / _LANDINGS, {"landings": landings})
         landing = Landing(problem) if landings else None
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
@@ -216,7 +216,7 @@ class Learned:
 
     @classmethod
     def _read(cls, problem: Problem, folder: Path, name: str) -> Self:
-        landings = yaml.safe_load((folder / _LANDINGS).read_text())["landings"]
+        landings = read_yaml(folder / _LANDINGS)["landings"]
         return cls(cls.algorithm.load(folder / name, device="cpu"), Landing(problem) if landings else None)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
 from sledenv.envs.task import Task
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.sections import CONTROLS
 
 Floats = NDArray[np.float64]
@@ -97,7 +97,7 @@ class Linear:
         judge = Judge(problem)
         weights = cls.search(problem, judge, settings, seed)
         content = {"descents": judge.descents, "weights": weights.tolist()}
-        (folder / _FILE).write_text(yaml.safe_dump(content))
+        write_yaml(folder / _FILE, content)
         return cls(problem, weights)
 
     @classmethod
@@ -108,7 +108,7 @@ class Linear:
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the weights of a run."""
-        return cls(problem, np.array(yaml.safe_load((folder / _FILE).read_text())["weights"]))
+        return cls(problem, np.array(read_yaml(folder / _FILE)["weights"]))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.asarray(actions(self._task, self.weights[np.newaxis], observations)[0], np.float32)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 _FILE = "random.yaml"
 
@@ -24,13 +24,13 @@ class Agent:
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
         """Keep the seed."""
-        (folder / _FILE).write_text(yaml.safe_dump({"seed": seed}))
+        write_yaml(folder / _FILE, {"seed": seed})
         return cls(problem, seed)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Start again from the seed of the run."""
-        return cls(problem, yaml.safe_load((folder / _FILE).read_text())["seed"])
+        return cls(problem, read_yaml(folder / _FILE)["seed"])
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         return self._rng.uniform(-1.0, 1.0, (len(observations), self._actions)).astype(np.float32)

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import FLIGHT
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.simulation.jam import descent_jam
 
 Floats = NDArray[np.float64]
@@ -90,13 +90,13 @@ class Agent(Replanner):
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
         """Keep the settings; there is nothing to learn."""
-        (folder / _FILE).write_text(yaml.safe_dump(settings))
+        write_yaml(folder / _FILE, settings)
         return cls(problem, settings)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the settings of a run."""
-        return cls(problem, yaml.safe_load((folder / _FILE).read_text()))
+        return cls(problem, read_yaml(folder / _FILE))
 
     def _launches(self, observations: NDArray[np.float32]) -> NDArray[Any]:
         best = []

@@ -101,7 +101,7 @@ def trained(
     return runs.is_trained(_module(algo), problem, settings, seed, run_folder(folder, algo, problem, seed))
 
 
-command = app("python -m sledenv.agents.train", __doc__.partition(":")[0] + ".")
+command = app("python -m sledenv.agents.train", "Train one agent on one scenario.")
 
 
 @command.default

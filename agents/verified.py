@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from sledenv.benchmark.problem import Problem
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 from . import critic
-from .lookups import Floats, Model, best_of, checked_lookups
+from .uniform_lookups import Floats, Model, best_of, checked_lookups
 
 _FILE: Final = "lookups.yaml"
 APART: Final = 0.1  # of proposals, where the box is 2 wide: nearer ones would fail for the same reason
@@ -84,13 +84,13 @@ class Agent:
         """
         settings = dict(settings)
         lookups = checked_lookups(settings.pop("lookups"))
-        (folder / _FILE).write_text(yaml.safe_dump({"lookups": lookups}))
+        write_yaml(folder / _FILE, {"lookups": lookups})
         return cls(problem, Proposer.train(problem, settings, seed, folder), lookups)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
         """Read the critic of a run."""
-        lookups = yaml.safe_load((folder / _FILE).read_text())["lookups"]
+        lookups = read_yaml(folder / _FILE)["lookups"]
         return cls(problem, Proposer.load(problem, folder), lookups)
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -2,8 +2,7 @@
 
 ``python -m perf.learning FOLDER`` reads the learning curves of a finished ``sledenv benchmark``, writes
 results/learning.json and prints the table of agents/README.md. The best on the validation contexts is not known; the
-launches of all agents of the folder stand for it, the best in each context, refined a little. Means are compared, so
-that a launch over a cliff counts fully, unlike in an interquartile mean.
+launches of all agents of the folder stand for it, the best in each context, refined a little.
 """
 
 from __future__ import annotations

@@ -117,14 +117,24 @@ def turned(angle):
 
 
 @njit(cache=False)
+def height_over(piece, x, y):
+    return piece[TX] * (y - piece[PY]) - piece[TY] * (x - piece[PX])
+
+
+@njit(cache=False)
 def touching(arcs, pieces, crests, z, size, pairs):
     """List all pairs that are closed at (x, y, phi, u, v, omega); return how many."""
     count = 0
     x, y, S, C = z[0], z[1], math.sin(z[2]), math.cos(z[2])
+    over = height_over(pieces[0], x, y)
+    for j in range(1, len(pieces)):
+        if pieces[j, PX] <= x:
+            over = height_over(pieces[j], x, y)
     for j in range(len(pieces)):
         piece = pieces[j]
         nx, ny = -piece[TY], piece[TX]
-        if nx * (x - piece[PX]) + ny * (y - piece[PY]) > size:
+        height = height_over(piece, x, y)
+        if height > size or height <= 0.0 < over:  # far above, or behind it, on the other side of a ridge
             continue
         tilt = math.atan2(piece[TY], piece[TX])
         for a in range(len(arcs)):

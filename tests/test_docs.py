@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from perf import packs, show
+from perf.harness import load
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "agents", "configs", "perf", "tests", "examples", "docs")
 PAGES = [
@@ -56,3 +59,11 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     assert [path for path in sorted(paths) if not any(f"/{path}" in one for one in there)] == []
     names = {word for span in spans - paths for word in words(span)} | {word for word in words(drawn) if "_" in word}
     assert sorted(names - known) == []
+
+
+def test_the_table_of_what_scenarios_ask_is_that_of_the_measurement() -> None:
+    """Oracle: its results, as ``python -m perf.packs`` prints them."""
+    page = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8").splitlines()
+    measured = show.table(load("packs")["packs"].items(), packs.COLUMNS).splitlines()
+    assert len(measured) > 9
+    assert [row for row in measured if row not in page] == []

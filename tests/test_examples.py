@@ -41,10 +41,10 @@ def test_the_page_on_simulation_runs_from_top_to_bottom(tmp_path, monkeypatch, c
     assert "SLIDE" in capsys.readouterr().out
 
 
-def test_the_page_on_sensitivity_runs(tmp_path, monkeypatch, capsys):
+def test_the_sensitivity_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, capsys):
     """Its figure is written, and the descent is the one that the page tells of."""
     monkeypatch.chdir(tmp_path)
-    names = run(blocks("docs/sensitivity.md"))
+    names = run(blocks("docs/uncertainty.md")[:1])
     assert [file.name for file in tmp_path.iterdir()] == ["growth.png"]
     assert names["found"].descent.status == "jammed"
     assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 8
@@ -63,7 +63,7 @@ def test_the_pages_of_pictures_draw_what_they_show(page, tmp_path, monkeypatch, 
 
 
 def test_the_five_lines_of_the_first_page_judge_an_agent(capsys):
-    """On one context instead of 20. Oracle: the draws of the tremble by which all agents are judged."""
+    """On one context instead of 20. Oracle: the draws of the launch noise by which all agents are judged."""
     benchmark, steps = blocks("docs/index.md")
     assert "20)" in benchmark
     names = run([benchmark.replace("20)", "1)")])
@@ -100,20 +100,6 @@ def test_the_page_on_environments_runs(tmp_path, monkeypatch, capsys):
         assert (film.size, film.n_frames > 30) == ((960, 540), True)
 
 
-def test_the_loop_of_the_page_on_clients_trains_and_judges(monkeypatch, capsys):
-    """With fewer lanes, updates and contexts; 3 updates learn nothing yet."""
-    (loop,) = blocks("docs/clients.md")
-    threads = torch.get_num_threads()
-    for given, fewer in (("512, 60", "32, 3"), ('"test", 40', '"test", 2'), ("split(256)", "split(16)")):
-        assert loop.count(given) == 1
-        loop = loop.replace(given, fewer)
-    names = run([loop])
-    torch.set_num_threads(threads)
-    assert names["rewards"].shape == (2,)
-    assert names["regret"] == pytest.approx(1 - names["rewards"] / names["best"])
-    assert "mean reward" in capsys.readouterr().out
-
-
 def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path, monkeypatch):
     agent, report = blocks("docs/benchmark.md")
     problem = Problem("sled_snow")
@@ -146,22 +132,15 @@ def test_the_code_of_the_page_on_architecture_is_valid():
     assert get_args(annotated)[1].name == "drop"
 
 
-def test_the_page_on_identification_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
-    """Oracle: the law that made its recording."""
+def test_the_page_on_recordings_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    """Oracle: the laws that made its recording and its film."""
     monkeypatch.chdir(tmp_path)
-    names = run(blocks("docs/identify.md"))
-    for name, truth in (("restitution", 0.6), ("friction", 0.12), ("rolling_arm", 0.002)):
-        assert names["found"].intervals[name].low < truth < names["found"].intervals[name].high
-    assert "95 % interval" in capsys.readouterr().out
-
-
-def test_the_page_on_films_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
-    """Oracle: the law that made its film."""
-    monkeypatch.chdir(tmp_path)
-    names = run(blocks("docs/identify_tracks.md"))
-    for name, truth in (("restitution", 0.7), ("friction", 0.1), ("rolling_arm", 0.002)):
-        assert names["found"].intervals[name].low < truth < names["found"].intervals[name].high
-    assert "95 % interval" in capsys.readouterr().out
+    names = run(blocks("docs/recordings.md"))
+    laws = {"found": (0.6, 0.12, 0.002), "fitted": (0.7, 0.1, 0.002)}
+    for fit, truths in laws.items():
+        for name, truth in zip(("restitution", "friction", "rolling_arm"), truths, strict=True):
+            assert names[fit].intervals[name].low < truth < names[fit].intervals[name].high
+    assert capsys.readouterr().out.count("95 % interval") == len(laws)
 
 
 def test_the_step_and_the_simulation_of_the_readme_run(tmp_path, monkeypatch):
@@ -178,10 +157,10 @@ def test_the_training_of_a_page_runs(page, number):
     run([blocks(page)[number].replace("progress_bar=True", "progress_bar=False")])
 
 
-def test_the_page_on_studies_runs(tmp_path, monkeypatch, capsys):
+def test_the_study_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, capsys):
     """Its study of few launches finds what the page says of many: jams come of friction."""
     monkeypatch.chdir(tmp_path)
-    names = run(blocks("docs/uncertainty.md"))
+    names = run(blocks("docs/uncertainty.md")[1:])
     friction = names["launches"].groupby("status", observed=True)["contact.friction"].mean()
     assert friction["jammed"] > friction["finish"]
     assert "contact.friction" in capsys.readouterr().out

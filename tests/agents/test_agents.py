@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
 import sledenv.agents.demo
+import sledenv.agents.evaluate
 import sledenv.agents.train
+from sledenv.agents import curve
 from sledenv.agents.evaluate import Score, evaluate, interval, main, table
+from sledenv.agents.random_launch import Agent as Random
 from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import default_settings, run_folder, train, trained
 from sledenv.agents.zero import Agent as Zero
+from sledenv.benchmark import oracle
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
+from sledenv.machine.blame import GivenCodeError
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario, load_scenario
 from tests.packs import own_pack
 
@@ -46,6 +56,7 @@ def quick(monkeypatch):
         return values
 
     monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)
+    monkeypatch.setattr(curve, "_CONTEXTS", 12)
 
 
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
@@ -76,7 +87,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
     assert config["agent"] == f"sledenv.agents.{algo}"
     assert config["scenario_hash"] == Problem(own_pack("brake_mat")).task.scenario.hash
     assert "numba" in config["versions"]
-    assert not list(tmp_path.glob("*.part"))
+    assert list(tmp_path.iterdir()) == [folder]
     rewards = []
     for _ in range(2):
         problem, agent, _ = load_run(folder)
@@ -114,13 +125,14 @@ def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_
 
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
+    """Oracle: the validation contexts, judged again."""
     folder = train("sac", Problem(own_pack("brake_mat")), seed=0, folder=tmp_path)
-    curve = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
-    assert curve[0, 0] == 0
-    assert curve[-1, 0] >= 160
+    checks = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
+    assert checks[0, 0] == 0
+    assert checks[-1, 0] >= 160
     problem, agent, _ = load_run(folder)
-    mean = problem.judge(agent, problem.contexts("validation", 128))[0].jam.reward.mean()
-    assert mean == pytest.approx(curve[:, 2].max(), abs=1e-12)
+    mean = problem.judge(agent, curve.validation(problem))[0].jam.reward.mean()
+    assert mean == pytest.approx(checks[:, 2].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
     assert Sac.load_untrained(Problem(own_pack("brake_mat")), folder).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
 
@@ -136,7 +148,7 @@ def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(q
     assert best > np.median(others)
 
 
-def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(quick, tmp_path, monkeypatch):
+def test_an_interrupted_run_leaves_nothing_and_can_be_started_again(quick, tmp_path, monkeypatch):
     def interrupt(*args):
         raise KeyboardInterrupt
 
@@ -144,12 +156,94 @@ def test_an_interrupted_run_leaves_no_finished_folder_and_can_be_started_again(q
         patch.setattr(Zero, "train", interrupt)
         with pytest.raises(KeyboardInterrupt):
             train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
     folder = run_folder(tmp_path, "zero", Problem(own_pack("brake_mat")), 0)
-    assert not folder.exists()
     assert train("zero", Problem(own_pack("brake_mat")), folder=tmp_path) == folder
     with pytest.raises(FileExistsError, match="--overwrite"):
         train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
     train("zero", Problem(own_pack("brake_mat")), folder=tmp_path, overwrite=True)
+
+
+def test_of_two_trainings_into_one_folder_the_later_stays_whole(quick, tmp_path, monkeypatch):
+    """Oracle: the settings that each wrote beside what it learned; the second begins and ends within the first."""
+    problem, inner = Problem(own_pack("brake_mat")), []
+    real = Random.train.__func__
+
+    def during(cls, problem, settings, seed, folder):
+        if not inner:
+            inner.append(None)
+            train("random_launch", problem, folder=tmp_path, overwrite=True)
+        agent = real(cls, problem, settings, seed, folder)
+        (folder / "mine.txt").write_text(str(len(list(tmp_path.iterdir()))))
+        return agent
+
+    monkeypatch.setattr(Random, "train", classmethod(during))
+    folder = train("random_launch", problem, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == [folder]
+    assert {path.name for path in folder.iterdir()} == {"config.yaml", "mine.txt", "random.yaml", "record.yaml"}
+    assert (folder / "mine.txt").read_text() == "2"  # the inner one's folder, and its own scratch
+
+
+def test_a_run_that_was_killed_is_no_finished_run(tmp_path, capsys):
+    """Oracle: a run that ships, without the file that is written last."""
+    shutil.copytree(TRAINED / "sled_tilt-launch-spin-critic-s0", tmp_path / "run.part")
+    (tmp_path / "run.part" / "record.yaml").unlink()
+    assert main([str(tmp_path / "run.part"), "--contexts", "2"]) == 2
+    assert "is no finished run: it has no record.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "action.yaml"])
+def test_a_run_that_refers_from_place_to_place_is_refused(name, tmp_path, quick):
+    """A few lines of such references stand for gigabytes."""
+    folder = train("best_fixed", Problem(own_pack("brake_mat")), folder=tmp_path)
+    bomb = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
+    (folder / name).write_text((folder / name).read_text() + bomb)
+    with pytest.raises((ValueError, GivenCodeError), match="refers to another place") as raised:
+        load_run(folder)
+    assert len(str(raised.value)) < 1000
+
+
+def test_what_a_run_writes_it_reads(tmp_path):
+    """Oracle: itself; text that looks like a number stays text, and nothing is written as a reference."""
+    twice = [1.0, 1e-05]
+    content = {"hash": "12e45678", "code": "0123", "list": twice, "again": twice, "none": None, "yes": "no", "i": 3}
+    write_yaml(tmp_path / "one.yaml", content | {"inf": -float("inf")})
+    assert read_yaml(tmp_path / "one.yaml") == content | {"inf": -float("inf")}
+
+
+def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_whole(tmp_path, monkeypatch, capsys):
+    """Oracle: the file as it was after a disk that is full; nothing beside it."""
+    name, file = "sled_tilt-launch-spin-critic-s0", tmp_path / "scores.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(sledenv.agents.evaluate, "evaluate", None)
+        assert main([name, "--json", str(tmp_path / "no" / "scores.json")]) == 2
+        assert "--json" in (told := capsys.readouterr().err)
+        assert "there is no folder" in told
+    few = [name, "--contexts", "2", "--searched", "0", "--json", str(file)]
+    assert main(few) == 0
+    before = file.read_text()
+    assert json.loads(before)[0]["falls_interval"][1] > 0.0
+
+    def full(path, *_, **__):
+        with open(path, "w") as part:
+            part.write("[")
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    assert main(few) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert file.read_text() == before
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize("command", ["demo", "evaluate", "train"])
+def test_help_needs_no_docstrings(command, capsys):
+    """Oracle: the module as python -OO has it."""
+    file = Path(sledenv.agents.evaluate.__file__).with_name(f"{command}.py")
+    bare = {"__name__": f"sledenv.agents.{command}", "__package__": "sledenv.agents", "__doc__": None}
+    exec(compile(file.read_text(encoding="utf-8"), file, "exec", optimize=2), bare)
+    assert bare["main"](["--help"]) == 0
+    assert f"sledenv.agents.{command}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -168,10 +262,11 @@ def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, me
 def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monkeypatch, capsys):
     """Oracle: the same run, by its path; a folder of that name in the working folder is meant first."""
     name = "sled_tilt-launch-spin-critic-s0"
-    assert main([str(TRAINED / name), "--contexts", "4"]) == 0
+    few = ["--contexts", "4", "--searched", "0"]
+    assert main([str(TRAINED / name), *few]) == 0
     by_path = capsys.readouterr().out
     monkeypatch.chdir(tmp_path)
-    assert main([name, "--contexts", "4"]) == 0
+    assert main([name, *few]) == 0
     assert capsys.readouterr().out == by_path
     (tmp_path / name).mkdir()
     assert main([name]) == 2
@@ -192,28 +287,37 @@ def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quic
     assert load_run(folder)[0].scenario == problem.scenario
 
 
-def test_the_table_compares_context_by_context():
-    """Oracle: a constant lead of .1 on noisy contexts has an interval without width."""
+def test_the_table_has_the_best_first_and_compares_context_by_context():
+    """Oracle: a constant lead on noisy contexts has an interval without width; a loss that is told; nobody falls."""
     rng = np.random.default_rng(0)
     base = rng.uniform(0.2, 0.6, 50)
-    status = np.full(50, "finish")
-    text = table([Score("a_rather_long_name", base, status), Score("high", base + 0.125, status)])
-    assert "+0.1250 [+0.1250, +0.1250]" in text
-    _, _, low, high = text.splitlines()
+    status = np.full((50, 4), "finish")
+    best = pd.DataFrame({"reward": 2.0 * base[:8], "low": 2.0 * base[:8], "high": 2.0 * base[:8]})
+    scores = [Score("a_rather_long_name", base, status), Score("high", base + 0.125, status)]
+    header, _, high, low, *words = table(scores, best).splitlines()
+    assert "behind high" in header
+    assert (high.split()[0], low.split()[0]) == ("high", "a_rather_long_name")
+    assert low.endswith("0.125 [0.125, 0.125]")
+    assert "50.0% [50.0, 50.0]" in low
+    assert "0.0% [0.0, 7.1]" in low  # Wilson's interval of 0 in 50
     assert low.index("[") == high.index("["), "columns stand below each other, whatever the names"
-    low, high = interval(base)
-    assert low < base.mean() < high
+    assert "first 8 contexts" in "".join(words)
+    few, many = interval(base)
+    assert few < base.mean() < many
 
 
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
     monkeypatch.setattr(sledenv.agents.demo, "SEARCHED", 2)
+    for name, value in {"CELLS": 600, "SHOWN": 300, "STARTS": 4, "KEPT": 1, "DRAWS": 8, "JUDGED": (2, 16)}.items():
+        monkeypatch.setattr(oracle, name, value)
     assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
     told = capsys.readouterr().out
-    assert "minus agent" in told
-    assert "The best launches of the first 2 of these contexts" in told
+    assert "over the first 2 contexts" in told
     scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
     assert [score["agent"] for score in scores] == list(sledenv.agents.demo.ALGORITHMS)
+    listed = [line.split()[0] for line in told.partition("-----\n")[2].splitlines()[: len(scores)]]
+    assert listed == [score["agent"] for score in sorted(scores, key=lambda score: -score["mean"])]
     assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
     assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
     assert "already trained" in capsys.readouterr().out

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import qmc
 
 from sledenv.agents import cma_lookups, uniform_lookups, verified
-from sledenv.agents.lookups import Model, checked_lookups
 from sledenv.agents.train import default_settings
+from sledenv.agents.uniform_lookups import Model, checked_lookups
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.scenarios.configuration import CONFIGS

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.benchmark import choices as module
+from sledenv.benchmark import landscape as module
 from sledenv.benchmark import oracle
-from sledenv.benchmark.choices import Choices, choices
+from sledenv.benchmark.landscape import Choices, choices
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import train
 from sledenv.command.cli import main

@@ -106,10 +106,16 @@ def test_the_interval_holds_what_twenty_times_the_launches_find(scenario):
     assert outside.sum() <= 3
 
 
-def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated():
+COARSER = {"CELLS": 1200, "SHOWN": 600, "NODES": (2, 8), "STARTS": 6, "KEPT": 2, "DRAWS": 16, "JUDGED": (4, 64)}
+
+
+@pytest.mark.parametrize(("count", "search"), [(2, COARSER), pytest.param(4, {}, marks=pytest.mark.slow)])
+def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated(count, search, monkeypatch):
     """Oracle: the same problem with nothing hidden, whose best launch earns more in the mean of some contexts."""
+    for name, value in search.items():
+        monkeypatch.setattr(f"sledenv.benchmark.oracle.{name}", value)
     problem, full = Problem("sled_snow", observe=SEEN), Problem("sled_snow")
-    contexts = problem.contexts("test", 4)
+    contexts = problem.contexts("test", count)
     table, other = best_launches(problem, contexts), best_launches(full, contexts)
     pd.testing.assert_frame_equal(table[other.columns.tolist()], other)
     assert np.array_equal(table["seen"], rewards_of(full, contexts, table[["seen_0"]].to_numpy()))

@@ -127,6 +127,20 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
     assert [(given[0], given[3]) for given in trained] == [("sledenv.agents.best_fixed", 1)]
 
 
+def test_an_agent_whose_file_is_gone_or_cut_is_trained_again_and_named(finished, caplog):
+    """Oracle: the tables as they were; a judged job whose agent is not needed is left alone."""
+    file, folder, found = finished
+    for i, name in enumerate(("launch-bedrock-best_fixed-s0", "launch-bedrock-random_launch-s1")):
+        (kept,) = (path for path in (folder / "trained" / name).glob("*.yaml") if path.stem in ("action", "random"))
+        kept.unlink() if i == 0 else kept.write_text("[")
+        (judged,) = (folder / "judged").glob(f"{name}-*")
+        judged.unlink()
+    same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
+    told = [message for message in caplog.messages if message.startswith("sledenv: training again: agent")]
+    assert len(told) == 2
+    assert "action.yaml" in told[0] + told[1]
+
+
 def test_what_was_altered_is_judged_again_and_named(finished, caplog):
     """Oracle: the tables as they were, after an edited reward, a cut file and one of something else."""
     file, folder, found = finished

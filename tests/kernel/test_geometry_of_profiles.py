@@ -16,7 +16,7 @@ from tests.compiled import compiled
 from tests.engine import BODIES, Spring, new_space, pieces_of, put, record_of, touch
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
-first_piece, lowest_ground = compiled(geometry.first_piece), compiled(geometry.lowest_ground)
+first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 place, velocities = compiled(geometry.place), compiled(geometry.velocities)
 touching_place, in_cone = compiled(geometry.touching_place), compiled(geometry.in_cone)
 faces_arc, beyond, zone_at = compiled(geometry.faces_arc), compiled(geometry.beyond), compiled(contacts.zone_at)
@@ -99,12 +99,13 @@ def test_the_piece_over_which_a_place_lies(along: list[tuple[float, float]], x: 
 
 @property_of_all
 @given(profiles, st.floats(-3.0, 15.0), st.floats(0.0, 4.0))
-def test_the_lowest_ground_near_a_place(along: list[tuple[float, float]], x: float, reach: float) -> None:
+def test_the_lowest_and_highest_ground_near_a_place(along: list[tuple[float, float]], x: float, reach: float) -> None:
     """Oracle: numpy's interpolation, at the ends and at the vertices between."""
     vertices = walk(along)
     inside = vertices[(vertices[:, 0] > x - reach) & (vertices[:, 0] < x + reach), 1]
-    expected = min([height(vertices, x - reach), height(vertices, x + reach), *inside])
-    assert lowest_ground(pieces_of(vertices), x, reach) == pytest.approx(expected, abs=1e-12)
+    heights = [height(vertices, x - reach), height(vertices, x + reach), *inside]
+    expected = (min(heights), max(heights))
+    assert heights_within(pieces_of(vertices), x, reach) == pytest.approx(expected, abs=1e-12)
 
 
 # --- contacts --------------------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
-"""The jam map of one context, with its best launch and what trained agents choose: the command ``sledenv map``."""
+"""The best launch of a context and what trained agents choose, as a map or as marks of a page: ``sledenv map``."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.inputs import Contexts
+from sledenv.pages.play import Mark
 from sledenv.plot.style import INK
 from sledenv.scenarios.scenario import Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
@@ -36,6 +38,14 @@ class Chooser(NamedTuple):
     seed: int  # of its training
     problem: Problem
     agent: Agent
+
+
+class Choices(NamedTuple):
+    """What agents choose in one context."""
+
+    marks: tuple[Mark, ...]
+    words: str
+    plain: list[dict[str, Any]]  # of plain_agents
 
 
 def landscape(
@@ -78,6 +88,36 @@ def landscape(
     (one,) = jam_map(problem, context)
     figure = _drawn(problem, one, best, results, f"{problem.scenario.title}, context of seed {seed}")
     return Landscape(figure, _words(problem, best, results), _plain_marks(problem, seed, best, results))
+
+
+def choices(
+    scenario: Scenario, seeds: Sequence[int], runs: Sequence[Path], progress: Callable[[str], None] | None = None
+) -> dict[int, Choices]:
+    """Return what trained agents choose in the contexts of seeds, as drawn in ``sledenv simulate``.
+
+    ``progress`` is told each context before the agents are asked.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If a folder is no finished run.
+    ScenarioError
+        If a run is of another scenario, or of agents that choose something else or trim.
+    """
+    problem = Problem(scenario)
+    choosers = load_choosers(problem, runs)
+    for chooser in choosers:
+        if chooser.problem.environment != "launch":
+            raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
+    found = {}
+    for seed in seeds:
+        if progress is not None:
+            names = ", ".join(f"{one.name}, seed {one.seed}" for one in choosers)
+            progress(f"{scenario.id}, context of seed {seed}: asking {names}")
+        results = chosen(problem, np.array([scenario.sample(np.random.default_rng(seed))]), choosers)
+        words = "\n".join(agent_words(problem, results))
+        found[seed] = Choices(_page_marks(problem, results), words, plain_agents(problem, results))
+    return found
 
 
 def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame, title: str) -> Figure:
@@ -201,3 +241,18 @@ def _plain_marks(problem: Problem, seed: int, best: pd.Series, results: pd.DataF
     """Return what is marked in the context of a seed as plain data."""
     around = {name: best[name] for name in ("low", "high", "uniform", "width")}
     return {"seed": seed, "best": _plain_launch(problem, best), "agents": plain_agents(problem, results), **around}
+
+
+def _page_marks(problem: Problem, results: pd.DataFrame) -> tuple[Mark, ...]:
+    """Return the launches of a table of :func:`chosen`, in SI units."""
+    found = []
+    for _, row in results.iterrows():
+        launch = {}
+        for i, control in enumerate(problem.task.controlled):
+            value = float(physical(problem, control, row[f"action_{i}"]))
+            launch[control] = math.radians(value) if CONTROLS[control].unit == "deg" else value
+        name = label(row["agent"])
+        several = (results["agent"] == row["agent"]).sum() > 1
+        title = f"{name}, seed {row['seed']}" if several else name
+        found.append(Mark(title, name[0].upper(), look(row["agent"], results)[0], launch, float(row["reward"])))
+    return tuple(found)

@@ -1,15 +1,17 @@
-"""The report of a benchmark: one HTML page in plain words, its figures and a table in Markdown."""
+"""The report of a benchmark: one HTML page in plain words, its figures, and tables in Markdown and for a terminal."""
 
 from __future__ import annotations
 
 import base64
 import io
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -28,11 +30,12 @@ from sledenv.benchmark.scores import (
     summary,
     verdicts,
 )
-from sledenv.benchmark.tables import markdown
 from sledenv.machine.files import publish
+from sledenv.pages import tables
 from sledenv.pages.html import filled
-from sledenv.pages.words import metric_name
-from sledenv.simulation.jam import SHOWN
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 PAGE: Final = "index.html"
 TABLE: Final = "scores.md"
@@ -45,6 +48,10 @@ _FIGURES: Final[dict[str, Callable[[Results], Figure | None]]] = {
     "energy": figures.plot_energy,
 }
 _CONTENTS: Final = {PAGE, TABLE, *(f"{name}.png" for name in _FIGURES)}
+_FORMS = {"reward": ".3f", "regret": "z.2%", "falls": ".1%", "regret_p90": "z.2%"}  # of what leads a table
+_LEADING = ("mean reward [95 %]", "mean regret [95 %]", "falls [95 %]", "90th percentile of regret [95 %]")
+_SHOWN = 3  # of these in a terminal, which has no room for more
+_CHECKS = {True: "yes", False: "**no**", None: "-"}
 
 
 def write_report(results: Results, folder: Path) -> Path:
@@ -76,6 +83,37 @@ def write_report(results: Results, folder: Path) -> Path:
     return folder / PAGE
 
 
+def markdown(results: Results, table: pd.DataFrame) -> str:
+    """Write the verdict on each scenario, the scores of each agent and what the scenarios ask for as Markdown.
+
+    Parameters
+    ----------
+    results : Results
+        With ``oracle``, or the last table is left out.
+    table : DataFrame
+        Of :func:`sledenv.benchmark.scores.scores`.
+
+    Returns
+    -------
+    str
+        Three tables under headings of the second level.
+    """
+    parts = {"Verdict": _verdicts(table), "Scores": _scores(table)}
+    if len(results.oracle):
+        parts["What the scenarios ask for"] = _separation(results, table)
+    return "\n".join(f"## {heading}\n\n{text}" for heading, text in parts.items())
+
+
+def shown(table: pd.DataFrame) -> Table:
+    """Return scores, of :func:`sledenv.benchmark.scores.scores`, for a terminal: most reward of a scenario first."""
+    rows = [
+        (title(*problem), label(row["agent"]), str(row["seeds"]), *_leading(row)[:_SHOWN])
+        for problem, group in table.groupby(PROBLEM, sort=False)
+        for row in group.sort_values("reward", ascending=False, kind="stable").to_dict("records")
+    ]
+    return tables.fitted(("scenario", "agent", "seeds", *_LEADING[:_SHOWN]), rows, words=2)
+
+
 def _png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=_DPI, metadata={"Software": None})
@@ -94,7 +132,6 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         learned={agent: label(agent) for agent in dict.fromkeys(table.loc[table["learned"], "agent"])},
         baselines={agent: label(agent) for agent in BASELINES},
         present={agent: label(agent) for agent in BASELINES if agent in agents},
-        metrics={name: metric_name(name) for name in SHOWN},
         small_regret=SMALL_REGRET,
         small_tail=SMALL_TAIL,
         good_score=GOOD_SCORE,
@@ -130,3 +167,76 @@ def _budgets(runs: pd.DataFrame) -> pd.DataFrame:
     groups = runs.groupby(["environment", "agent"], as_index=False)
     means = groups.agg(runs=("seed", "size"), descents=("descents", "max"), seconds=("train_seconds", "median"))
     return ordered(means.assign(scenario=""))
+
+
+def _leading(row: Mapping[str, Any]) -> list[str]:
+    """Return what leads every table, each with its interval, a cell each."""
+    cells = []
+    for name, form in _FORMS.items():
+        low, high = (format(row[f"{name}_{end}"], form).removesuffix("%") for end in ("low", "high"))
+        cells.append(f"{row[name]:{form}} [{low}, {high}]")
+    return cells
+
+
+def _verdicts(table: pd.DataFrame) -> str:
+    names = ["scenario", "best learned agent", "mean reward", "mean regret", "falls", "90th percentile"]
+    names += [f"mean <= {SMALL_REGRET:.0%}", f"90th percentile <= {SMALL_TAIL:.0%}"]
+    names += [*(f"clear of {_words(name)}" for name in BASELINES), "all scores >= .9 (lowest)"]
+    rows = [
+        [
+            _place(table, row["environment"], row["scenario"]),
+            _text(row["agent"]),
+            *(format(row[name], form) for name, form in _FORMS.items()),
+            *(_CHECKS[row[name]] for name in ("small_regret", "small_tail", *(f"clear_of_{n}" for n in BASELINES))),
+            f"{_CHECKS[row['good_scores']]} ({row['lowest_score']:.2f})",
+        ]
+        for row in verdicts(table).to_dict("records")
+    ]
+    return tables.markdown(names, rows)
+
+
+def _scores(table: pd.DataFrame) -> str:
+    names = ["scenario", "agent", "seeds", *_LEADING, "score", "on bound", "finished"]
+    rows = [
+        [
+            _place(table, row["environment"], row["scenario"]),
+            _text(row["agent"]),
+            str(row["seeds"]),
+            *_leading(row),
+            f"{row['score']:.3f}",
+            f"{row['on_bound']:.1%}",
+            f"{row['finished']:.1%}",
+        ]
+        for row in table.to_dict("records")
+    ]
+    return tables.markdown(names, rows)
+
+
+def _separation(results: Results, table: pd.DataFrame) -> str:
+    fixed = table[table["agent"] == "best_fixed"].set_index(["environment", "scenario"])
+    rewards = ("best", *BASELINES, "random_launch", "zero")
+    names = ["scenario", *map(_words, rewards), "best there is, from", "to"]
+    names += ["regret of best fixed", "its 90th percentile", "width"]
+    rows = []
+    for row in separation(results).to_dict("records"):
+        if np.isnan([row[name] for name in rewards[1:]]).all():  # no agent there that shows what is asked for
+            continue
+        key = row["environment"], row["scenario"]
+        regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
+        numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, row["width"]]
+        rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
+    return tables.markdown(names, rows)
+
+
+def _place(table: pd.DataFrame, environment: str, scenario: str) -> str:
+    name = _text(scenario)
+    return f"{name}, {environment}" if table["environment"].nunique() > 1 else name
+
+
+def _text(name: str) -> str:
+    """Return a name, which may be anybody's, as Markdown that shows it and does nothing else."""
+    return re.sub(r"([\\`*<>&|\[\]])", r"\\\1", " ".join(name.split()))
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import subprocess
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -21,7 +22,7 @@ from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.envs.task import Task
 from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.records import LOSSES
-from sledenv.machine.blame import blaming
+from sledenv.machine.blame import GivenCodeError, blaming
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, runner
@@ -32,6 +33,7 @@ from sledenv.simulation.settings import Solver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
+_log = logging.getLogger("sledenv")
 _ON_BOUND = 1e-3  # how near to a bound of the box an action lies on it
 
 
@@ -123,20 +125,31 @@ def _train_and_judge(suite: Suite, job: Job, folder: Path, stamp: dict[str, str]
     """Train an agent, unless it has been, and keep what it does on the held-out contexts."""
     problem = job.problem()
     place = folder / "trained" / job.name
-    if not is_trained(job.module, problem, job.settings, job.seed, place):
+    agents = {}
+    if is_trained(job.module, problem, job.settings, job.seed, place):
+        try:
+            agents = _agents(job, problem, place)
+        except GivenCodeError as error:  # a file of it has been deleted or cut
+            _log.warning("sledenv: training again: %s", error)
+    if not agents:
         train(job.module, problem, job.settings, job.seed, place)
+        agents = _agents(job, problem, place)
     trials = problem.trials(problem.contexts("test", suite.contexts), "test")
-    _, agent, _ = load_run(place)
-    parts = [_rows(problem, agent, trials).assign(stage="trained")]
-    before = getattr(agent_class(job.module), "load_untrained", None)
-    if before is not None:
-        with blaming(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
-            untrained = before(problem, place)
-        parts.append(_rows(problem, untrained, trials).assign(stage="untrained"))
+    parts = [_rows(problem, agent, trials).assign(stage=stage) for stage, agent in agents.items()]
     table = pd.concat(parts, ignore_index=True)
     table.attrs = stamp | read_record(place) | {"curve": _curve(place)}
     write_sealed(table, _judged(suite, job, folder))
     return job.name
+
+
+def _agents(job: Job, problem: Problem, place: Path) -> dict[str, Agent]:
+    """Load the agent of a run, and what it was before it was trained if it keeps that."""
+    found = {"trained": load_run(place)[1]}
+    before = getattr(agent_class(job.module), "load_untrained", None)
+    if before is not None:
+        with blaming(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
+            found["untrained"] = before(problem, place)
+    return found
 
 
 def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:

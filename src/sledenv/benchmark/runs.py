@@ -14,17 +14,17 @@ import platform
 import reprlib
 import shutil
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Annotated, Any, Final, cast
 
-import yaml
 from pydantic import ConfigDict, ValidationError
 
 from sledenv.benchmark.problem import Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml
+from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
 TRAINED: Final = folder_of("agents") / "trained"  # what ships: a critic for every scenario
@@ -115,8 +115,8 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     seed : int
         Of everything random in the run.
     folder : Path
-        It appears when the run is complete, with ``config.yaml`` (all that is needed to repeat it) and the agent; an
-        interrupted run leaves only a ``.part`` folder, which the next attempt replaces.
+        It appears when the run is complete, with ``config.yaml`` (all that is needed to repeat it) and the agent. An
+        interrupted run leaves nothing, and of two into one folder, each whole, the one that ends last stays.
 
     Raises
     ------
@@ -126,19 +126,24 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
         If importing or training it raises an error.
     """
     agent = agent_class(module)
-    part = folder.with_name(folder.name + ".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
     config = meant(module, problem, settings, seed)
     config |= {"scenario": problem.scenario.model_dump(mode="json", by_alias=True), "versions": versions()}
-    (part / _CONFIG).write_text(yaml.safe_dump(config, sort_keys=False))
-    started = time.perf_counter(), time.process_time()
-    with blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
-        agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
-    record = {"train_seconds": time.perf_counter() - started[0], "train_cpu_seconds": time.process_time() - started[1]}
-    (part / _RECORD).write_text(yaml.safe_dump(record))
-    shutil.rmtree(folder, ignore_errors=True)
-    part.rename(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", suffix=".part", dir=folder.parent))
+    try:
+        part = scratch / folder.name
+        part.mkdir()  # with the permissions of any other folder
+        write_yaml(part / _CONFIG, config)
+        wall, cpu = time.perf_counter(), time.process_time()
+        with blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
+            agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
+        record = {"train_seconds": time.perf_counter() - wall, "train_cpu_seconds": time.process_time() - cpu}
+        write_yaml(part / _RECORD, record)
+        if folder.exists():
+            folder.rename(scratch / "before")
+        part.rename(folder)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
     return folder
 
 
@@ -235,8 +240,8 @@ def _read(path: Path, kind: type[Section]) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f"{path.parent} is no finished run: it has no {path.name}")
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        content = read_yaml(path)
+    except ValueError as error:
         raise ValueError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
     try:
         kind.model_validate(content)
@@ -267,6 +272,7 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
             raise FileNotFoundError(f"{folder}: there is no such run, neither here nor among those that ship")
         folder = TRAINED / folder
     config = read_config(folder)
+    read_record(folder)  # which a run that was killed has not
     scenario = Scenario.model_validate(config["scenario"])
     given = {"observe": config["observe"], "launch_noise": config["launch_noise"]}
     problem = Problem(scenario, config["environment"], config["control"], **given)

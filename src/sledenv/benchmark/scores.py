@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sledenv.kernel.records import LOSSES
-from sledenv.simulation.jam import SHOWN, DescentJam
+from sledenv.simulation.jam import DescentJam
+
+Floats = NDArray[np.float64]
 
 PROBLEM: Final = ["environment", "scenario"]
 AGENT: Final = [*PROBLEM, "agent"]
@@ -19,7 +22,8 @@ AGENT: Final = [*PROBLEM, "agent"]
 AGENTS: Final = ("zero", "random_launch", "best_fixed", "land_flat", "ppo", "sac", "td3", "tqc", "critic")
 BASELINES: Final = ("best_fixed", "land_flat")  # what a learned agent has to beat
 STATUSES: Final = ("finish", "jammed", "tumbled")
-SMALL_REGRET: Final = 0.01  # of the interquartile mean
+MEASURES: Final = ("reward", "regret", "falls")  # what every table leads with, means each with an interval
+SMALL_REGRET: Final = 0.01  # of the mean
 SMALL_TAIL: Final = 0.04  # of the 90th percentile
 GOOD_SCORE: Final = 0.9
 RESAMPLES: Final = 1000
@@ -47,14 +51,51 @@ class Results(NamedTuple):
     maps: pd.DataFrame  # a row each launch of a jam map
 
 
+class Spread(NamedTuple):
+    """One thing that an estimate is uncertain by, such as the choice of seeds."""
+
+    variance: float
+    freedom: int  # degrees of freedom with which the variance is known
+
+
 class Estimate(NamedTuple):
-    """A statistic and what its uncertainty comes from."""
+    """A statistic and what it is uncertain by, each for itself."""
 
     value: float
-    seeds: float  # variance over the choice of seeds, 0 for a single one
-    freedom: int  # degrees of freedom of that variance
-    contexts: NDArray[np.float64]  # (RESAMPLES,) the statistic over resampled contexts
-    sampled: int  # number of contexts
+    spreads: Sequence[Spread]
+
+    def interval(self) -> tuple[float, float]:
+        """95 % interval.
+
+        The variances add up; the width is that of a t distribution whose degrees of freedom follow from all (Welch and
+        Satterthwaite), since a few seeds say little about their own spread.
+        """
+        variance, factor = self._together()
+        half = factor * variance**0.5
+        return self.value - half, self.value + half
+
+    def share_interval(self, contexts: int) -> tuple[float, float]:
+        """95 % interval of a share (Wilson), which stays in [0, 1] and has a width where nothing was counted, too.
+
+        It is that of as many independent trials as would have the variance of the share (Dean and Pagano 2015), but of
+        no more than there were contexts: that none of 200 fell does not say that none falls.
+        """
+        variance, factor = self._together()
+        binomial = self.value * (1.0 - self.value)
+        square = factor**2 / (min(contexts, binomial / variance) if variance > 0.0 < binomial else contexts)
+        middle, half = self.value + 0.5 * square, (square * binomial + 0.25 * square**2) ** 0.5
+        return max((middle - half) / (1.0 + square), 0.0), min((middle + half) / (1.0 + square), 1.0)
+
+    def _together(self) -> tuple[float, float]:
+        """Return the variance and how many of its roots make a 95 % interval."""
+        total = sum(variance for variance, _ in self.spreads)
+        if not total > 0.0:
+            return 0.0, float(stats.norm.ppf(0.975))
+        freedom = total**2 / sum(variance**2 / freedom for variance, freedom in self.spreads if variance > 0.0)
+        return total, float(stats.t.ppf(0.975, freedom))
+
+
+_NONE: Final = Estimate(np.nan, [])
 
 
 def read_results(folder: Path) -> Results:
@@ -108,15 +149,22 @@ def ordered(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns=["_environment", "_agent"])
 
 
+def lost(rewards: Floats, best: Floats) -> Floats:
+    """Return the regret, the share of what the best launch earns that is lost; 0 where that earns nothing."""
+    shares = np.divide(rewards, best, out=np.ones(np.shape(rewards)), where=np.greater(best, 0.0))
+    return np.subtract(1.0, shares)
+
+
 def regrets(results: Results) -> pd.DataFrame:
     """Compare trained agents with the best launch of each context, both under the tremble.
 
     Returns
     -------
     DataFrame
-        A row for each environment, scenario, agent, seed and context: ``reward`` and whatever else is in ``SHOWN``,
-        ``on_bound`` and ``finished``; ``best`` and ``uniform``, the rewards of the best and of a random launch;
-        ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is lost there.
+        A row for each environment, scenario, agent, seed and context: ``reward``, ``on_bound``, ``finished`` and
+        ``falls``, the shares of its trials that end so; ``best`` and ``uniform``, the rewards of the best and of a
+        random launch; ``regret``, 1 - reward / best. It is 0 where the best launch earns nothing, because nothing is
+        lost there.
 
     Raises
     ------
@@ -124,64 +172,48 @@ def regrets(results: Results) -> pd.DataFrame:
         If a context has no best launch.
     """
     judged = results.results
-    table = judged[judged["stage"] == "trained"].rename(columns={"finish": "finished"})
-    table = table[[*AGENT, "seed", "context", *SHOWN, "on_bound", "finished"]]
+    table = judged[judged["stage"] == "trained"].rename(columns={"finish": "finished", "tumbled": "falls"})
+    table = table[[*AGENT, "seed", "context", "reward", "on_bound", "finished", "falls"]]
     oracle = results.oracle[["scenario", "context", "reward", "uniform"]].rename(columns={"reward": "best"})
     table = table.merge(oracle, "left", ["scenario", "context"], validate="many_to_one")
     if table["best"].isna().any():
         row = table[table["best"].isna()].iloc[0]
         raise ValueError(f"oracle.parquet has no context {row['context']} of {row['scenario']}")
-    most = table["best"].to_numpy()
-    shares = np.divide(table["reward"].to_numpy(), most, out=np.ones(len(most)), where=most > 0.0)
-    return ordered(table.assign(regret=1.0 - shares))
+    return ordered(table.assign(regret=lost(table["reward"].to_numpy(), table["best"].to_numpy())))
 
 
-def iqm(values: NDArray[np.float64]) -> float:
-    """Interquartile mean: the mean of the middle half of all values."""
-    return float(stats.trim_mean(np.ravel(values), 0.25))
-
-
-def tail(values: NDArray[np.float64]) -> float:
-    """90th percentile of all values: the least that at least nine tenths of them do not exceed."""
-    return float(np.quantile(values, 0.9, method="inverted_cdf"))
-
-
-def estimates(values: NDArray[np.float64]) -> tuple[Estimate, Estimate]:
-    """Estimate the interquartile mean and the 90th percentile of values of shape (seeds, contexts).
+def mean(values: Floats) -> Estimate:
+    """Estimate the mean of values of shape (seeds, contexts).
 
     Seeds and contexts are crossed: every seed met the same contexts, so the values of a seed share its luck and those
-    of a context its difficulty. Each of the two is resampled as a whole while the other stays as it is. Contexts are
-    resampled alike in every call, so that two agents can be compared on the same resampled contexts.
+    of a context its difficulty. A bootstrap that resamples one of the two as a whole while the other stays as it is
+    has the variance of the mean of its means, which needs no drawing. A single seed says nothing about others.
     """
-    seeds, contexts = values.shape
+    return Estimate(float(values.mean()), [_spread(values.mean(axis=1)), _spread(values.mean(axis=0))])
+
+
+def difference(one: Floats, other: Floats) -> Estimate:
+    """Estimate the difference of two means over the same contexts: what is hard for both cancels."""
+    apart = one.mean(axis=0) - other.mean(axis=0)
+    return Estimate(float(apart.mean()), [_spread(each) for each in (one.mean(axis=1), other.mean(axis=1), apart)])
+
+
+def tail(values: Floats) -> Estimate:
+    """Estimate the 90th percentile of values of shape (seeds, contexts): nine tenths of all do not exceed it.
+
+    Seeds and contexts are resampled as for :func:`mean`, but drawn; that understates a variance by (n - 1) / n.
+    """
     rng = np.random.default_rng(_SEED)
-    drawn = _draws(rng, contexts)
-    over_contexts = _resampled(values, np.ones((RESAMPLES, seeds), np.int64), drawn)
-    over_seeds = _resampled(values, _draws(rng, seeds), np.ones_like(drawn)) if seeds > 1 else np.zeros((2, 1))
-    middle, high = (
-        Estimate(statistic(values), _unbiased(theirs, seeds), seeds - 1, each, contexts)
-        for statistic, theirs, each in zip((iqm, tail), over_seeds, over_contexts, strict=True)
-    )
-    return middle, high
-
-
-def interval(one: Estimate, other: Estimate | None = None) -> tuple[float, float]:
-    """95 % interval of an estimate, or of its difference from another one on the same contexts.
-
-    The variances of seeds and contexts add up; the width is that of a t distribution whose degrees of freedom follow
-    from both (Welch and Satterthwaite), since a few seeds say little about their own spread.
-    """
-    value, contexts, parts = one.value, one.contexts, [(one.seeds, one.freedom)]
-    if other is not None:
-        value, contexts = value - other.value, contexts - other.contexts
-        parts.append((other.seeds, other.freedom))
-    parts.append((_unbiased(contexts, one.sampled), one.sampled - 1))
-    total = sum(variance for variance, _ in parts)
-    if not total > 0.0:
-        return value, value
-    freedom = total**2 / sum(variance**2 / freedom for variance, freedom in parts if variance > 0.0)
-    half = float(stats.t.ppf(0.975, freedom)) * total**0.5
-    return value - half, value + half
+    order = values.ravel().argsort(kind="stable")
+    ranked, spreads = values.ravel()[order], []
+    for axis, count in enumerate(values.shape):
+        drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES if count > 1 else 0)
+        tails = np.empty(len(drawn))
+        for b, often in enumerate(drawn):  # how often each of them is there
+            upto = np.cumsum(np.broadcast_to(often if axis else often[:, np.newaxis], values.shape).ravel()[order])
+            tails[b] = ranked[np.searchsorted(upto, 0.9 * values.size)]
+        spreads.append(Spread(float(tails.var(ddof=1)) * count / (count - 1) if count > 1 else 0.0, count - 1))
+    return Estimate(float(np.quantile(values, 0.9, method="inverted_cdf")), spreads)
 
 
 def scores(results: Results) -> pd.DataFrame:
@@ -190,60 +222,36 @@ def scores(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row each: ``learned``, whether one of its runs left a learning curve; ``seeds``, ``contexts``, mean ``reward``
-        and whatever else is in ``SHOWN``; interquartile mean of the ``regret`` with its interval ``regret_low``,
-        ``regret_high``, and the 90th percentile, ``regret_p90``, with its own; the normalised ``score``; shares
-        ``on_bound`` and ``finished``; and for each of ``BASELINES`` the difference of the interquartile means,
-        ``versus_best_fixed`` and so on with ``_low`` and ``_high``, NaN where the baseline was not judged.
+        A row each: ``learned``, whether one of its runs left a learning curve; ``seeds``, ``contexts``; the means
+        ``reward``, ``regret`` and ``falls``, each with its interval, ``reward_low``, ``reward_high`` and so on; the
+        90th percentile of the regret, ``regret_p90``, with its own; the normalised ``score``; shares ``on_bound`` and
+        ``finished``; and for each of ``BASELINES`` the difference of the mean regrets, ``versus_best_fixed`` and so on
+        with ``_low`` and ``_high``, NaN where the baseline was not judged.
 
     Raises
     ------
     ValueError
         If seeds or agents met different contexts of one environment and scenario.
     """
-    table = regrets(results)
-    found: dict[tuple[str, ...], Estimate] = {}
-    rows = []
-    met: dict[tuple[str, str], pd.Index] = {}
+    judged = _judged(results)
     learned = set(results.curves[AGENT].itertuples(index=False, name=None))
-    for key, group in table.groupby(AGENT, sort=False):
-        values = group.pivot(index="seed", columns="context", values="regret")
-        contexts = met.setdefault(key[:2], values.columns)
-        if values.isna().any(axis=None) or not values.columns.equals(contexts):
-            raise ValueError(f"{' '.join(key)}: not all of its seeds met the same contexts as other agents")
-        found[key], high = estimates(values.to_numpy())
-        low, upper = interval(found[key])
-        least, most = interval(high)
-        rows.append(
-            {
-                **dict(zip(AGENT, key, strict=True)),
-                "learned": key in learned,
-                "seeds": len(values),
-                "contexts": len(contexts),
-                **group[list(SHOWN)].mean(),
-                "regret": found[key].value,
-                "regret_low": low,
-                "regret_high": upper,
-                "regret_p90": high.value,
-                "regret_p90_low": least,
-                "regret_p90_high": most,
-                "score": float(_normalised(group["reward"].mean(), group["uniform"].mean(), group["best"].mean())),
-                "on_bound": group["on_bound"].mean(),
-                "finished": group["finished"].mean(),
-            }
-        )
-    for row in rows:
-        environment, scenario, agent = (row[name] for name in AGENT)
-        mine = found[environment, scenario, agent]
+    rows = []
+    for key, one in judged.items():
+        regret = one.values["regret"]
+        row = {**dict(zip(AGENT, key, strict=True)), "learned": key in learned}
+        row |= {"seeds": len(regret), "contexts": len(one.contexts)}
+        row |= _columns({name: mean(one.values[name]) for name in MEASURES}, len(one.contexts))
+        row |= _columns({"regret_p90": tail(regret)})
+        row |= {"score": one.score().value, "on_bound": one.on_bound, "finished": one.finished}
         for baseline in BASELINES:
-            theirs = found.get((environment, scenario, baseline))
-            if theirs is None and met[environment, scenario].equals(met.get(("launch", scenario))):
-                theirs = found.get(("launch", scenario, baseline))  # it only launches and is judged there
-            difference = (np.nan, np.nan, np.nan)
-            if theirs is not None and agent != baseline:
-                difference = (mine.value - theirs.value, *interval(mine, theirs))
-            for suffix, value in zip(("", "_low", "_high"), difference, strict=True):
-                row[f"versus_{baseline}{suffix}"] = value
+            theirs = judged.get((*key[:2], baseline))
+            if theirs is None:  # it only launches and is judged there
+                theirs = judged.get(("launch", key[1], baseline))
+            apart = _NONE
+            if theirs is not None and key[2] != baseline and one.contexts.equals(theirs.contexts):
+                apart = difference(regret, theirs.values["regret"])
+            row |= _columns({f"versus_{baseline}": apart})
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -253,42 +261,21 @@ def summary(results: Results) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each environment and agent: number of ``scenarios``, interquartile mean of the normalised ``score``
-        over scenarios and seeds, and its interval ``score_low``, ``score_high``: seeds and contexts are resampled
-        within each scenario.
+        A row for each environment and agent: number of ``scenarios`` and, over all of them, of ``seeds``; the means
+        over scenarios of ``reward``, ``regret``, ``falls`` and the normalised ``score``, each with its interval.
+        A scenario in which every launch earns the same has no score.
     """
+    groups: dict[tuple[str, str], list[_Judged]] = {}
+    for (environment, _, agent), one in _judged(results).items():
+        groups.setdefault((environment, agent), []).append(one)
     rows = []
-    for (environment, agent), group in regrets(results).groupby(["environment", "agent"], sort=False):
-        rng = np.random.default_rng(_SEED)
-        values, over_seeds, over_contexts, fewest = [], [], [], np.inf
-        for _, pack in group.groupby("scenario"):
-            rewards = pack.pivot(index="seed", columns="context", values="reward").to_numpy()
-            first = pack.drop_duplicates("context").sort_values("context")
-            uniform, best = first["uniform"].to_numpy(), first["best"].to_numpy()
-            if best.mean() == uniform.mean():
-                continue  # every launch earns the same: nothing to score
-            seeds, contexts = rewards.shape
-            drawn = _draws(rng, contexts) / contexts
-            value = _normalised(rewards.mean(axis=1), uniform.mean(), best.mean())
-            values.append(value)
-            over_contexts.append(_normalised(rewards @ drawn.T, drawn @ uniform, drawn @ best).T)
-            over_seeds.append(value[rng.integers(seeds, size=(RESAMPLES, seeds))])
-            fewest = min(fewest, contexts)
-        if not values:
-            continue
-        count = sum(map(len, values))
-        freedom = count - len(values)
-        spread = stats.trim_mean(np.hstack(over_seeds), 0.25, axis=1)
-        # As for one scenario, n seeds lose a degree of freedom each time that they are compared with their own mean.
-        variance = float(spread.var(ddof=1)) * count / freedom if freedom else 0.0
-        resampled = stats.trim_mean(np.hstack(over_contexts), 0.25, axis=1)
-        whole = Estimate(iqm(np.concatenate(values)), variance, freedom, resampled, int(fewest))
-        low, high = interval(whole)
-        row = {"environment": environment, "agent": agent, "scenarios": len(values), "seeds": count}
-        rows.append(row | {"score": whole.value, "score_low": low, "score_high": high})
-    columns = ["environment", "agent", "scenarios", "seeds", "score", "score_low", "score_high"]
-    table = pd.DataFrame(rows, columns=columns)
-    return ordered(table.assign(scenario="")).drop(columns="scenario")
+    for (environment, agent), packs in groups.items():
+        row = {"environment": environment, "agent": agent, "scenarios": len(packs)}
+        row |= {"seeds": sum(len(one.values["regret"]) for one in packs)}
+        found = {name: _over([mean(one.values[name]) for one in packs]) for name in MEASURES}
+        found["score"] = _over([score for one in packs if not np.isnan((score := one.score()).value)])
+        rows.append(row | _columns(found, sum(len(one.contexts) for one in packs)))
+    return ordered(pd.DataFrame(rows).assign(scenario="")).drop(columns="scenario")
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
@@ -302,7 +289,8 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each problem with a learned agent: the ``agent`` of least regret, its ``regret`` and ``regret_p90``;
+        A row for each problem with a learned agent: the ``agent`` of least mean regret, its ``reward``, ``regret``,
+        ``regret_p90`` and ``falls``;
         whether these are small (``small_regret``, ``small_tail``), whether its interval is clear of each baseline
         (``clear_of_best_fixed``, ...; None where the baseline was not judged), the ``lowest_score`` of the learned
         agents and whether it is good (``good_scores``); and ``passed``, whether all of these hold.
@@ -319,12 +307,12 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
         checks["good_scores"] = lowest >= GOOD_SCORE
         row = {
             **dict(zip(PROBLEM, key, strict=True)),
-            **best[["agent", "regret", "regret_p90"]],
+            **best[["agent", *MEASURES, "regret_p90"]],
             "lowest_score": lowest,
         }
         checks = {name: None if check is None else bool(check) for name, check in checks.items()}
         rows.append(row | checks | {"passed": all(checks.values())})
-    names = [*PROBLEM, "agent", "regret", "regret_p90", "lowest_score", *columns, "passed"]
+    names = [*PROBLEM, "agent", *MEASURES, "regret_p90", "lowest_score", *columns, "passed"]
     return pd.DataFrame(rows, columns=names).astype(dict.fromkeys(columns, object))
 
 
@@ -373,33 +361,59 @@ def separation(results: Results) -> pd.DataFrame:
     return ordered(means.join(landscape).reset_index())
 
 
-def _draws(rng: np.random.Generator, count: int) -> NDArray[np.int64]:
-    """How often each of ``count`` is drawn when as many are drawn with replacement, shape (RESAMPLES, count)."""
-    return rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)
+class _Judged(NamedTuple):
+    """What an agent did in a scenario."""
+
+    contexts: pd.Index
+    values: dict[str, Floats]  # of each of MEASURES, shape (seeds, contexts)
+    uniform: Floats  # (contexts,) rewards of a random launch
+    best: Floats  # and of the best one
+    on_bound: float
+    finished: float
+
+    def score(self) -> Estimate:
+        """Place the mean reward on a scale from a random launch (0) to the best one (1), NaN where they are equal."""
+        scale = float((self.best - self.uniform).mean())
+        if scale == 0.0:
+            return _NONE
+        above = self.values["reward"] - self.uniform
+        score = float(above.mean()) / scale
+        return Estimate(score, mean((above - score * (self.best - self.uniform)) / scale).spreads)  # to first order
 
 
-def _resampled(
-    values: NDArray[np.float64], seeds: NDArray[np.int64], contexts: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Interquartile mean and 90th percentile where value (i, j) is taken seeds[b, i] * contexts[b, j] times, (2, b)."""
-    order = values.ravel().argsort(kind="stable")
-    ranked = values.ravel()[order]
-    cut = values.size // 4
-    found = np.empty((2, len(seeds)))
-    for b in range(len(seeds)):
-        upto = np.cumsum(np.outer(seeds[b], contexts[b]).ravel()[order])
-        kept = np.diff(np.clip(upto, cut, values.size - cut), prepend=cut)
-        found[0, b] = kept @ ranked / (values.size - 2 * cut)
-        found[1, b] = ranked[np.searchsorted(upto, 0.9 * values.size)]
+def _judged(results: Results) -> dict[tuple[str, str, str], _Judged]:
+    """Return what each agent did in each environment and scenario, in the order of tables."""
+    found: dict[tuple[str, str, str], _Judged] = {}
+    met: dict[tuple[str, str], pd.Index] = {}
+    for key, group in regrets(results).groupby(AGENT, sort=False):
+        values = group.pivot(index="seed", columns="context", values=list(MEASURES))
+        contexts = values["regret"].columns
+        if values.isna().any(axis=None) or not contexts.equals(met.setdefault(key[:2], contexts)):
+            raise ValueError(f"{' '.join(key)}: not all of its seeds met the same contexts as other agents")
+        known = group.drop_duplicates("context").sort_values("context")
+        ends = (float(group[name].mean()) for name in ("on_bound", "finished"))
+        arrays = {name: values[name].to_numpy(float) for name in MEASURES}
+        found[key] = _Judged(contexts, arrays, known["uniform"].to_numpy(), known["best"].to_numpy(), *ends)
     return found
 
 
-def _unbiased(resampled: NDArray[np.float64], count: int) -> float:
-    """Variance of a mean-like statistic; resampling n of n understates it by (n - 1) / n."""
-    return float(resampled.var(ddof=1)) * count / (count - 1) if count > 1 else 0.0
+def _columns(found: Mapping[str, Estimate], contexts: int = 0) -> dict[str, float]:
+    """Return estimates by their names, each with the ends of its interval; a share is of so many contexts."""
+    columns: dict[str, float] = {}
+    for name, one in found.items():
+        low, high = one.share_interval(contexts) if name == "falls" else one.interval()
+        columns |= {name: one.value, f"{name}_low": low, f"{name}_high": high}
+    return columns
 
 
-def _normalised(reward: NDArray[np.float64], uniform: NDArray[np.float64], best: NDArray[np.float64]) -> Any:
-    """Place a reward on a scale from a random launch (0) to the best one (1), NaN where they are equal."""
-    scale = np.subtract(best, uniform)
-    return np.divide(np.subtract(reward, uniform), scale, out=np.full(np.shape(reward), np.nan), where=scale != 0.0)
+def _over(found: Sequence[Estimate]) -> Estimate:
+    """Return the mean of independent estimates."""
+    many = len(found)
+    parts = [Spread(variance / many**2, freedom) for one in found for variance, freedom in one.spreads]
+    return Estimate(sum(one.value for one in found) / many, parts) if many else _NONE
+
+
+def _spread(means: Floats) -> Spread:
+    """Return how uncertain the mean of so many means is."""
+    count = len(means)
+    return Spread(float(means.var(ddof=1)) / count if count > 1 else 0.0, count - 1)

@@ -57,7 +57,7 @@ def draw_map(
             loaded, drawn = load_scenario(scenario), seeds or (seed,)
             found = {}
             if runs:
-                from sledenv.benchmark.choices import choices
+                from sledenv.benchmark.landscape import choices
 
                 with working("map"):
                     found = choices(loaded, drawn, runs, progress("map"))
@@ -97,11 +97,10 @@ def benchmark(
     out
         Default: runs/benchmark/SUITE.
     """
-    from sledenv.benchmark.report import write_report
+    from sledenv.benchmark.report import shown, write_report
     from sledenv.benchmark.runner import run_suite
     from sledenv.benchmark.scores import read_results, scores
     from sledenv.benchmark.suite import Suite
-    from sledenv.benchmark.tables import shown
 
     one = Suite.load(suite)
     folder = out or Path("runs/benchmark") / one.id

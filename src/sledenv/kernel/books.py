@@ -9,7 +9,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.contacts import ORDER, PER
-from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, lowest_ground, touching_place
+from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, heights_within, touching_place
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import NON_FINITE, RUNNING
 
@@ -251,7 +251,7 @@ def close_books(body: np.void, pieces: np.ndarray, slope: Incline, launch: State
     """
     x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
-    drop = max(0.0, launch.y - body["lowest"] - lowest_ground(pieces, launch.x, body["size"]))
+    drop = max(0.0, launch.y - body["lowest"] - heights_within(pieces, launch.x, body["size"])[0])
     along = max(0.0, (slope.length if flight["t_line"] < math.inf else x) - launch.x)  # not in the run-out
     flight["initial"] = kinetic + potential
     flight["supplied"] = kinetic + body["mass"] * (drop * slope.inward + along * slope.downhill) + flight["work"]

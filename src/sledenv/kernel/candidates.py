@@ -211,8 +211,12 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     omega = s["omega"][0]
     ahead = AT_END if omega > 0.0 else (-AT_END if omega < 0.0 else 0.0)
     lowest = arc_at(body, wrap(relative + ahead))
+    arc = arc_number(body, lowest)
+    cx, cy, tx, ty = body["cx"][arc], body["cy"][arc], piece["tx"], piece["ty"]
+    gap = base + (tx * cx + ty * cy) * s["sine"][0] + (tx * cy - ty * cx) * s["cosine"][0] - body["r"][arc]
+    if gap - move - body["size"] * (reach[SINE] + reach[COSINE]) >= 0.0:
+        return
     if body["arcs"] > 1.0:
-        arc = arc_number(body, lowest)
         turned = from_middle(body, arc, relative)
         for side in (-1, 1):
             left = body["half"][arc] - side * turned
@@ -221,7 +225,7 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
                     poly[k] = -side * s["phi"][k]
                 poly[0] = left
                 look(space, 0, NOTHING, 0, 0)
-    _watch_arc(body, pieces, arc_number(body, lowest), j, base, move, space)
+    _watch_arc(body, pieces, arc, j, base, move, space)
     falling, rising = int(body["falling"][lowest]), int(body["rising"][lowest])
     if falling >= 0:
         _watch_arc(body, pieces, arc_number(body, falling), j, base, move, space)

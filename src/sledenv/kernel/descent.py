@@ -24,7 +24,7 @@ from sledenv.kernel.carry import carry_contacts, stop_or_release
 from sledenv.kernel.contacts import MOST, ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
-from sledenv.kernel.geometry import place
+from sledenv.kernel.geometry import heights_within, place
 from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
@@ -49,7 +49,8 @@ SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row 
 FASTER: Final = 8.0
 LARGEST: Final = 1e-4
 FAR: Final = 1e3  # times what is left: how long a step may be that is cut off there
-AHEAD: Final = 2.0  # sizes that a step of a flight goes over a profile: few pieces lie under it
+NEAR: Final = 0.3  # sizes that a step of a flight near a profile goes, for few pieces lie under it,
+AHEAD: Final = 2.0  # and as far as the body is above all of the profile that lies within so many sizes of it
 CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
 AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
 
@@ -120,14 +121,15 @@ def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, f
 
 @kernel
 def _longest_flight(pieces: np.ndarray, slope: Incline, motion: np.void, size: float) -> float:
-    """How long [s] a step of a flight may be: until the body is below the plane, and over a profile some sizes on."""
+    """How long [s] a step of a flight may be: until the body is below the plane, and over a profile not far."""
     longest, v = math.inf, motion["v"]
     if slope.inward > 0.0:
         square = v * v + 2.0 * slope.inward * (max(motion["y"], 0.0) + size)
         longest = (max(v, 0.0) + math.sqrt(square)) / slope.inward
-    speed = abs(motion["u"]) + math.sqrt(size * abs(slope.downhill))
-    if pieces.shape[0] > 1 and speed > 0.0:
-        longest = min(longest, AHEAD * size / speed)
+    if pieces.shape[0] > 1:
+        above = motion["y"] - size - heights_within(pieces, motion["x"], (1.0 + AHEAD) * size)[1]
+        speed = abs(motion["u"]) + abs(v) + math.sqrt(size * slope.gravity)
+        longest = min(longest, max(NEAR * size, min(AHEAD * size, above)) / speed)
     return float(longest)
 
 

@@ -103,14 +103,15 @@ def first_piece(pieces: np.ndarray, x: float) -> int:
 
 
 @kernel
-def lowest_ground(pieces: np.ndarray, x: float, reach: float) -> float:
-    """Lowest height [m] of the ground within ``reach`` [m] of a place along the plane."""
+def heights_within(pieces: np.ndarray, x: float, reach: float) -> tuple[float, float]:
+    """Lowest and highest height [m] of the ground within ``reach`` [m] of a place along the plane."""
     j = first_piece(pieces, x - reach)
-    lowest = _height(pieces[j], x - reach)
+    lowest = highest = _height(pieces[j], x - reach)
     while j + 1 < pieces.shape[0] and pieces[j + 1]["x"] <= x + reach:
         j += 1
-        lowest = min(lowest, pieces[j]["y"])
-    return min(lowest, _height(pieces[j], x + reach))
+        lowest, highest = min(lowest, pieces[j]["y"]), max(highest, pieces[j]["y"])
+    end = _height(pieces[j], x + reach)
+    return min(lowest, end), max(highest, end)
 
 
 @kernel

@@ -332,6 +332,11 @@ def read_yaml(file: Path) -> Any:
         raise ValueError("nested too deeply") from None
 
 
+def write_yaml(file: Path, content: Any) -> None:
+    """Write plain data to a file, from which :func:`read_yaml` reads the same."""
+    file.write_text(yaml.dump(content, Dumper=_Dumper, sort_keys=False), encoding="utf-8")
+
+
 class _Loader(yaml.SafeLoader):
     """YAML in which a number is decimal, as in 1.2, and a repeated key or a reference to another place an error."""
 
@@ -358,6 +363,15 @@ _Loader.yaml_implicit_resolvers = {
 }
 for _tag, _form in _NUMBERS.items():
     _Loader.add_implicit_resolver(_tag, re.compile(_form), list("-+.0123456789"))
+
+
+class _Dumper(yaml.SafeDumper):
+    """YAML of the loader above: text that it would take for a number is quoted, and what is repeated stands twice."""
+
+    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
 
 
 def _hint(word: str, known: Any) -> str:
