@@ -81,7 +81,7 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     sigma = np.array([0.2, 0.7])
     quiet, noisy = SledLaunchVector(4000, control=control), SledLaunchVector(4000, control=control, launch_noise=sigma)
     noisy.reset(seed=0)
-    contexts = noisy._contexts
+    contexts = noisy.episodes.contexts
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, len(quiet.task.controlled)))
     exact, disturbed = (
         env.task.launches(contexts[:, :n], actions) for env, n in ((quiet, FIELDS), (noisy, FIELDS + 2))

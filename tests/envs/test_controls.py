@@ -8,20 +8,16 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env, data_equivalence
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
-from stable_baselines3.common.vec_env import DummyVecEnv
 
 import sledenv
 from sledenv import Context, Scenario
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
-from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.sb3 import make_vec_env
 from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.scenarios.sections import CONTROLS, control_words
@@ -162,25 +158,6 @@ def test_both_checkers_pass_without_a_warning(name, control):
     env = SCALAR[name](SHORT, control)
     check_env(env, skip_render_check=True)
     check_env_sb3(env)
-
-
-@pytest.mark.parametrize(("name", "control"), [(LAUNCH_ID, "orientation+speed"), (DESCENT_ID, "all")])
-def test_lanes_and_the_adapter_agree_with_scalar_environments_in_all_they_return(name, control):
-    """Oracle: SyncVectorEnv and DummyVecEnv of scalar environments, bit for bit, infos included."""
-    lanes, mode = 20, AutoresetMode.SAME_STEP
-    given = {"scenario": SHORT, "control": control, "launch_noise": (0.1, 0.3)}
-    env = NATIVE[name](lanes, autoreset_mode=mode, info=INFO_KEYS, **given)
-    sync = SyncVectorEnv([lambda: SCALAR[name](**given)] * lanes, autoreset_mode=mode)
-    adapter = make_vec_env(name, lanes, 7, env_kwargs=given, info=INFO_KEYS)
-    dummy = DummyVecEnv([lambda: SCALAR[name](**given)] * lanes)
-    dummy.seed(7)
-    assert data_equivalence(env.reset(seed=1), sync.reset(seed=1), exact=True)
-    assert data_equivalence(adapter.reset(), dummy.reset(), exact=True)
-    rng = np.random.default_rng(0)
-    for _ in range(30):
-        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
-        assert data_equivalence(env.step(action), sync.step(action), exact=True)
-        assert data_equivalence(adapter.step(action), dummy.step(action), exact=True)
 
 
 @pytest.mark.parametrize("control", ["speed", "orientation+speed", "orientation+spin+speed"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import time
 from functools import partial
 from pathlib import Path
 
@@ -68,14 +67,14 @@ def test_both_checkers_pass_without_a_warning(scenario, control):
     ],
 )
 def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenario, solver):
-    """Oracle: SledLaunch in 1500 contexts altogether; the last info is the same in every entry."""
+    """Oracle: SledLaunch in 400 contexts altogether; the last info is the same in every entry."""
     rng = np.random.default_rng(0)
     statuses = set()
     control = {"brake_mat": "both", "ice_drop": "orientation", "ice_fast": "spin"}[Path(scenario).stem]
     launch, descent = (kind(scenario, control, solver=solver) for kind in (SledLaunch, SledDescent))
     launch.reset(seed=1)
     descent.reset(seed=1)
-    for _ in range(600 if solver == "compliant" else 150):  # a rigid descent bounces until it settles
+    for _ in range(150 if solver == "compliant" else 50):  # a rigid descent bounces until it settles
         action = random_action(launch, rng)
         context, _ = launch.reset()
         observation, _ = descent.reset()
@@ -125,7 +124,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
         jam = info["jam"]
         assert reward == 0.5 * jam["progress"] + 0.5 * np.sqrt(jam["retention"])
         if terminated and info["is_success"]:
-            outcome = env._ride.descent()
+            outcome = env.episodes.viewers[0]._recorded()
             kept = 0.5 * env.task.bodies[0].mass * max(outcome.state.u, 0.0) ** 2
             launch, slope, body = outcome.launch, outcome.slope, outcome.body
             lowest = min(body.radius - body.eccentricity, body.eccentricity - body.radius * np.cos(body.half_angle))
@@ -156,7 +155,7 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
         held = 0.0
         while True:
             action = random_action(env, rng)
-            held = float(action[-1]) if env._ride is not None else 0.0
+            held = float(action[-1]) if env.episodes.steps[0] else 0.0
             observation, _, terminated, truncated, info = env.step(action)
             if terminated or truncated:
                 break
@@ -200,7 +199,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
     """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
-    for seed in range(8):
+    for seed in range(3):
         env, twin = (SledDescent(own_pack("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
         env.reset(seed=seed)
         snapshots, steps = [env.snapshot()], []
@@ -337,6 +336,12 @@ def test_bad_arguments_name_the_argument_and_what_is_allowed(arguments, error, m
             kind(**arguments)
 
 
+@pytest.mark.parametrize("mode", [np.nan, 3, np.zeros(2), ["ansi"]], ids=str)
+def test_a_render_mode_that_is_no_word_is_named_before_gymnasium_takes_it_for_one(mode):
+    with pytest.raises(ValueError, match=r"render_mode = .*: must be one of 'human', 'rgb_array', 'rgb_array_list'"):
+        gym.make(DESCENT_ID, render_mode=mode)
+
+
 def test_the_spec_survives_json_and_a_second_registration_is_silent():
     arguments = {"scenario": own_pack("ice_fast"), "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
     for name in (LAUNCH_ID, DESCENT_ID):
@@ -445,15 +450,3 @@ class Session(RuleBasedStateMachine):
 def test_no_order_of_calls_breaks_an_environment(kind, solver):
     machine = type("Machine", (Session,), {"kind": kind, "solver": solver})
     run_state_machine_as_test(machine, settings=settings(max_examples=12, stateful_step_count=20, deadline=None))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
-def test_a_minute_of_any_order_of_calls_breaks_nothing(kind):
-    end = time.monotonic() + 60.0
-    rounds = 0
-    while time.monotonic() < end:
-        machine = type("Machine", (Session,), {"kind": kind, "solver": SOLVERS[rounds % 2]})
-        run_state_machine_as_test(machine, settings=settings(max_examples=40, stateful_step_count=50, deadline=None))
-        rounds += 1
-    assert rounds > 0

@@ -5,14 +5,12 @@ from __future__ import annotations
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
-from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.scenarios.scenario import Context
 
 IDS = (LAUNCH_ID, DESCENT_ID)
@@ -40,19 +38,6 @@ def test_what_is_hidden_reads_zero_and_nothing_else_changes(name):
             everything, *theirs = twin.step(action)
             assert step == theirs
             ended = step[1] or step[2]
-
-
-@pytest.mark.parametrize("many", [SledLaunchVector, SledDescentVector])
-def test_lanes_hide_what_the_scalar_environment_hides(many):
-    one = {SledLaunchVector: SledLaunch, SledDescentVector: SledDescent}[many](observe=SEEN)
-    lanes = many(3, autoreset_mode=AutoresetMode.DISABLED, observe=SEEN)
-    seen, _ = lanes.reset(seed=4)
-    for i in range(3):
-        assert (seen[i] == one.reset(seed=4 + i)[0]).all()
-    other = many(3, autoreset_mode=AutoresetMode.DISABLED, observe=["angle"])
-    other.reset(seed=0)
-    with pytest.raises(ValueError, match="another task"):
-        lanes.restore(other.snapshot())
 
 
 def test_a_hidden_field_is_taken_to_be_in_the_middle_of_its_range_by_those_who_ask():
@@ -109,20 +94,6 @@ def test_info_tells_the_launch_with_its_error(kind, noise):
         assert again.jam.reward == pytest.approx(total, abs=1e-12)
         assert (told["orientation"] != context.orientation) == bool(noise[0])
         assert told["speed"] == context.speed
-
-
-@pytest.mark.parametrize("many", [SledLaunchVector, SledDescentVector])
-def test_lanes_tell_the_launches_of_their_scalar_twins(many):
-    one = {SledLaunchVector: SledLaunch, SledDescentVector: SledDescent}[many]("sled_patch", launch_noise=(0.02, 0.05))
-    lanes = many(4, "sled_patch", autoreset_mode=AutoresetMode.DISABLED, launch_noise=(0.02, 0.05))
-    lanes.reset(seed=0)
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, lanes.action_space.shape).astype(np.float32)
-    info = lanes.step(actions)[4]
-    for i in range(4):
-        one.reset(seed=i)
-        own = one.step(actions[i])[4]["launch"]
-        assert {name: info["launch"][name][i] for name in own} == own
-        assert info["launch"]["_speed"].all()
 
 
 def test_launches_without_a_finite_energy_are_refused() -> None:

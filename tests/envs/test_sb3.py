@@ -14,9 +14,10 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.env_util import make_vec_env as theirs
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
 import sledenv
 from sledenv import STATUS_OF_CODE
@@ -54,16 +55,10 @@ def make(short_scenario: sledenv.Scenario):
 equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
-@pytest.mark.parametrize(
-    ("env_id", "episodes"),
-    [
-        *((env_id, 1_000) for env_id in SCALAR),
-        *(pytest.param(env_id, 10_000, marks=pytest.mark.slow) for env_id in SCALAR),
-    ],
-)
-def test_thousands_of_episodes_agree_with_dummyvecenv_in_all_it_returns(make, short_scenario, env_id, episodes):
-    """Oracle: DummyVecEnv of a hundred scalar environments, infos included."""
-    lanes = 100
+@both_ids
+def test_all_that_episodes_return_is_that_of_dummyvecenv(make, short_scenario, env_id):
+    """Oracle: DummyVecEnv of scalar environments, infos included."""
+    lanes, episodes = 20, 200
     env = make(lanes, 7, env_id, info=INFO_KEYS)
     dummy = DummyVecEnv([lambda: SCALAR[env_id](short_scenario)] * lanes)
     assert dummy.seed(7) == env.seed(7)
@@ -255,10 +250,68 @@ def test_attributes_and_methods_are_those_of_the_lanes(make, short_scenario):
     assert env.get_attr("note") == ["kept"] * 3
     with pytest.raises(ValueError, match="lanes share their attributes"):
         env.set_attr("note", "lost", indices=[0])
-    with pytest.raises(NotImplementedError, match="cannot be stepped alone"):
-        env.env_method("step", action[0], indices=0)
+    for name, given in (("step", [action[0]]), ("snapshot", []), ("restore", [None])):
+        with pytest.raises(NotImplementedError, match="cannot be stepped, kept or restored alone"):
+            env.env_method(name, *given, indices=0)
     with pytest.raises(IndexError):
         env.get_attr("task", indices=3)
+
+
+def test_lanes_can_be_drawn_recorded_and_normalised_meanwhile(short_scenario, tmp_path):
+    """Oracle: DummyVecEnv of the scalar environment in every method that draws; the file of VecVideoRecorder."""
+    given = {"scenario": short_scenario, "render_mode": "rgb_array"}
+    env, dummy = make_vec_env(DESCENT_ID, 2, 3, env_kwargs=given), DummyVecEnv([lambda: SledDescent(**given)] * 2)
+    dummy.seed(3)
+    assert (env.metadata, env.render_mode) == (dummy.metadata, dummy.render_mode)
+    with pytest.raises(ResetNeeded):
+        env.render()
+    env.reset()
+    dummy.reset()
+    for _ in range(2):
+        assert np.array_equal(env.render(), dummy.render())
+        assert equal(env.env_method("render", indices=1), dummy.env_method("render", indices=1))
+        assert equal(env.get_images(), dummy.get_images())
+        for one in (env, dummy):
+            assert len(list(one.env_method("film", indices=0)[0])) > 0
+            one.step(np.zeros((2, 3), np.float32))
+    assert env.env_method("get_wrapper_attr", "metadata") == dummy.env_method("get_wrapper_attr", "metadata")
+    states = ([one.bit_generator.state for one in own.get_attr("np_random")] for own in (env, dummy))
+    assert equal(*states)
+    assert env.env_method("has_wrapper_attr", "film") == [True, True]
+    pytest.importorskip("moviepy")
+    recorded = VecVideoRecorder(VecNormalize(env), str(tmp_path), lambda step: step == 0, video_length=3)
+    recorded.reset()
+    for _ in range(4):
+        recorded.step(np.zeros((2, 3), np.float32))
+    recorded.close()
+    assert len(list(tmp_path.glob("*.mp4"))) == 1
+
+
+def test_no_pictures_without_their_render_mode(make):
+    """Oracle: DummyVecEnv, which warns and gives none."""
+    env = make(2, 0)
+    env.reset()
+    with pytest.warns(UserWarning, match="must be 'rgb_array'"):
+        assert env.get_images() == [None, None]
+    with pytest.warns(UserWarning, match="no `render_mode` was passed"):
+        assert env.render() is None
+
+
+def test_arguments_of_stable_baselines3_are_taken_or_named(short_scenario):
+    """Oracle: stable-baselines3's own make_vec_env, for seeds without a seed and for the action space."""
+    given = {"env_kwargs": {"scenario": short_scenario, "render_mode": None}}
+    seen, chosen = [], []
+    for make in (make_vec_env, theirs):
+        np.random.seed(4)  # noqa: NPY002  # which SB3 draws seeds from
+        seen.append(make(LAUNCH_ID, 3, **given).reset())
+        chosen.append(make(LAUNCH_ID, 3, 5, 2, **given).action_space.sample())
+    assert equal(*seen)
+    assert equal(*chosen)
+    for name in ("monitor_dir", "wrapper_class", "vec_env_cls", "vec_env_kwargs", "monitor_kwargs", "wrapper_kwargs"):
+        with pytest.raises(TypeError, match=f"{name}: is no argument of a native batch"):
+            make_vec_env(LAUNCH_ID, 2, **{name: None})
+    with pytest.raises(TypeError, match=r"env_id = .*: must be an id such as"):
+        make_vec_env(SledLaunch, 2)
 
 
 def test_a_wrong_action_is_refused_and_the_batch_stays_usable(make):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import RenderFrame
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from sledenv.envs.info import checked_info
 from sledenv.envs.vector import SledVectorEnv
+from sledenv.envs.viewer import METADATA, Viewer
 from sledenv.machine.extras import needs
 from sledenv.simulation.rules import checked_mapping, checked_seed
 
@@ -24,9 +28,11 @@ def make_vec_env(
     env_id: str,
     n_envs: int = 1,
     seed: int | None = None,
+    start_index: int = 0,
     *,
     env_kwargs: dict[str, Any] | None = None,
     info: Sequence[str] = ("is_success",),
+    **others: Any,
 ) -> SledVecEnv:
     """Make the native batch of an environment: as ``stable_baselines3.common.env_util.make_vec_env``, without Monitor.
 
@@ -40,12 +46,27 @@ def make_vec_env(
     n_envs : int
         Number of lanes.
     seed : int, optional
-        Lane i is seeded with ``seed + i`` at the first reset.
+        Lane i is seeded with ``seed + i`` at the first reset; by numpy's own random numbers without one.
+    start_index : int
+        The action space is seeded with ``seed + start_index``.
     env_kwargs : dict, optional
-        Arguments of the environment, such as ``{"scenario": "sled_brow"}``.
+        Arguments of the environment, such as ``{"scenario": "sled_brow"}``; with ``"render_mode": "rgb_array"`` it can
+        be drawn, which stable-baselines3 takes by default.
     info : sequence of str
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.
+
+    Raises
+    ------
+    TypeError
+        For what is no id, and for the other arguments of stable-baselines3: those of wrappers, monitors and workers,
+        which the lanes of a batch do not have.
     """
+    if others:
+        name = next(iter(others))
+        hint = "VecMonitor(..., filename) monitors it; stable_baselines3's make_vec_env makes lanes with wrappers"
+        raise TypeError(f"{name}: is no argument of a native batch, whose lanes have no wrappers of their own; {hint}")
+    if not isinstance(env_id, str):
+        raise TypeError(f"env_id = {env_id!r}: must be an id such as 'sledenv/SledLaunch-v0'")
     given = checked_info(info)
     if seed is not None:
         seed = checked_seed(seed)
@@ -58,9 +79,9 @@ def make_vec_env(
         **checked_mapping("env_kwargs", env_kwargs),
     )
     adapter = SledVecEnv(env)
+    adapter.seed(seed)
     if seed is not None:
-        adapter.seed(seed)
-        adapter.action_space.seed(seed)
+        adapter.action_space.seed(seed + checked_seed(start_index, "start_index"))
     return adapter
 
 
@@ -87,6 +108,7 @@ class SledVecEnv(VecEnv):
         self.env = native
         self.spec = native.spec
         super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
+        self.metadata = METADATA
 
     def reset(self) -> NDArray[np.float32]:
         """Begin an episode in every lane, with the seeds and options set for this reset."""
@@ -105,7 +127,7 @@ class SledVecEnv(VecEnv):
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
         """Keep the actions for :meth:`step_wait`."""
-        self._actions = actions
+        self.actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
         """Advance every lane by one step; ended lanes begin their next episode.
@@ -115,7 +137,7 @@ class SledVecEnv(VecEnv):
         gymnasium.error.InvalidAction, gymnasium.error.ResetNeeded
             As the native environment.
         """
-        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        observations, rewards, terminated, truncated, info = self.env.step(self.actions)
         dones = terminated | truncated
         infos = lane_infos(info, self.num_envs)
         for i in np.flatnonzero(dones).tolist():
@@ -129,6 +151,13 @@ class SledVecEnv(VecEnv):
     def close(self) -> None:
         """Close the native environment."""
         self.env.close()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a picture of each lane, None in another render mode than "rgb_array"."""
+        if self.render_mode != "rgb_array":
+            warnings.warn(f"render_mode = {self.render_mode!r}: must be 'rgb_array' for pictures", stacklevel=2)
+            return [None] * self.num_envs
+        return list(self.env.render() or ())  # type: ignore[arg-type]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return an attribute of each lane."""
@@ -173,6 +202,13 @@ class Lane:
         self.index = index
         self.observation_space = env.single_observation_space
         self.action_space = env.single_action_space
+        self.metadata = METADATA
+        self.unwrapped = self
+
+    @property
+    def np_random(self) -> np.random.Generator | None:
+        """The random stream of the lane, None before the first reset."""
+        return self.env.episodes.generators[self.index]
 
     @property
     def np_random_seed(self) -> int | None:
@@ -188,9 +224,40 @@ class Lane:
         observations, info = self.env.reset(seed=seeds, options=(options or {}) | {"reset_mask": mask})
         return observations[self.index], lane_infos(info, self.env.num_envs)[self.index]
 
-    def step(self, action: Any) -> None:
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
+        """Return what the render mode asks for of this lane."""
+        return self._viewer.render() if self.env.render_mode else None
+
+    def film(self) -> Iterator[NDArray[np.uint8]]:
+        """Draw what "rgb_array_list" would list of this lane."""
+        return self._viewer.film()
+
+    def close(self) -> None:
+        """Close the window of this lane, if there is one."""
+        for viewer in self.env.episodes.viewers[self.index : self.index + 1]:
+            viewer.close()
+
+    def get_wrapper_attr(self, name: str) -> Any:
+        """Return an attribute, as Gymnasium's environments do."""
+        return getattr(self, name)
+
+    def has_wrapper_attr(self, name: str) -> bool:
+        """Whether there is an attribute, as Gymnasium's environments tell."""
+        return hasattr(self, name)
+
+    def step(self, *given: Any) -> None:
         """Raise: the lanes of a batch advance together."""
-        raise NotImplementedError("a lane cannot be stepped alone")
+        raise NotImplementedError("a lane cannot be stepped, kept or restored alone")
+
+    snapshot = restore = step
+
+    @property
+    def _viewer(self) -> Viewer:
+        if not self.env.episodes.begun:
+            raise ResetNeeded("call reset before render")
+        if not self.env.episodes.viewers:
+            raise AttributeError("lanes cannot be drawn without a render_mode")
+        return self.env.episodes.viewers[self.index]
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.env, name)

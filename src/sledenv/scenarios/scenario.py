@@ -32,7 +32,7 @@ from sledenv.simulation.records import MOST_ZONES, params
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.settings import Settings, Solver
-from sledenv.simulation.support import support_height, support_heights, within_a_turn
+from sledenv.simulation.support import support_heights, within_a_turn
 
 Split = Literal["train", "validation", "test"]
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
@@ -248,7 +248,7 @@ class Scenario(Document):
         """
         if context is None:
             return self.all_bodies()[0]
-        (number,) = self.shapes(np.array([made("context", Context, context)]))
+        (number,) = self.shapes(_alone(context))
         return self.all_bodies()[int(number)]
 
     def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
@@ -275,59 +275,45 @@ class Scenario(Document):
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
-        context = made("context", Context, context)
-        return ContactLaw._make(map(float, self._law(context.friction, context.restitution)))
+        return ContactLaw(*self.laws(_alone(context))[0].tolist())
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the contact laws of contexts of shape (N, 11): columns are the fields of ContactLaw, shape (N, 5)."""
-        return _rows(len(contexts), self._law(contexts[:, 1], contexts[:, 2]))
-
-    def _law(self, friction: Any, restitution: Any) -> params.ContactLaw:
-        """Contact law, of numbers or of columns."""
-        law = self.contact
-        return params.ContactLaw(
+        law, (_, friction, restitution, *_) = self.contact, contexts.T
+        fields = params.ContactLaw(
             stiffness=law.stiffness_n_m,
             asymmetry=asymmetry_of(restitution),
             friction=friction,
             rolling_arm=law.rolling_arm_m,
             corner_rolling_arm=law.corner_rolling_arm_m,
         )
+        return _rows(len(contexts), fields)
 
     def slope(self, context: Context) -> Slope:
         """Return the slope of a context, with its zones."""
-        context = made("context", Context, context)
-        zones = [Zone(*zone) for zone in self._zones(context.zone_begin, context.zone_friction)]
-        return Slope(*self._slope(context.angle), zones)
+        angle, length, gravity, *rest = self.slopes(_alone(context))[0].tolist()
+        fields = iter(None if math.isnan(field) else field for field in rest)
+        return Slope(angle, length, gravity, [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)])
 
     def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the slopes of contexts of shape (N, 11): columns are the fields of Slope, then those of each zone."""
-        begin, friction = contexts[:, _ZONE], contexts[:, _ZONE + 1]
-        zones = [math.nan if field is None else field for zone in self._zones(begin, friction) for field in zone]
-        return _rows(len(contexts), (*self._slope(contexts[:, 0]), *zones))
+        """Return the slopes of contexts of shape (N, 11): columns are the fields of Slope, then those of each zone.
 
-    def _zones(self, begin: Any, friction: Any) -> list[tuple[Any, ...]]:
-        """Fields of the zones, of which the drawn one has a begin and a friction, numbers or columns."""
-        arm, corner_arm = self.contact.rolling_arm_m, self.contact.corner_rolling_arm_m
-        zones = []
+        NaN where a zone has no restitution or stiffness of its own.
+        """
+        section, contact = self.slope_section, self.contact
+        fields: list[Any] = [contexts[:, 0], section.length_m, section.gravity_m_s2]
         for k, zone in enumerate(self.zones):
             drawn = k == self._drawn_zone
-            zones.append(
-                (
-                    begin if drawn else zone.begin_m[0],
-                    math.inf if zone.end_m is None else zone.end_m,
-                    friction if drawn else zone.friction[0],
-                    arm if zone.rolling_arm_m is None else zone.rolling_arm_m,
-                    corner_arm if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m,
-                    zone.restitution,
-                    zone.stiffness_n_m,
-                )
-            )
-        return zones
-
-    def _slope(self, angle: Any) -> params.Slope:
-        """Slope, of a number or of a column."""
-        section = self.slope_section
-        return params.Slope(angle, section.length_m, section.gravity_m_s2)
+            fields += [
+                contexts[:, _ZONE] if drawn else zone.begin_m[0],
+                math.inf if zone.end_m is None else zone.end_m,
+                contexts[:, _ZONE + 1] if drawn else zone.friction[0],
+                contact.rolling_arm_m if zone.rolling_arm_m is None else zone.rolling_arm_m,
+                contact.corner_rolling_arm_m if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m,
+                math.nan if zone.restitution is None else zone.restitution,
+                math.nan if zone.stiffness_n_m is None else zone.stiffness_n_m,
+            ]
+        return _rows(len(contexts), fields)
 
     def settings(self, solver: Solver = "compliant") -> Settings:
         """Return how its descents are simulated."""
@@ -370,12 +356,11 @@ class Scenario(Document):
         TypeError, ValueError
             If ``orientation``, ``spin`` or ``speed`` is not a finite number, or ``context`` is no context.
         """
-        context = made("context", Context, context)
-        phi = context.orientation if orientation is None else checked("State", "phi", orientation, FINITE)
-        omega = context.spin if spin is None else checked("State", "omega", spin, FINITE)
-        u = context.speed if speed is None else checked("State", "u", speed, FINITE)
-        y = context.drop + support_height(self.body(context), float(within_a_turn(np.array(phi))))
-        return State(0.0, y, phi, u, 0.0 - context.fall, omega)
+        given = {"orientation": ("phi", orientation), "spin": ("omega", spin), "speed": ("u", speed)}
+        own = {
+            name: checked("State", field, value, FINITE) for name, (field, value) in given.items() if value is not None
+        }
+        return State(*self.launches(_alone(context, **own))[0].tolist())
 
     def launches(
         self, contexts: NDArray[np.float64], bodies: Body | Sequence[Body] | np.ndarray | None = None
@@ -429,6 +414,11 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
     # The turn keeps equal draws of two splits far apart, the cells unequal ones at least a little.
     within, cell = np.modf(_CELLS * np.modf(draws + i * _TURN)[0])
     return (cell + (i + 0.5 * within) / 3.0) / _CELLS
+
+
+def _alone(context: Context, **changes: float) -> NDArray[np.float64]:
+    """Return a context as a table of one row, with some fields changed; raise TypeError if it is none."""
+    return np.array([made("context", Context, context)._replace(**changes)], np.float64)
 
 
 def _rows(rows: int, fields: Sequence[Any]) -> NDArray[np.float64]:
