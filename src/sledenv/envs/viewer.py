@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from sledenv.envs.inputs import Contexts
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Task
-from sledenv.simulation.words import setting, story
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.rules import checked_choice
 from sledenv.simulation.scene import State
+from sledenv.simulation.words import setting, story
 
 _FPS: Final = 30
 

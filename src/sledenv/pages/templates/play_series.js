@@ -380,5 +380,5 @@ function tellNow(t) {
   $("contact").textContent = `contact ${i + 1}, ${part}: ${D.modes[rebounds.mode[i]]}\n${signs}${much}${grip}`;
 }
 
-/* From the signs of slip and spin: motion_words in pages/words.py. */
+/* From the signs of slip and spin: motion_words in simulation/words.py. */
 const motionWords = (slip, spin) => `${slip ? "slides" : "sticks"}, ${spin ? "turns" : "does not turn"}; `;
