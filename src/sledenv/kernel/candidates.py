@@ -256,13 +256,8 @@ def _watch_inside(body: np.void, code: int, space: np.void) -> None:
 
     ``space["terms"]`` holds the series of its place in the frame of the body.
     """
-    arcs, near, x, y, poly = (
-        int(body["arcs"]),
-        AT_END * body["size"],
-        space["terms"][0],
-        space["terms"][1],
-        space["poly"],
-    )
+    arcs, near = int(body["arcs"]), AT_END * body["size"]
+    x, y, poly = space["terms"][0], space["terms"][1], space["poly"]
     if arcs == 1:
         return
     for end in range(2):

@@ -58,10 +58,7 @@ CONTACTS: Final = np.dtype(
     [
         *fields("i8", "count"),
         *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
-        (
-            "alike",
-            "i8",
-        ),  # 1 if all slip as the first one does, and only the sum of their friction counts
+        ("alike", "i8"),  # 1 if all slip as the first one does: the sum of their friction is known, no part of it
         ("at", CONTACT, (MOST + 1,)),  # the last one serves to exchange two
     ]
 )

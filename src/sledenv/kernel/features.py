@@ -24,9 +24,8 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
         out = beyond(body, a, phi - pieces[j]["tilt"])
         if side == guards.FOOT_END:
             j += 1
-        if (
-            out < 0 and body["smooth"][before] == 0.0
-        ):  # it touches with the far end of a side, which slides over the crest
+        # Where a side ends at the arc, the side slides over the crest.
+        if out < 0 and body["smooth"][before] == 0.0:
             return SIDE_CREST, before, j
         if out > 0 and body["smooth"][a] == 0.0:
             return SIDE_CREST, a, j

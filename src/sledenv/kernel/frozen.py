@@ -22,9 +22,7 @@ from sledenv.kernel.params import Incline
 
 MOST_STEPS: Final = 2000
 PACE: Final = 100.0  # sizes over the speed of approach: how fast the springs swing
-SOON: Final = (
-    1e-9  # of the time of a swing: the springs begin as deep as they are then, so that they have loads to compare
-)
+SOON: Final = 1e-9  # of the time of a swing: springs begin as deep as they are then, so that their loads compare
 LEAST_TERM: Final = 1e-15  # of the speed of approach: the last terms of a step
 _NO_GRAVITY: Final = Incline(0.0, 0.0, 0.0, 0.0)
 LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
@@ -73,9 +71,7 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
     event["time"] = longest_step(body, _NO_GRAVITY, LEAST_TERM * approach / speed, space)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
-        guards.watch_slip(
-            contact, terms, c, space
-        )  # of a point that is off too: the first one tells of the slip of all
+        guards.watch_slip(contact, terms, c, space)  # of one that is off too: the first one tells of the slip of all
         if contact["closing"] > 0.0:
             guards.watch_gap(body, contact, terms, c, space)
             continue

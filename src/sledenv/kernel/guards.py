@@ -35,9 +35,7 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
     SIDE_BEGIN,  # or of a side
     SIDE_END,
 ) = range(10)
-TIED: Final = (
-    1e-13  # part of a time: two events as near as this are at the same time, and the first one in order counts
-)
+TIED: Final = 1e-13  # part of a time: events nearer than this are at the same time, and the first in order counts
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 STEADY: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there,

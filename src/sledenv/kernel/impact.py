@@ -18,9 +18,7 @@ from sledenv.kernel.books import followed_by
 ENERGETIC, POISSON, NEWTON = range(3)  # hypotheses of what ends an impact
 OVER, GOES_ON, ENDLESS = range(3)  # what comes after a phase
 MOST_PHASES: Final = 32
-SIMULTANEOUS: Final = (
-    4e-16  # of a velocity: if less than this is left of it after a phase, that is rounding, and it stops
-)
+SIMULTANEOUS: Final = 4e-16  # of a velocity: what is left of it after a phase and is less is rounding, and it stops
 TIE: Final = 1e-12  # of the normal force: a locked force may be beyond its bound by this
 
 

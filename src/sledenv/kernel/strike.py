@@ -20,9 +20,7 @@ from sledenv.kernel.params import Incline
 from sledenv.kernel.records import RUNNING, STEP_BUDGET
 
 MOST_STRIKES: Final = 10000  # impacts without a flight between them
-NEARLY: Final = (
-    1e-6  # of the size: with another point as close to the slope as this, stiff springs would touch with both
-)
+NEARLY: Final = 1e-6  # of the size: stiff springs would touch with another point as close to the slope as this too
 DOWN: Final = 4e-15  # of the size: a gap this small is rounding
 LEVEL: Final = 1e-12  # of the size: a point this close to the slope touches
 JOLT: Final = 1e-12  # of the speed scale: approach of an impact that friction brings about

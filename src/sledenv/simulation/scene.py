@@ -33,9 +33,7 @@ Profile = tuple[tuple[float, float], ...]  # vertices x, y [m]
 
 MOST_VERTICES: Final = 16384
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
-STRAIGHT: Final = (
-    1e-13  # sine of the turn of a vertex that is none, if rounding of its place does not make a larger one
-)
+STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none, if rounding of its place makes no larger one
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
