@@ -280,9 +280,7 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
     if crests(vertices).any():
-        listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
-        # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
-        sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
+        sharp = has_sharp_corner(bodies)
         if sharp.any():
             raise ValueError(
                 f"{names.body.format(lane=int(np.argmax(sharp)))} has a sharp corner: all arcs must have a radius > 0 "
@@ -298,6 +296,14 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
             f"the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
             f"{float(sizes[lane])!r} m: the speed along the plane says little there"
         )
+
+
+def has_sharp_corner(bodies: np.ndarray) -> np.ndarray:
+    """Whether bodies, records of kernel.outline.BODY, have a corner without a radius: bools of the same shape."""
+    listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
+    # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
+    sharp: np.ndarray = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
+    return sharp
 
 
 def _admit(names: _Names, lanes: CheckedLanes) -> None:
