@@ -102,6 +102,7 @@ class Context(_ContextFields):
     )
 
 
+_LATER_KEYS: Final = "run_out_m", "profile_m", "profile_file", "tolerance_m", "bumps"  # of a slope
 _ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", "shape", "track"))
 
 
@@ -235,7 +236,9 @@ class Scenario(Document):
         own = "restitution", "stiffness_n_m", "pieces", "material"
         zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
         content["zones"] = list(zones) or None
-        content["slope"] = _given({key: value for key, value in content["slope"].items() if key != "run_out_m" or value})
+        content["slope"] = _given(
+            {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
+        )
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -585,7 +588,7 @@ def _laid_out(content: Any) -> Any:
         return content
     slope = dict(content["slope"])
     file, tolerance = slope.pop("profile_file", None), slope.pop("tolerance_m", None)
-    angle, profile, zones = slope.get("angle_deg"), slope.get("profile_m"), content.get("zones", ())
+    profile, zones = slope.get("profile_m"), content.get("zones", ())
     if file is None:
         if tolerance is not None:
             raise ValueError(f"slope.tolerance_m = {tolerance!r}: must be left out without slope.profile_file")

@@ -122,7 +122,9 @@ def _numbers(header: tuple[str, ...], texts: list[str], line: int) -> list[float
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            gap = "" if text else "; leave out the line where nothing is known: the ground is straight between the others"
+            gap = (
+                "" if text else "; leave out the line where nothing is known: the ground is straight between the others"
+            )
             raise ValueError(f"line {line}: {name} = {text!r}: must be a finite number of metres{gap}")
         found.append(number)
     return found
@@ -158,8 +160,10 @@ def _simplified(ground: Ground, tolerance: float | None) -> Ground:
     if kept.sum() > MOST_VERTICES:
         enough = float(np.sort(matters)[-MOST_VERTICES - 1]) if tolerance is None else None
         given = "" if tolerance is None else f" with tolerance_m = {tolerance:g}"
-        remedy = "give slope.tolerance_m, the most that the ground may move" if enough is None else (
-            f"slope.tolerance_m = {enough:.3g} is enough, the most that the ground moves by leaving out vertices"
+        remedy = (
+            "give slope.tolerance_m, the most that the ground may move"
+            if enough is None
+            else (f"slope.tolerance_m = {enough:.3g} is enough, the most that the ground moves by leaving out vertices")
         )
         raise ValueError(f"holds {int(kept.sum())} vertices{given}: must hold at most {MOST_VERTICES}; {remedy}")
     x, y = ground.vertices.T

@@ -1,7 +1,7 @@
 """The ground of many contexts at once: bumps that a whole number draws, and the vertices around places on it.
 
-The vertices of N grounds are an array of shape (N, M, 2), columns x and y [m]. Where a ground has fewer than M, the rest
-of its row is inf.
+The vertices of N grounds are an array of shape (N, M, 2), columns x and y [m]. Where a ground has fewer than M, the
+rest of its row is inf.
 """
 
 from __future__ import annotations
