@@ -44,6 +44,7 @@ from sledenv.simulation.scene import (
     Slope,
     SlopeTable,
     State,
+    Tracks,
     Zone,
     asymmetry_of,
     crests,
@@ -516,7 +517,7 @@ class Scenario(Document):
         _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
         records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))
         # Bumps begin as far from the launch as bodies reach.
-        ground, phi = vertices_of(self.slope_section.profile), within_a_turn(orientation)
+        ground, phi = Tracks.of([self.slope_section.profile]), within_a_turn(orientation)
         y = drop + resting_heights(records, np.zeros(len(contexts)), phi, ground)
         return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
