@@ -233,6 +233,8 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
 
 def _pieces(value: Any, k: int, ground: Ground) -> tuple[int, int]:
     most = len(ground.vertices) - 2
+    if most < 0:
+        raise ValueError(f"zones.{k}.pieces = {value!r}: must be left out: the slope has no profile")
     whole = isinstance(value, list | tuple) and all(type(number) is int for number in value) and len(value) == 2
     if not whole or not 0 <= value[0] <= value[1] <= most:
         allowed = f"a pair [first, last] of whole numbers in [0, {most}], pieces of the profile"
