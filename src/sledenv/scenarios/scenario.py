@@ -47,7 +47,6 @@ from sledenv.simulation.scene import (
     Tracks,
     Zone,
     asymmetry_of,
-    crests,
     level_at,
     vertices_of,
 )
@@ -184,12 +183,12 @@ class Scenario(Document):
         if slope.bumps is None and not slope.profile:
             return self
         size = max(body.size for body in bodies)
-        vertices = vertices_of(slope.profile)
-        if (slope.bumps or crests(vertices).any()) and any(has_sharp_corner(body.record).any() for body in bodies):
+        if any(has_sharp_corner(body.record).any() for body in bodies):
             remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
             raise ValueError(f"body: has a sharp corner, which must be rounded where the ground has crests; {remedy}")
         if slope.bumps is not None:
             return self._has_room_for_bumps(slope.bumps, size)
+        vertices = vertices_of(slope.profile)
         at, level = level_at(np.array([slope.length_m]), np.array([size]), vertices)
         if not level.all():
             begin, end = vertices[at[0] : at[0] + 2, 0].tolist()

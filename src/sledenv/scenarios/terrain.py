@@ -220,7 +220,7 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
         rest = {key: value for key, value in zone.items() if key not in ("pieces", MATERIAL)}
         both = [key for key in ("begin_m", "end_m", "pieces", MATERIAL) if zone.get(key) is not None]
         if len(both) > 1 and both != ["begin_m", "end_m"]:
-            raise ValueError(f"zones.{k}: must have either begin_m and end_m, pieces or {MATERIAL}, not {both}")
+            raise ValueError(f"zones.{k}: must have either begin_m and end_m, pieces or {MATERIAL}, not {' and '.join(both)}")
         if zone.get("pieces") is not None:
             found.append(rest | _reach(*_pieces(zone["pieces"], k, ground), ground, length))
         elif zone.get(MATERIAL) is not None:

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 
 
 TRACKS: Final = 2**32  # how many numbers there are, each of which draws a track
+LEAST: Final = 1e-3  # [m] shorter pieces are left out
 BEHIND: Final = 2  # vertices that are told of the ground behind a place
 AHEAD: Final = 8  # and ahead of it
 
@@ -40,7 +41,8 @@ class Bumps(NamedTuple):
         """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 2).
 
         The same number is the same track on every machine: SplitMix64 turns it into numbers in [0, 1), five a bump, and
-        all else is plain arithmetic. As many bumps follow each other as end before ``end``.
+        all else is plain arithmetic. As many bumps follow each other as end before ``end``. A gap or a top of less than
+        a millimetre is none.
         """
         count = self.most()
         ranges = np.array([self.gap, self.face, self.top, self.back or self.face, self.height])
@@ -48,7 +50,7 @@ class Bumps(NamedTuple):
         drawn = np.minimum(low + (high - low) * _uniform(tracks, len(ranges) * count).reshape(-1, count, 5), high)
         if self.back is None:
             drawn[..., 3] = drawn[..., 1]
-        lengths = drawn[..., :4].reshape(len(drawn), -1)
+        lengths = np.where(drawn[..., :4] < LEAST, 0.0, drawn[..., :4]).reshape(len(drawn), -1)
         x = np.cumsum(np.column_stack([np.full(len(drawn), self.begin), lengths]), axis=1)
         y = drawn[..., 4:] * (0.0, 1.0, 1.0, 0.0)
         fits = np.repeat(x[:, 4::4] <= self.end, 4, axis=1)
@@ -88,13 +90,12 @@ def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.boo
     places = reached[:, np.newaxis] + np.arange(-BEHIND, AHEAD)
     found = vertices[row, np.clip(places, 0, most - 1)]
     there = (places >= 0) & (places < most) & np.isfinite(found[..., 0])
+    found = np.where(there[..., np.newaxis], found, 0.0)
     (x0, y0), (x1, y1) = found[:, BEHIND - 1].T, found[:, BEHIND].T
-    before, behind = there[:, BEHIND - 1], there[:, BEHIND]
-    within = before & behind
-    share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=within)
-    ground = np.where(before, y0, y1) + np.where(within, share * np.where(within, y1 - y0, 0.0), 0.0)
-    relative = np.where(there[..., np.newaxis], found, 0.0) - np.stack([x, ground], axis=-1)[:, np.newaxis]
-    return np.where(there[..., np.newaxis], relative, 0.0), there
+    left, right = there[:, BEHIND - 1], there[:, BEHIND]
+    share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=left & right)
+    here = np.stack([x, np.where(left, y0, y1) + share * (y1 - y0)], axis=-1)
+    return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there
 
 
 def profiles_of(vertices: Floats) -> list[Profile]:
