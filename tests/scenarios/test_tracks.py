@@ -1,9 +1,10 @@
-"""Tracks of scenarios: vertices, and bumps that a number draws; what is refused, and what is seen of them from a place."""
+"""Tracks of scenarios: vertices, and bumps that a number draws; what is refused, and what is seen from a place."""
 
 from __future__ import annotations
 
 import math
 import pickle
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,7 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
         ({"profile_m": [[0, 0]]}, "slope.profile_m = [[0, 0]]: must be a list of 2 to 16384 pairs [x, y] of numbers"),
         (
             {"profile_m": [[0, 0], [1, 0.1], [1, 3]]},
-            "slope.profile_m = [[0, 0], [1, 0.1], [1, 3]]: x of vertex 2 is 1: must be > that of the vertex before, 1 m",
+            "slope.profile_m = [[0, 0], [1, 0.1], [1, 3]]: x of vertex 2 is 1: must be > that of the vertex before",
         ),
         (
             {"profile_m": [[0, 0], [1, 0.1], [1.1, 3]]},
@@ -95,7 +96,7 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
         ),
         (
             {"bumps": BUMPS | {"start_m": 0.1}},
-            "slope.bumps.start_m = 0.1: must be at least the size of the body, 0.75 m, so that it is launched over level",
+            "slope.bumps.start_m = 0.1: must be at least the size of the body, 0.75 m, so that it is launched over",
         ),
         (
             {"bumps": {"height_m": 0.01, "face_m": [0.002, 4], "top_m": 0, "gap_m": 0}},
@@ -197,7 +198,7 @@ def test_bumps_are_valid_profiles_inside_their_ranges(keys: dict[str, Any], more
         assert reached + keys["gap_m"][0] - 1e-3 <= x <= reached + keys["gap_m"][1] + 1e-9
         for _, y in tops:
             assert keys["height_m"][0] <= y <= keys["height_m"][1]
-        for (x0, y0), (x1, y1) in zip(profile, profile[1:], strict=False):
+        for (x0, y0), (x1, y1) in pairwise(profile):
             low, high = (
                 keys["top_m"] if y0 == y1 > 0 else keys["gap_m"] if y0 == y1 else keys["face_m"] if y1 > y0 else back
             )
@@ -251,7 +252,7 @@ def test_neighbouring_numbers_draw_tracks_that_are_nothing_alike() -> None:
 
 
 def test_a_context_draws_and_tells_the_number_of_its_track() -> None:
-    """Oracle: twelve doubles, the last of which is the number; two splits have none in common; the slope comes again."""
+    """Oracle: twelve doubles, the last of which is the number; two splits have none in common."""
     scenario = bumpy()
     rng, twin = np.random.default_rng(3), np.random.default_rng(3)
     context = scenario.sample(rng)
@@ -311,7 +312,7 @@ def slowly_around(profile: list[tuple[float, float]], x: float) -> tuple[list[li
 def test_vertices_around_places_are_those_that_a_slow_search_finds(
     counts: list[int], seed: int, one: bool, exact: int
 ) -> None:
-    """Oracle: a search vertex by vertex, with np.interp; of one ground for all or of one each, at vertices and between."""
+    """Oracle: a search vertex by vertex; of one ground for all or of one each, at vertices and between."""
     rng = np.random.default_rng(seed)
     profiles = []
     for count in counts[:1] if one else counts:
@@ -340,4 +341,6 @@ def test_ground_heights_are_those_of_the_slope() -> None:
     relative, there = vertices_around(scenario.vertices(contexts), x)
     for row, mask, place, context in zip(relative, there, x, contexts, strict=True):
         slope = scenario.slope(Context(*context))
-        np.testing.assert_allclose(row[mask, 1] + slope.height_at(place), slope.height_at(row[mask, 0] + place), atol=1e-12)
+        np.testing.assert_allclose(
+            row[mask, 1] + slope.height_at(place), slope.height_at(row[mask, 0] + place), atol=1e-12
+        )

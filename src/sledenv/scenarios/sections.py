@@ -192,7 +192,9 @@ class BumpsSection(Section):
     face_m: Annotated[Pair, Range("[0.001, inf) m")]  # length along the slope on which it rises
     top_m: Annotated[Pair, Range("[0, inf) m")]
     gap_m: Annotated[Pair, Range("[0, inf) m")]  # level ground before each bump
-    back_m: Annotated[Pair | None, Range("[0.001, inf) m")] = None  # on which it falls; as long as its face unless given
+    back_m: Annotated[Pair | None, Range("[0.001, inf) m")] = (
+        None  # on which it falls; as long as its face unless given
+    )
     start_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # of the first gap; the size of the body by default
 
     @model_validator(mode="after")

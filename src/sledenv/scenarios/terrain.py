@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.simulation.records import MOST_ZONES
 from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
 from sledenv.simulation.support import directions
 
@@ -158,13 +159,12 @@ def _simplified(ground: Ground, tolerance: float | None) -> Ground:
     matters = _significance(ground.vertices, tolerance or 0.0)
     kept = matters > (tolerance or 0.0)
     if kept.sum() > MOST_VERTICES:
-        enough = float(np.sort(matters)[-MOST_VERTICES - 1]) if tolerance is None else None
-        given = "" if tolerance is None else f" with tolerance_m = {tolerance:g}"
-        remedy = (
-            "give slope.tolerance_m, the most that the ground may move"
-            if enough is None
-            else (f"slope.tolerance_m = {enough:.3g} is enough, the most that the ground moves by leaving out vertices")
-        )
+        given, remedy = f" with tolerance_m = {tolerance}", "give more"
+        if tolerance is None:
+            enough = float(np.sort(matters)[-MOST_VERTICES - 1])
+            step = 10.0 ** (math.floor(math.log10(enough)) - 1)
+            given, remedy = "", f"slope.tolerance_m = {math.ceil(enough / step) * step:.2g} leaves out enough"
+        remedy += ", the most that the ground moves by that"
         raise ValueError(f"holds {int(kept.sum())} vertices{given}: must hold at most {MOST_VERTICES}; {remedy}")
     x, y = ground.vertices.T
     deviation = float(np.abs(np.interp(x, x[kept], y[kept]) - y).max())
@@ -220,7 +220,9 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
         rest = {key: value for key, value in zone.items() if key not in ("pieces", MATERIAL)}
         both = [key for key in ("begin_m", "end_m", "pieces", MATERIAL) if zone.get(key) is not None]
         if len(both) > 1 and both != ["begin_m", "end_m"]:
-            raise ValueError(f"zones.{k}: must have either begin_m and end_m, pieces or {MATERIAL}, not {' and '.join(both)}")
+            raise ValueError(
+                f"zones.{k}: must have either begin_m and end_m, pieces or {MATERIAL}, not {' and '.join(both)}"
+            )
         if zone.get("pieces") is not None:
             found.append(rest | _reach(*_pieces(zone["pieces"], k, ground), ground, length))
         elif zone.get(MATERIAL) is not None:
@@ -228,6 +230,10 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
             found += [rest | reach for reach in reaches if reach["begin_m"] < length]
         else:
             found.append(rest)
+    if len(found) > MOST_ZONES:
+        remedy = "let the commonest be that of the contact, without a zone, or join pieces"
+        zones_made = f"zones: the materials make {len(found)} zones, one behind the other"
+        raise ValueError(f"{zones_made}: must be at most {MOST_ZONES}; {remedy}")
     return sorted(found, key=_begin)
 
 
