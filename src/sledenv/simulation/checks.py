@@ -279,8 +279,10 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     numbers, sharp, sizes, lengths = np.broadcast_arrays(
         *(np.broadcast_to(one, count) for one in (tracks.numbers, sharp, bodies["size"], lanes.slopes[:, 1]))
     )
-    for track, vertices in enumerate(tracks.vertices):
-        on = np.flatnonzero(numbers == track)
+    ends = np.array([vertices[-1, 0] if len(vertices) else -math.inf for vertices in tracks.vertices])
+    doubtful = sharp | (lengths - sizes < ends[numbers])  # behind the last vertex it is level
+    for track in np.unique(numbers[doubtful]).tolist():
+        vertices, on = tracks.vertices[track], np.flatnonzero(doubtful & (numbers == track))
         if sharp[on].any() and crests(vertices).any():
             raise ValueError(
                 f"{names.body.format(lane=int(on[np.argmax(sharp[on])]))} has a sharp corner: all arcs must have a "
