@@ -54,7 +54,7 @@ def _loop() -> Callable[..., None]:
             start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
             descend(
                 nowhere, nowhere, here, rigid, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
-                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2,
+                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 3,
                 track.ctypes.data, 1, 2,
                 ground.ctypes.data, ground.size, end, 1, log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
             )  # fmt: skip

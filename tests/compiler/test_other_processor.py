@@ -23,7 +23,7 @@ from sledenv.simulation.shapes import polygon
 
 COMPILER, EMULATOR, ROOT = "aarch64-linux-gnu-gcc", "qemu-aarch64-static", "/usr/aarch64-linux-gnu"
 LANES = 2000
-LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 20.0, 0.0, 0.0, 0.0, 1e8)
+LIMITS = Limits(4.0, 1e5, 1e-12, 0.01, 20.0, 0.0, 0.0, 0.0, 1e8, 0.0)
 Call = tuple[Entry, tuple[Any, ...]]
 
 
@@ -61,7 +61,7 @@ def calls(seed: int) -> list[Call]:
         for i, name in enumerate(State._fields):
             flights[name] = launches[:, i]
         is_rigid = int(laws is rigid)
-        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 2)), track, pieces)
+        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 3)), track, pieces)
         rows = np.zeros(4000, TRAJECTORY)
         made.append((run_lanes, (*tables, flights.copy(), logs, rows[:0], np.zeros(1, SPACE), LANES)))
         made.append((run_lanes, (*tables, flights, logs.copy(), rows, np.zeros(1, SPACE), 1)))

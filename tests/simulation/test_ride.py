@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from sledenv import (
     Body,
+    ContactLaw,
     Ride,
     RideBatch,
     ScenarioError,
     Settings,
+    Slope,
     State,
     Status,
     load_scenario,
@@ -23,8 +25,10 @@ from sledenv import (
     segment,
     simulate,
     simulate_batch,
+    sled,
 )
 from sledenv.kernel.records import RUNNING
+from sledenv.simulation.support import support_height
 from tests.packs import own_pack
 
 SLED_SCENARIOS = (own_pack("brake_mat"), own_pack("ice_drop"), own_pack("ice_fast"))
@@ -402,3 +406,84 @@ def test_a_rider_in_a_scenario_is_checked_and_counts_in_its_hash():
     ):
         with pytest.raises(ScenarioError, match=message):
             type(scenario).model_validate(content | {"rider": rider})
+
+
+SHORTEST = 0.1  # [s]
+BUMPS = [(1.0, 0.0), (4.0, 0.3), (5.0, 0.3), (8.0, 0.0), (9.0, 0.0), (12.0, 0.4), (12.5, 0.4), (16.0, 0.0)]
+
+
+def on_bumps(seed: int) -> tuple:
+    """A sled with its rider on bumps, thrown or started on the ground: it lands on nose and tail in turn."""
+    rng = np.random.default_rng([9, seed])
+    law = ContactLaw.from_restitution(rng.uniform(0.1, 0.4), stiffness=1e7, friction=0.02, rolling_arm=0.001)
+    body, slope = sled(), Slope(0.15, 20.0, profile=BUMPS)
+    drop, phi = rng.choice([0.0, 0.3]), rng.uniform(-0.1, 0.1)
+    start = State(0.0, support_height(body, phi) + drop, phi, rng.uniform(6.0, 9.0), 0.0, rng.uniform(-0.5, 0.5))
+    return body, law, slope, start
+
+
+def looked_ahead(ride: Ride) -> Ride:
+    """Go on to where a flight begins that lasts long enough, found by flying it; behind the slope to the end."""
+    while ride.status == Status.RUNNING:
+        there = ride.copy()
+        there.hop()
+        logged, ahead = ride.descent(), there.descent()
+        ends = ahead.rebounds["t_touchdown"][-1] if len(ahead.rebounds) > len(logged.rebounds) else there.time
+        if ends - ride.time >= SHORTEST and ride.descent().outcome["t_line"] == math.inf:
+            break
+        ride = there
+    return ride
+
+
+@pytest.mark.parametrize("record", ["rebounds", "trajectory"])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_hop_goes_on_through_short_flights(seed: int, record: str) -> None:
+    """Oracle: every hop by itself, and looking ahead with copies; trims in the long flights alone."""
+    settings, given = Settings(run_out=2.0), on_bumps(seed)
+    options = {"record": record, "rotor_inertia": ROTOR}
+    ride, plain = Ride(*given, settings, shortest_flight=SHORTEST, **options), Ride(*given, settings, **options)
+    ride.await_flight()
+    plain = looked_ahead(plain)
+    spins = np.random.default_rng(seed).uniform(-0.5, 0.5, 100).tolist()
+    decided = 0
+    while ride.status == Status.RUNNING:
+        assert_same(ride.descent(), plain.descent())
+        ride.await_flight()  # which is here
+        ride.trim(spins[decided])
+        plain.trim(spins[decided])
+        ride.hop()
+        plain.hop()
+        plain = looked_ahead(plain)
+        decided += 1
+    assert 1 <= decided < len(ride.descent().rebounds)
+    assert_same(ride.descent(), plain.descent())
+
+
+def test_lanes_go_on_through_short_flights_as_rides_do() -> None:
+    """Oracle: Ride, lane by lane; lanes that do not wait stay where they are."""
+    problems = [on_bumps(seed) for seed in range(30)]
+    options = {"rotor_inertia": ROTOR, "shortest_flight": SHORTEST}
+    rides, singles = batch(problems, **options), [Ride(*given, **options) for given in problems]
+    before = rides.outcomes()
+    rides.await_flights(np.arange(10))
+    assert np.array_equal(rides.outcomes()[10:], before[10:])
+    rides.await_flights(np.arange(30))
+    for ride in singles:
+        ride.await_flight()
+    rng = np.random.default_rng(0)
+    while (rides.outcomes()["status"] == RUNNING).any():
+        assert np.array_equal(rides.outcomes(), [ride.descent().outcome for ride in singles])
+        spins = rng.uniform(-0.5, 0.5, 30)
+        rides.hop(spins)
+        for ride, spin in zip(singles, spins.tolist(), strict=True):
+            if ride.status == Status.RUNNING:
+                ride.trim(spin)
+                ride.hop()
+    assert np.array_equal(rides.outcomes(), [ride.descent().outcome for ride in singles])
+
+
+@pytest.mark.parametrize("wrong", [-0.1, math.nan, "x"])
+def test_a_shortest_flight_is_a_time(wrong: object) -> None:
+    """Oracle: the message."""
+    with pytest.raises((ValueError, TypeError), match=r"^Ride\.shortest_flight = "):
+        Ride(*on_bumps(0), shortest_flight=wrong)  # type: ignore[arg-type]

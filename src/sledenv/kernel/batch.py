@@ -12,6 +12,8 @@ from sledenv.kernel.ground import lay_ground, lay_rigid, lay_springs
 from sledenv.kernel.params import Limits, incline_of, launch_of, law_of, rigid_law_of, row_of, slope_of
 from sledenv.kernel.records import RUNNING, Written
 
+FLY, WAIT, STAY = range(3)  # a lane makes a hop; it goes on until a flight begins that is long enough; it does nothing
+
 
 class Lanes(NamedTuple):
     """What lanes are given; a table has one row for all lanes, or one for each."""
@@ -20,8 +22,8 @@ class Lanes(NamedTuple):
     laws: np.ndarray  # fields of the law
     slopes: np.ndarray  # fields of Slope and of its zones, see :mod:`sledenv.kernel.params`
     launches: np.ndarray  # fields of State
-    # Of each lane the spin that the rider's rotor lends to the body [rad/s] and the inertia of the rotor [kg m^2], for
-    # one hop; without rows each lane makes all hops.
+    # Of each lane the spin that the rider's rotor lends to the body [rad/s], the inertia of the rotor [kg m^2], and
+    # FLY, WAIT or STAY; without rows each lane makes all hops.
     trims: np.ndarray
     tracks: np.ndarray  # which pieces are the ground of a lane: the first one, and the one behind the last
     pieces: np.ndarray  # of PIECE, of all tracks
@@ -52,9 +54,12 @@ def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, sp
     while space["lane"] < last:
         lane = int(space["lane"])
         flight, body = flights[lane], row_of(lanes.bodies, lane)
-        if flight["status"] == RUNNING:
-            if trims.shape[0] > 0 and space["begun"] == 0.0:
-                trim(body, trims[lane, 1], flight, trims[lane, 0])
+        what = trims[lane, 2] if trims.shape[0] > 0 else float(FLY)
+        if flight["status"] == RUNNING and what != STAY:
+            if space["begun"] == 0.0:
+                space["waits"], space["samples"] = what, flight["samples"]
+                if trims.shape[0] > 0 and what == FLY:
+                    trim(body, trims[lane, 1], flight, trims[lane, 0])
             incline, ground = incline_of(slope_of(lanes.slopes, lane)), space["ground"]
             if rigid != 0:
                 stiff = rigid_law_of(lanes.laws, lane)

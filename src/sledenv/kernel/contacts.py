@@ -170,7 +170,9 @@ SPACE: Final = np.dtype(
         ("strikes", "f8"),  # impacts of rigid surfaces in this rebound
         ("work", "f8"),  # [-] steps of this call
         ("most_work", "f8"),  # [-] at this number the call stops
-        ("once", "f8"),  # 1 if the call ends with a rebound
+        ("once", "f8"),  # 1 if the call ends where a flight begins that is not too short
+        ("waits", "f8"),  # 1 once it does: the flight under way has not been decided about
+        ("samples", "f8"),  # rows of the trajectory that there were when it began
         ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out behind it
     ]
 )

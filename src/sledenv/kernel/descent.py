@@ -53,6 +53,7 @@ NEAR: Final = 0.3  # sizes that a step of a flight near a profile goes, for few 
 AHEAD: Final = 2.0  # and as far as the body is above all of the profile that lies within so many sizes of it
 CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
 AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
+LONG_FLIGHT: Final = -2  # the flight under way is long enough for a trim
 
 
 @kernel
@@ -366,6 +367,17 @@ def _apply(
 
 
 @kernel
+def _is_to_be_trimmed(limits: Limits, flight: np.void, space: np.void) -> bool:
+    """Whether a flight that nobody has decided about lasts long enough, now that its next event is known.
+
+    Behind the end of the slope nothing is decided any more.
+    """
+    if space["waits"] == 0.0 or flight["t_line"] < math.inf:
+        return False
+    return bool(space["motion"]["t"] - flight["t"] + space["event"]["time"] >= limits.shortest_flight)
+
+
+@kernel
 def _step(
     body: np.void,
     pieces: np.ndarray,
@@ -394,6 +406,8 @@ def _step(
     _find_event(body, pieces, slope, limits, space)
     if not event["time"] < math.inf:
         return NON_FINITE
+    if contacts["count"] == 0 and _is_to_be_trimmed(limits, flight, space):
+        return LONG_FLIGHT
     if rows.shape[0] > 0 and event["time"] > 0.0:
         record_step(body, pieces, limits, event["time"], space, flight, rows)
     forced = space["stalled"] > MOST_STALLED
@@ -413,7 +427,7 @@ def descend(
     space: np.void,
     rows: np.ndarray,
 ) -> bool:
-    """Follow a descent to its end, or to the next rebound if ``space["once"]`` is 1; return whether that is done.
+    """Follow a descent to its end, or to the next long flight if ``space["once"]`` is 1; return whether that is done.
 
     It is not done if ``space["work"]`` reaches ``space["most_work"]`` before. The same call then goes on where this one
     has stopped.
@@ -446,9 +460,14 @@ def descend(
             return False
         space["work"] += 1.0
         status = _step(body, pieces, slope, limits, flight, log, space, rows)
+        if status == LONG_FLIGHT:  # back to where it begins
+            flight["samples"] = space["samples"]
+            break
         if status != RUNNING:
             _stop(body, pieces, status, flight, log, space, rows)
         elif space["once"] != 0.0 and flight["rebounds"] > before:
-            break
+            if limits.shortest_flight == 0.0:
+                break
+            before, space["waits"], space["samples"] = flight["rebounds"], 1.0, flight["samples"]
     space["begun"] = 0.0
     return True

@@ -92,7 +92,7 @@ def _known() -> str:
     body["side"][0, 2], body["corner"][0, :3] = 4.0, (1.0, 0.0, 1.0)
     run_complete(body)
     launch = State(0.0, 0.6, 0.7, 0.5, 0.0, 1.0)
-    limits = Limits(3.0, 1e5, 1e-12, 0.01, 12.0, 0.0, 0.0, 0.0, 1e6)
+    limits = Limits(3.0, 1e5, 1e-12, 0.01, 12.0, 0.0, 0.0, 0.0, 1e6, 0.0)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
     vertices = np.array([[0.6, 0.0], [1.2, 0.1], [1.4, 0.0]])
@@ -105,7 +105,7 @@ def _known() -> str:
             outcomes[name] = value
         outcomes["t_line"] = math.inf
         track, written = (0.0, float(len(pieces))), (outcomes, log[np.newaxis], rows)
-        lanes = body, law, slope, launch, np.empty((0, 2)), track, pieces
+        lanes = body, law, slope, launch, np.empty((0, 3)), track, pieces
         run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, *written, np.zeros(1, SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())

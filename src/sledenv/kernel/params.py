@@ -95,6 +95,7 @@ class Limits(NamedTuple):
     end_part: float  # code of a part of the body whose touch ends a descent, 0: none does
     run_out: float  # [m] behind the end of the slope, which the body still descends once it has passed the line there
     most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
+    shortest_flight: float  # [s] a hop goes on through shorter flights
 
 
 @kernel

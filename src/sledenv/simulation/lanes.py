@@ -21,7 +21,7 @@ from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation.rules import checked_count
 
-ALL_HOPS = np.empty((0, 2))  # trims of descents that are followed to their ends
+ALL_HOPS = np.empty((0, 3))  # trims of descents that are followed to their ends
 NO_LOGS = np.zeros((0, 0), REBOUND)
 _FEWEST, _MOST = 16, 128  # lanes of a block: enough to be worth a call, few enough to heed an interrupt
 _BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one

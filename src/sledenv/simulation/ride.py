@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
+from sledenv.kernel.batch import FLY, STAY, WAIT
 from sledenv.kernel.entries import run_embark, run_trim
 from sledenv.kernel.params import Limits
 from sledenv.simulation.bodies import Body
@@ -17,7 +18,7 @@ from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_table
+from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, checked, checked_choice, checked_table
 from sledenv.simulation.scene import ContactLaw, Slope, State, laid
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
@@ -87,6 +88,9 @@ class Ride:
         How it is simulated; the default ones otherwise.
     rotor_inertia : float, optional
         Moment of inertia of the rider's rotor [kg m^2], > 0; without it there is no :meth:`trim`.
+    shortest_flight : float
+        A hop goes on through flights that are shorter than this [s], >= 0, such as those between nose and tail in a
+        landing; 0 by default.
 
     Raises
     ------
@@ -104,14 +108,17 @@ class Ride:
         *,
         record: Record = "rebounds",
         rotor_inertia: float | None = None,
+        shortest_flight: float = 0.0,
     ) -> None:
         checked_choice("record", record, RECORDS)
         settings = checked_settings(settings)
         self.body, self.law, self.slope, self.launch, lanes = checked_descent(body, law, slope, launch, settings)
         if rotor_inertia is not None:
             rotor_inertia = checked("Ride", "rotor_inertia", rotor_inertia, POSITIVE)
+        shortest = checked("Ride", "shortest_flight", shortest_flight, NOT_NEGATIVE)
+        limits = limits_of(self.body, settings)._replace(shortest_flight=shortest)
         log = new_log(settings.max_rebounds)[np.newaxis]
-        self._lane = _Lanes(lanes, limits_of(self.body, settings), settings, log, rotor_inertia)
+        self._lane = _Lanes(lanes, limits, settings, log, rotor_inertia)
         self._trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
         run_embark(self.body.record, *self._ground(), self._flight)
 
@@ -173,13 +180,28 @@ class Ride:
     def hop(self) -> Status:
         """Follow one hop, to the next rebound or to the end of the descent, and return the status.
 
+        If flights may be too short, it goes on to a rebound behind which one begins that is not.
+
         Raises
         ------
         RuntimeError
             If the descent has ended.
         """
+        return self._follow(FLY)
+
+    def await_flight(self) -> Status:
+        """Go on to where a flight begins that is not too short, if not even the first one is; return the status.
+
+        Raises
+        ------
+        RuntimeError
+            If the descent has ended.
+        """
+        return self._follow(WAIT)
+
+    def _follow(self, what: int) -> Status:
         self._check_running()
-        trims = np.array([[self.lent, self.rotor_inertia or 1.0]])  # which has been done
+        trims = np.array([[self.lent, self.rotor_inertia or 1.0, what]])  # which has been done
         flight = self._lane._followed(trims, self._trajectory)
         if len(self._trajectory) < (rows := int(flight["samples"][0])):
             written = int(self._flight["samples"][0])
@@ -232,6 +254,8 @@ class RideBatch(_Lanes):
         Keep the logs, N * max_rebounds records of 176 bytes.
     rotor_inertia : float, optional
         Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
+    shortest_flight : float
+        As for :class:`Ride`.
 
     Raises
     ------
@@ -249,11 +273,14 @@ class RideBatch(_Lanes):
         *,
         keep_rebounds: bool = False,
         rotor_inertia: float | None = None,
+        shortest_flight: float = 0.0,
     ) -> None:
         settings = checked_settings(settings)
         if rotor_inertia is not None:
             rotor_inertia = checked("RideBatch", "rotor_inertia", rotor_inertia, POSITIVE)
-        given, limits = checked_lanes(body, law, slope, launches, settings), limits_of(body, settings)
+        shortest = checked("RideBatch", "shortest_flight", shortest_flight, NOT_NEGATIVE)
+        given = checked_lanes(body, law, slope, launches, settings)
+        limits = limits_of(body, settings)._replace(shortest_flight=shortest)
         logs = new_logs(len(given.launches), settings.max_rebounds) if keep_rebounds else NO_LOGS
         super().__init__(given, limits, settings, logs, rotor_inertia)
 
@@ -284,7 +311,7 @@ class RideBatch(_Lanes):
         numbers = self._checked_numbers(lanes, len(checked_table("launches", launches, State._fields)))
         if body is None:
             bodies: Bodies = self._bodies if len(self._bodies) == 1 else self._bodies.take(numbers)
-        elif limits_of(body, self.settings) == self._limits:
+        elif limits_of(body, self.settings).end_part == self._limits.end_part:
             bodies = body
         else:
             name = self.settings.end_touching
@@ -297,7 +324,7 @@ class RideBatch(_Lanes):
             self._bodies[numbers] = given.bodies
 
     def hop(self, trims: np.ndarray) -> None:
-        """Follow one hop in every lane that has not ended.
+        """Follow one hop in every lane that has not ended: see :meth:`Ride.hop`.
 
         Parameters
         ----------
@@ -314,8 +341,22 @@ class RideBatch(_Lanes):
             raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
-        inertia = self.rotor_inertia or 1.0
-        self._flights = self._followed(np.stack([spins, np.full(spins.shape, inertia)], axis=-1))
+        self._flights = self._followed(self._trims(spins, FLY))
+
+    def await_flights(self, lanes: np.ndarray) -> None:
+        """Go on to where a flight begins that is not too short, in lanes whose first flight may be: of numbers (n,).
+
+        Raises
+        ------
+        IndexError
+            For a lane that is not there.
+        """
+        what = np.full(len(self._flights), STAY)
+        what[self._numbered(lanes)] = WAIT
+        self._flights = self._followed(self._trims(np.zeros(len(what)), what))
+
+    def _trims(self, spins: np.ndarray, what: np.ndarray | int) -> np.ndarray:
+        return np.stack(np.broadcast_arrays(spins, self.rotor_inertia or 1.0, what), axis=-1)
 
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
         """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it.

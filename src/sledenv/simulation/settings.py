@@ -109,6 +109,7 @@ class Settings:
             end_part=0.0,
             run_out=self.run_out,
             most_work=WORK,
+            shortest_flight=0.0,
         )
 
 

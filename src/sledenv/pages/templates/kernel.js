@@ -63,7 +63,7 @@ class Kernel {
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
     for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
     this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-    const trims = { place: 0, lengths: [0, 2] };
+    const trims = { place: 0, lengths: [0, 3] };
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
     const written = [flights, logs, rows, space];
     const ground = this.#pieces(slope.profile ?? []);
