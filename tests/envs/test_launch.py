@@ -293,7 +293,7 @@ def test_entries_of_observations_and_actions_have_names():
         assert len(one.observation_names) == one.observation_space.shape[0]
         assert len(one.action_names) == one.action_space.shape[0]
         assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
-        assert one.observation_names[:11] == sledenv.Context._fields
+        assert one.observation_names[:11] == sledenv.Context.seen
         assert one.action_names[0] == "spin"
 
 

@@ -80,7 +80,7 @@ class Episodes(ABC):
         self.generators: list[np.random.Generator | None] = [None] * lanes  # all that is drawn comes from them
         self.seeds: list[int | None] = [None] * lanes
         self.begun = False  # before the first reset
-        self.contexts = np.full((lanes, task.draws), np.nan)
+        self.contexts = np.full((lanes, task.columns), np.nan)
         self.launches = np.zeros((lanes, len(State._fields)))  # with which the lanes were let go last
         self.trims = np.zeros(lanes)  # [rad/s] lent in the last step
         self.seen = np.zeros((lanes, *self.observation_space.shape), np.float32)  # observations

@@ -17,7 +17,7 @@ from sledenv.simulation.rules import checked, checked_rows
 Contexts = NDArray[np.float64]
 
 FIELDS: Final = len(Context._fields)
-SEEN: Final = Context._fields.index("track")  # fields that an agent may see, the first ones: a track is no number to it
+SEEN: Final = len(Context.seen)  # those that an agent may see, the first ones
 _SLACK = 1e-4  # by which an action may lie outside the box: what RescaleAction's float32 cancels, with much to spare
 
 

@@ -88,6 +88,8 @@ class Task:
         Those of the scenario; ``shape`` of a context is the place of its body among them.
     settings : Settings
         How descents are simulated, those of the scenario with the solver of the task.
+    columns : int
+        Of contexts, those of the launch noise included.
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
     observation_space, action_space : Box
@@ -141,7 +143,8 @@ class Task:
         self.control = next(word for word, names in words.items() if names == self.controlled)
         self.solver = solver
         self.split = split
-        self.draws = self.scenario.draws + 2 * bool(self.noise.any())
+        errors = 2 * bool(self.noise.any())
+        self.columns, self.draws = FIELDS + errors, self.scenario.draws + errors
         self.bodies = self.scenario.all_bodies()
         self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
@@ -160,7 +163,7 @@ class Task:
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
         self.ride_observation_space = spaces.Box(-1.0, 1.0, (SEEN + len(FLIGHT),), np.float32)
         self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
-        self.observation_names = Context._fields[:SEEN]
+        self.observation_names = Context.seen
         self.ride_observation_names = (*self.observation_names, *FLIGHT)
         self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
 
@@ -446,7 +449,7 @@ def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], coun
 
 def _observed(observe: Literal["all"] | Sequence[str]) -> tuple[str, ...]:
     """Return the fields of a context that are named, in their order, or raise ValueError."""
-    fields = Context._fields[:SEEN]
+    fields = Context.seen
     if isinstance(observe, str) and observe == "all":
         return fields
     listed = not isinstance(observe, str) and isinstance(observe, Iterable)

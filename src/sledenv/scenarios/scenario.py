@@ -89,11 +89,13 @@ class _ContextFields(NamedTuple):
 class Context(_ContextFields):
     """One draw from the ranges of a scenario: all that differs between two of its descents.
 
+    ``seen`` are the fields that an agent may see, all but ``track``: its track is what it sees, and not a number.
     Many contexts are an array of shape (N, 12) with these fields as columns. ``rules`` says what can be simulated,
     whatever the ranges of a scenario are; a context is checked where it is used.
     """
 
     __slots__ = ()
+    seen: ClassVar[tuple[str, ...]] = _ContextFields._fields[:-1]
     rules: ClassVar[tuple[Rule, ...]] = (
         *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
         *(_MOVING, _HIGH, _MOVING, FINITE, _MOVING),

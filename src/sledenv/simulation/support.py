@@ -120,7 +120,7 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) 
     sizes, numbers = np.broadcast_to(bodies["size"], x.shape), np.broadcast_to(tracks.numbers, x.shape)
     begins = np.array([vertices[0] if len(vertices) else (math.inf, 0.0) for vertices in tracks.vertices])
     over = x + sizes >= begins[numbers, 0]  # before the first vertex the ground is level
-    heights = begins[numbers, 1] + support_heights(bodies, phi)
+    heights: Floats = begins[numbers, 1] + support_heights(bodies, phi)
     lanes = np.flatnonzero(over)
     if not len(lanes):
         return heights
