@@ -73,7 +73,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     contexts = problem.contexts("train", 3)
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
-    assert trials.shape == (3, TRIALS, 13)
+    assert trials.shape == (3, TRIALS, 14)
     assert np.array_equal(trials[0, :, 11:], trials[2, :, 11:])
     assert not np.isclose(trials[0, :, 11:], problem.trials(contexts, "test")[0, :, 11:]).any()  # nobody knows the test
     assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.noise, rel=0.1)
