@@ -22,7 +22,7 @@ class Check(NamedTuple):
 
 
 def validation(problem: Problem) -> Contexts:
-    """Return the contexts on which a learning agent is judged, shape (n, 11) or (n, 13)."""
+    """Return the contexts on which a learning agent is judged, shape (n, 12) or (n, 14)."""
     return problem.drawn(problem.contexts("validation", _CONTEXTS), "validation")
 
 

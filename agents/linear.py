@@ -68,7 +68,7 @@ class Judge:
         Parameters
         ----------
         weights : ndarray, shape (m, size)
-        contexts : ndarray, shape (n, 11)
+        contexts : ndarray, shape (n, 12)
             The same for all policies; where launches are noisy, each has one draw of the noise.
 
         Returns

@@ -25,7 +25,7 @@ from sledenv.machine.sealed import write_sealed
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.packs import own_pack
 
-SEEN = [name for name in Context._fields if name not in ("friction", "restitution")]
+SEEN = [name for name in Context.seen if name not in ("friction", "restitution")]
 
 
 @pytest.fixture(scope="module")

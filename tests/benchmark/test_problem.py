@@ -73,7 +73,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     contexts = problem.contexts("train", 3)
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
-    assert trials.shape == (3, TRIALS, 13)
+    assert trials.shape == (3, TRIALS, 14)
     assert np.array_equal(trials[0, :, 11:], trials[2, :, 11:])
     assert not np.isclose(trials[0, :, 11:], problem.trials(contexts, "test")[0, :, 11:]).any()  # nobody knows the test
     assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.noise, rel=0.1)
@@ -112,7 +112,7 @@ def test_a_launch_is_chosen_once_and_judged_in_all_trials(noisy):
 
 def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest(noisy):
     """Oracle: uniform and normal moments; a problem that sees all has the same scenes but for the hidden fields."""
-    seen = [name for name in Context._fields if name not in ("friction", "restitution")]
+    seen = [name for name in Context.seen if name not in ("friction", "restitution")]
     problem = Problem("sled_snow", observe=seen)
     contexts = problem.contexts("test", 2)
     scenes = problem.scenes(contexts, 256, (5,))

@@ -293,7 +293,7 @@ def test_entries_of_observations_and_actions_have_names():
         assert len(one.observation_names) == one.observation_space.shape[0]
         assert len(one.action_names) == one.action_space.shape[0]
         assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
-        assert one.observation_names[:11] == sledenv.Context._fields
+        assert one.observation_names[:11] == sledenv.Context.seen
         assert one.action_names[0] == "spin"
 
 
@@ -321,7 +321,7 @@ def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(c
     context = sledenv.load_scenario(own_pack("brake_mat")).sample(np.random.default_rng(0))
     with pytest.raises(ValueError, match=message):
         env.reset(seed=9, options={"context": context._replace(**change)})
-    with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(11,\)"):
+    with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(12,\)"):
         env.reset(options={"context": [0.0, 0.0, 0.0]})
     action = np.array([0.2, 0.3], np.float32)
     assert env.step(action)[1] == twin.step(action)[1]

@@ -47,7 +47,7 @@ class Landing:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 11)
+        contexts : ndarray, shape (n, 12)
         landings : ndarray, shape (n, k)
             As actions, scaled to the control bounds of the scenario, but with the orientation at the first touch.
 
@@ -75,7 +75,7 @@ class Landing:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 11)
+        contexts : ndarray, shape (n, 12)
         pose : ndarray, shape (n,)
             Orientation [rad] at the first touch.
         spin : callable

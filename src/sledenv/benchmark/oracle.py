@@ -59,7 +59,7 @@ class _Axis(NamedTuple):
 
 
 def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: int = 0) -> list[JamMap]:
-    """Return maps of the expected reward of launches in contexts of shape (n, 11).
+    """Return maps of the expected reward of launches in contexts of shape (n, 12).
 
     The reward without errors is simulated on a grid, and the tremble of what is chosen is a convolution of it with a
     normal distribution. What trembles but is not chosen, and what is hidden, differs from scene to scene, and every
@@ -68,7 +68,7 @@ def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: in
     Parameters
     ----------
     problem : Problem
-    contexts : ndarray, shape (n, 11)
+    contexts : ndarray, shape (n, 12)
     cells : int
         Descents a context, about.
     number : int
@@ -103,7 +103,7 @@ def expected_at(problem: Problem, one: JamMap, launches: Floats) -> Floats:
 
 
 def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
-    """Search the best launch of each context of an array of shape (n, 11).
+    """Search the best launch of each context of an array of shape (n, 12).
 
     Returns
     -------
@@ -277,7 +277,7 @@ def _axes(problem: Problem, cells: int, number: int) -> list[_Axis]:
 
 
 def _mean_rewards(problem: Problem, scenes: Contexts, points: Floats) -> Floats:
-    """Mean rewards over scenes (n, t, 13) of launches (n, m, k) that may lie outside the bounds, shape (n, m)."""
+    """Mean rewards over scenes (n, t, 14) of launches (n, m, k) that may lie outside the bounds, shape (n, m)."""
     total: Floats = np.zeros(points.shape[:2])
     for i in range(scenes.shape[1]):
         total += problem.expect(scenes[:, i : i + 1], points) / scenes.shape[1]

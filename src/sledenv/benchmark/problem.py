@@ -142,7 +142,7 @@ class Problem:
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
 
     def trials(self, contexts: Contexts, split: Split, count: int = TRIALS) -> Contexts:
-        """Repeat contexts of shape (n, 11) with draws of the tremble, shape (n, t, 13).
+        """Repeat contexts of shape (n, 12) with draws of the tremble, shape (n, t, 14).
 
         Every context gets the same t = ``count`` quasi-random normal errors, one if there is no tremble, so that a mean
         over the trials is the expected reward, of agents and of the oracle alike. Each split has errors of its own: an
@@ -153,14 +153,14 @@ class Problem:
     def scenes(
         self, contexts: Contexts, count: int, seed: Sequence[int], *, tremble: Sequence[bool] = (True, True)
     ) -> Contexts:
-        """Repeat contexts of shape (n, 11) with draws of all that one who chooses does not know, shape (n, count, 13).
+        """Repeat contexts of shape (n, 12) with draws of all that one who chooses does not know, shape (n, count, 14).
 
         These are the errors of orientation and spin, in the last two columns, and the hidden fields of the context,
         uniform in their ranges. They are points of a scrambled Sobol sequence, the same for every context.
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 11)
+        contexts : ndarray, shape (n, 12)
         count : int
         seed : sequence of int
             Of the scrambling; other seeds give independent draws.
@@ -181,7 +181,7 @@ class Problem:
         return scenes
 
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
-        """Give each of contexts of shape (n, 11) one draw of the tremble of a split, shape (n, 13).
+        """Give each of contexts of shape (n, 12) one draw of the tremble of a split, shape (n, 14).
 
         These are the trials of :meth:`trials` in turn, one a context.
         """
@@ -207,7 +207,7 @@ class Problem:
 
         Parameters
         ----------
-        trials : ndarray, shape (n, t, 13)
+        trials : ndarray, shape (n, t, 14)
             Of :meth:`trials` or :meth:`scenes`.
         actions : ndarray, shape (n, m, k)
             Launches to try in each context; they may lie outside the bounds, as far as a launch may.
@@ -234,7 +234,7 @@ class Problem:
         ----------
         agent : Policy
             It is asked for the launch of a context once, because it sees the same in all of its trials.
-        trials : ndarray, shape (n, t, 13), or (n, 11) or (n, 13)
+        trials : ndarray, shape (n, t, 14), or (n, 12) or (n, 14)
             Of :meth:`trials`, or contexts of which each is judged once.
 
         Returns

@@ -109,9 +109,9 @@ class Suite(Document):
     @field_validator("observe")
     @classmethod
     def _seen(cls, observe: Literal["all"] | tuple[str, ...]) -> Literal["all"] | tuple[str, ...]:
-        unknown = [] if observe == "all" else [name for name in observe if name not in Context._fields]
+        unknown = [] if observe == "all" else [name for name in observe if name not in Context.seen]
         if unknown:
-            raise ValueError(f"must be 'all' or list fields of the context, {', '.join(Context._fields)}")
+            raise ValueError(f"must be 'all' or list fields of the context, {', '.join(Context.seen)}")
         return observe
 
     @property

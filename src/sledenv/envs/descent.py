@@ -10,8 +10,8 @@ class SledDescent(SledLaunch):
     """A sled on its way down, one hop a step: first the launch, then a trim of the spin at every rebound.
 
     Observation
-        ``Box(-1, 1, (20,), float32)``: the eleven fields of the context as in :class:`SledLaunch`, then the flight, all
-        0 before the launch: progress, sine and cosine of the orientation, velocity along and off the slope, spin, spin
+        ``Box(-1, 1, (20,), float32)``: the context as in :class:`SledLaunch`, then the flight, all 0
+        before the launch: progress, sine and cosine of the orientation, velocity along and off the slope, spin, spin
         lent by the rider's rotor, time and number of rebounds; scaled as docs/environments.md says.
     Action
         ``Box(-1, 1, (k + 1,), float32)``: the launch as in :class:`SledLaunch`, then the trim. The first step uses
