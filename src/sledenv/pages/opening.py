@@ -17,10 +17,10 @@ from sledenv.simulation.support import support_height
 
 _TITLE: Final = "A sled over bumps"
 _QUESTION: Final = (
-    "A rider lies on a sled and rides over four bumps of packed snow. The descent ends where the rider touches the snow."
+    "A rider lies on a sled and rides over three bumps of packed snow. The descent ends where the rider touches the snow."
 )
-_HEIGHT, _FACE, _TOP, _GAP, _COUNT = 0.35, 2.0, 0.5, 4.0, 4  # [m] of the bumps, and how many there are
-_LENGTH: Final = 40.0  # [m]
+_HEIGHT, _FACE, _TOP, _GAP, _COUNT = 0.3, 1.5, 0.5, 3.0, 3  # [m] of the bumps, and how many there are
+_LENGTH: Final = 24.0  # [m]
 _DROP: Final = 0.2  # [m]
 
 
@@ -31,8 +31,8 @@ def opening_descent() -> Descent:
     profile = [(_GAP + k * period + x, y) for k in range(_COUNT) for x, y in bump]
     body = sled()
     law = ContactLaw.from_restitution(0.2, stiffness=1e6, friction=0.03, rolling_arm=0.001)
-    slope = Slope(math.radians(9.0), _LENGTH, profile=profile)
-    launch = State(0.0, _DROP + support_height(body, 0.0), 0.0, u=8.0)
+    slope = Slope(math.radians(12.0), _LENGTH, profile=profile)
+    launch = State(0.0, _DROP + support_height(body, 0.0), 0.0, u=7.0)
     settings = Settings(max_time=30.0, max_rebounds=200, end_touching=RIDER)
     return simulate(body, law, slope, launch, settings, record="trajectory")
 

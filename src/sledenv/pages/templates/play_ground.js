@@ -163,29 +163,28 @@ function addVertex() {
 /* Without a vertex; the last two are removed together. */
 const removed = (k) => (verticesOf().length > 2 ? verticesOf().filter((_, i) => i !== k) : []);
 
-const nearest = ([column, row]) =>
-  verticesOf().findIndex((vertex) => {
-    const [x, y] = scene.pixel(...vertex);
-    return Math.hypot(x - column, y - row) < GRIP;
-  });
-
 const canSet = () => shown && position === 0 && !D.recorded;
 
+/* A click adds a vertex, unless it is the end of a drag. */
 $("scene").addEventListener("click", (event) => {
-  if (!canSet() || !event.target.closest("[data-grab=ground]")) return;
+  if (!canSet() || dropped || !event.target.closest("[data-grab=ground]")) return;
   const [x] = placeOf(event, $("scene").getBoundingClientRect());
   setVertices(added([x, heightOn(verticesOf(), x)]));
   changed();
   drawLand();
 });
-$("scene").addEventListener("dblclick", (event) => {
-  if (!canSet()) return;
-  const k = nearest(scene.pixel(...placeOf(event, $("scene").getBoundingClientRect())));
-  if (k < 0) return;
-  setVertices(removed(k));
+/* A vertex that is pressed twice goes. There is no double click: each press draws the ground anew. */
+let pressed = { vertex: null, at: -Infinity };
+
+function removeIfTwice(vertex, at) {
+  const twice = vertex === pressed.vertex && at - pressed.at < 400;
+  pressed = { vertex: twice ? null : vertex, at };
+  if (!twice) return false;
+  setVertices(removed(vertex));
   changed();
   drawLand();
-});
+  return true;
+}
 
 /* The panel. */
 function vertexRow([x, y], k) {

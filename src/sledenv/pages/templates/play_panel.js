@@ -2,9 +2,9 @@
 /* Sliders and numbers, a pair for each parameter; zones. */
 const GROUPS = {
   launch: "Launch",
+  ground: "Bumps",
   surface: "Surface",
   slope: "Slope",
-  ground: "Ground: bumps and vertices",
   body: "Body",
   hand: "Errors of a trembling hand (standard deviations)",
 };
@@ -45,7 +45,8 @@ function buildPanel() {
         group === "slope"
           ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
           : group === "ground"
-            ? '<div id="vertices"></div><button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>'
+            ? '<button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>' +
+              '<details><summary>Vertices of the ground</summary><div id="vertices"></div></details>'
             : "";
       const open = i === 0 || window.innerWidth > 860;
       return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;

@@ -167,7 +167,7 @@ function strobe({ rows, input }) {
 function poseAt([x, y, phi]) {
   const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
   const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
-  return `<use href="#pose" opacity="0.2" class="pose" transform="${turn}"/>`;
+  return `<use href="#pose" opacity="0.35" class="pose" transform="${turn}"/>`;
 }
 
 /* Points of a path that are apart on the screen. */
@@ -278,6 +278,7 @@ function drawMoment(t) {
 
 /* Dragging. */
 let grabbed = null;
+let dropped = false; // since something was pressed the last time
 
 function placeOf(event, box) {
   const moved = /translate\((\S+) (\S+)\)/.exec($("world").getAttribute("transform") ?? "") ?? [0, 0, 0];
@@ -309,11 +310,13 @@ function drag(event) {
 }
 
 $("scene").addEventListener("pointerdown", (event) => {
+  dropped = false;
   const what = event.target.closest("[data-grab]")?.dataset.grab;
   if (!what || what === "ground" || !canSet()) return;
+  const vertex = Number(event.target.dataset.vertex);
+  if (what === "vertex" && removeIfTwice(vertex, event.timeStamp)) return;
   $("scene").setPointerCapture(event.pointerId);
   const box = $("scene").getBoundingClientRect(); // asked again after each picture, it would be laid out twice
-  const vertex = Number(event.target.dataset.vertex);
   const corner = verticesOf()[vertex];
   grabbed = { what, box, from: placeOf(event, box), drop: valueOf("drop"), launch: shown.launch, vertex, corner };
   event.preventDefault();
@@ -323,6 +326,7 @@ for (const name of ["pointerup", "pointercancel"])
   $("scene").addEventListener(name, () => {
     if (!grabbed) return;
     grabbed = null;
+    dropped = true;
     fillPanel();
     fit();
     draw();
