@@ -24,7 +24,7 @@ from sledenv.simulation.simulate import put_at_launch
 
 # Result and error, which mean nothing; numbers; whether surfaces are rigid; tables with their lengths; work space;
 # the last lane.
-_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 30)
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 33)
 _NOWHERE = 16  # bytes before the numbers, into which these two are written
 _LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
 
@@ -42,6 +42,7 @@ def _loop() -> Callable[..., None]:
         law: Any,
         slope: Any,
         starts: Any,
+        track: Any,
         ground: Any,
         log: Any,
         space: Any,
@@ -54,6 +55,7 @@ def _loop() -> Callable[..., None]:
             descend(
                 nowhere, nowhere, here, rigid, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
                 slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 2,
+                track.ctypes.data, 1, 2,
                 ground.ctypes.data, ground.size, end, 1, log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
             )  # fmt: skip
 
@@ -72,7 +74,7 @@ def scalar_loop(
     starts = np.array(launches, dtype=float, ndmin=2)
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
     lanes = checked_descent(body, law, slope, State(*starts[0]), settings).lanes
-    rigid, limits, *_, ground = lanes.tables(settings.limits)
+    rigid, limits, *_, track, ground = lanes.tables(settings.limits)
     log = np.zeros(max_rebounds, REBOUND)
     loop = _loop()
     numbers, law_row, slope_row = (np.array(one, float) for one in ((0.0, 0.0, *limits), lanes.laws[0], slope[:3]))
@@ -80,7 +82,7 @@ def scalar_loop(
     def run() -> np.ndarray:
         outcomes = np.zeros(len(starts), OUTCOME)
         put_at_launch(outcomes, starts)
-        loop(rigid, numbers, body.record, law_row, slope_row, starts, ground, log, np.zeros(1, SPACE), outcomes)
+        loop(rigid, numbers, body.record, law_row, slope_row, starts, track, ground, log, np.zeros(1, SPACE), outcomes)
         return outcomes
 
     return run

@@ -54,13 +54,14 @@ def calls(seed: int) -> list[Call]:
     for laws, vertices in ((compliant, bumps), (rigid, bumps[:0])):
         pieces = np.zeros(len(vertices) + 1, PIECE)
         run_lay(vertices, pieces)
+        track = np.array([[0.0, len(pieces)]])
         flights, logs = np.zeros(LANES, OUTCOME), np.zeros((LANES, 20), REBOUND)
         flights["status"] = RUNNING
         flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
         for i, name in enumerate(State._fields):
             flights[name] = launches[:, i]
         is_rigid = int(laws is rigid)
-        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 2)), pieces)
+        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 2)), track, pieces)
         rows = np.zeros(4000, TRAJECTORY)
         made.append((run_lanes, (*tables, flights.copy(), logs, rows[:0], np.zeros(1, SPACE), LANES)))
         made.append((run_lanes, (*tables, flights, logs.copy(), rows, np.zeros(1, SPACE), 1)))

@@ -31,7 +31,7 @@ from sledenv import (
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.machine.workers import runner
 from sledenv.simulation import lanes
-from sledenv.simulation.scene import laid
+from sledenv.simulation.scene import Tracks, laid
 from tests.bodies import same_bits
 
 LANES = 300
@@ -151,7 +151,7 @@ def test_an_interrupt_of_this_thread_ends_the_others_in_the_middle_of_a_block() 
     with pytest.raises(KeyboardInterrupt):
         lanes._share(work, 2, deque(), ended)
     flights = np.zeros(4, OUTCOME)
-    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), laid(np.empty((0, 2))))
+    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), *laid(Tracks.of(())))
     lanes.follower(tables, lanes.ALL_HOPS, flights, lanes.NO_LOGS, ended=ended)(0, 4)
     assert not flights["status"].any()  # all still running
 
@@ -161,7 +161,7 @@ def test_every_lane_is_followed_once(count: int, threads: int, monkeypatch: pyte
     """Oracle: the lanes in order, for numbers of them around the limits of a block and of a thread."""
     taken: list[int] = []
     follow_each(monkeypatch, lambda start, end: taken.extend(range(start, end)))
-    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), laid(np.empty((0, 2))))
+    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), *laid(Tracks.of(())))
     lanes.follow_all(tables, lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
     assert sorted(taken) == list(range(count))
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from sledenv.kernel.params import ZONE_FIELDS
+from sledenv.kernel.records import RUNNING
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.checks import Slopes, checked_descent, checked_lanes
 from sledenv.simulation.ride import RideBatch
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Tracks, Zone
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -28,16 +29,19 @@ LAUNCH = State(0.0, 3.0, 0.0)
 
 def test_what_is_checked_has_the_vertices() -> None:
     """Oracle: those of the slope; an array of shape (0, 2) on a plane."""
-    np.testing.assert_array_equal(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.vertices, HILL.profile)
-    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.vertices.shape == (0, 2)
-    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), HILL)]
+    np.testing.assert_array_equal(
+        checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.tracks.vertices[0], HILL.profile
+    )
+    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.tracks.vertices[0].shape == (0, 2)
+    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), [HILL.profile])]
     for slopes in ways:
         lanes = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
-        np.testing.assert_array_equal(lanes.vertices, HILL.profile)
+        np.testing.assert_array_equal(lanes.tracks.vertices[0], HILL.profile)
+        assert lanes.tracks.numbers.tolist() == [0]
         assert lanes.slopes.shape[1] == 3
     mixed: Any = [Slope(0.1), (0.2, 5.0, 9.81)]
     for plane in (Slope(0.1), mixed, np.array([[0.1, 5.0, 9.81]] * 2)):
-        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).vertices.shape == (0, 2)
+        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).tracks.vertices[0].shape == (0, 2)
 
 
 def test_a_profile_needs_compliant_surfaces() -> None:
@@ -57,7 +61,10 @@ def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
     with pytest.raises(ValueError, match="sharp corner"):  # whose ends are crests
         checked_descent(body, LAW, dip, LAUNCH._replace(y=9.0), Settings())
     level = Slope(0.1, profile=[(0.0, 2.0), (1.0, 2.0)])
-    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).lanes.vertices.shape == (2, 2)
+    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (
+        2,
+        2,
+    )
 
 
 def test_round_corners_are_accepted() -> None:
@@ -80,23 +87,40 @@ def test_the_finish_must_be_on_the_level(length: float, fine: bool) -> None:
         checked_lanes(DISC, LAW, [HILL, slope], [LAUNCH] * 2, Settings())
 
 
-@pytest.mark.parametrize("other", [Slope(0.1), HILL._replace(profile=HILL.profile[:2]), (0.1, 20.0, 9.81)])
-def test_lanes_have_one_profile(other: Any) -> None:
-    """Oracle: the message, which names the lane."""
-    with pytest.raises(ValueError, match=r"^slope\[2\]\.profile: must be that of slope\[0\]"):
-        simulate_batch(DISC, LAW, [HILL, HILL, other], [LAUNCH] * 3)
-    with pytest.raises(ValueError, match=r"^slope\[2\]\.profile: must be that of slope\[0\]"):
-        RideBatch(DISC, LAW, [HILL, HILL, other], [LAUNCH] * 3)
-    rides = RideBatch(DISC, LAW, HILL, [LAUNCH] * 3)
-    with pytest.raises(ValueError, match=r"^slope\.profile: must be that of the rides"):
-        rides.launch(np.array([1]), LAW, [other], [LAUNCH])
-    rides.launch(np.array([1]), LAW, [HILL._replace(angle=0.2)], [LAUNCH])
+BUMPS = Slope(0.1, 20.0, profile=[(1.0, 0.0), (3.0, 0.4), (4.0, 0.4), (6.0, 0.0)])
+
+
+@pytest.mark.parametrize("other", [Slope(0.1, 20.0), HILL._replace(profile=HILL.profile[:2]), (0.1, 20.0, 9.81), BUMPS])
+def test_lanes_may_have_profiles_of_their_own(other: Any) -> None:
+    """Oracle: each descent by itself, bit for bit; a ride that is launched anew has other ground under it."""
+    slopes = [HILL, other, HILL, BUMPS]
+    launches = [LAUNCH._replace(u=1.0 + 0.1 * k) for k in range(4)]
+    alone = [simulate(DISC, LAW, slope, launch) for slope, launch in zip(slopes, launches, strict=True)]
+    batch = simulate_batch(DISC, LAW, slopes, launches)
+    assert [*batch.outcomes] == [one.outcome for one in alone]
+    rides = RideBatch(DISC, LAW, HILL, launches)
+    rides.launch(np.array([3, 1]), LAW, [BUMPS, other], [launches[3], launches[1]])
+    while (rides.outcomes()["status"] == RUNNING).any():
+        rides.hop(np.zeros(4))
+    assert [*rides.outcomes()] == [one.outcome for one in alone]
+    rides.launch(np.arange(4), LAW, HILL, launches)
+    rides.hop(np.zeros(4))
+    assert rides.outcomes()[1]["t"] != alone[1].time
+
+
+def test_profiles_that_are_the_same_are_one_track() -> None:
+    """Oracle: which lanes have which."""
+    tracks = Tracks.of([HILL.profile, (), (*HILL.profile[:1], *HILL.profile[1:]), BUMPS.profile, ()])
+    assert tracks.numbers.tolist() == [0, 1, 0, 2, 1]
+    assert [len(vertices) for vertices in tracks.vertices] == [3, 0, 4]
+    assert tracks.lanes(0).tolist() == [0, 2]  # type: ignore[union-attr]
+    assert Tracks.of([HILL.profile] * 3).numbers.tolist() == [0]
 
 
 @pytest.mark.parametrize("x", [-3.0, 1.7, 2.5, 3.0, 4.9])
 def test_a_launch_must_not_lie_below_the_ground(x: float) -> None:
     """Oracle: the height at which the body rests; what lies below it by rounding is lifted there."""
-    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), HILL.vertices).tolist()
+    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), Tracks.of([HILL.profile])).tolist()
     launch = State(x, lowest, 0.0)
     assert checked_descent(DISC, LAW, HILL, launch, Settings()).launch == launch
     rounded = launch._replace(y=lowest - 5e-10 * DISC.size)

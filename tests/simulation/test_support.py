@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outlines import directions
-from sledenv.simulation.scene import Slope
+from sledenv.simulation.scene import Slope, Tracks
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import resting_heights, support_height
@@ -71,7 +71,7 @@ def slopes(draw: st.DrawFn) -> Slope:
 def test_a_body_rests_where_its_sampled_outline_does(slope: Slope, name: str, x: float, phi: float) -> None:
     """Oracle: 4,000 points on each arc and the chords between them; nothing is missed but their bulge."""
     body = BODIES[name]
-    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), slope.vertices)
+    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), Tracks.of([slope.profile]))
     assert found == pytest.approx(sampled_height(body, x, phi, slope), abs=2e-5 * body.size)
 
 
@@ -81,7 +81,7 @@ def test_level_ground_carries_a_body_at_its_support_height(name: str, height: fl
     """Oracle: the support height on a plane, and the height of the ground under the body."""
     body, phi = BODIES[name], np.linspace(-3.1, 3.1, 41)
     slope = Slope(0.1, profile=[(-50.0, height), (-40.0, height - 1.0), (-30.0, height)])
-    found = resting_heights(body.record, np.full(41, 3.0), phi, slope.vertices)
+    found = resting_heights(body.record, np.full(41, 3.0), phi, Tracks.of([slope.profile]))
     expected = [support_height(body, angle) + height for angle in phi.tolist()]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-16 * (body.size + abs(height)))
 
@@ -90,7 +90,8 @@ def test_a_disc_in_a_dip_and_on_a_crest_rests_where_geometry_says() -> None:
     """Oracle: r/cos(theta) over a dip of two slopes +-theta, r over a crest, for a disc in the middle."""
     disc, theta = segment(2.0, 0.5, 0.0, 0.3), 0.4
     rise = 10.0 * math.tan(theta)
-    dip, crest = (Slope(0.0, profile=[(-10.0, s * rise), (0.0, 0.0), (10.0, s * rise)]).vertices for s in (1.0, -1.0))
+    profiles = [((-10.0, s * rise), (0.0, 0.0), (10.0, s * rise)) for s in (1.0, -1.0)]
+    dip, crest = (Tracks.of([profile]) for profile in profiles)
     where = np.zeros(1), np.zeros(1)
     assert resting_heights(disc.record, *where, dip)[0] == pytest.approx(0.5 / math.cos(theta), rel=1e-14)
     assert resting_heights(disc.record, *where, crest)[0] == pytest.approx(0.5, rel=1e-14)
@@ -103,7 +104,23 @@ def test_many_bodies_rest_where_each_alone_does() -> None:
     names = sorted(BODIES)
     records = np.concatenate([BODIES[names[i % len(names)]].record for i in range(3000)])
     places, phi = rng.uniform(-25.0, 25.0, 3000), rng.uniform(-math.pi, math.pi, 3000)
-    found = resting_heights(records, places, phi, slope.vertices)
+    found = resting_heights(records, places, phi, Tracks.of([slope.profile]))
     for i in range(0, 3000, 7):
-        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], slope.vertices)
+        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], Tracks.of([slope.profile]))
         assert alone[0] == found[i]
+
+
+def test_bodies_on_several_tracks_rest_where_each_alone_does() -> None:
+    """Oracle: one track at a time, bit for bit, planes among them."""
+    x, rng = np.linspace(-20.0, 20.0, 60), np.random.default_rng(4)
+    profiles = [tuple(zip(x.tolist(), rng.uniform(-0.3, 0.3, 60).tolist(), strict=True)) for _ in range(5)]
+    tracks = Tracks.of([[*profiles, ()][k] for k in rng.integers(0, 6, 500)])
+    places, phi = rng.uniform(-25.0, 25.0, 500), rng.uniform(-math.pi, math.pi, 500)
+    body = BODIES["sled"]
+    found = resting_heights(body.record, places, phi, tracks)
+    for track, vertices in enumerate(tracks.vertices):
+        on = tracks.lanes(track)
+        profile = tuple(map(tuple, vertices.tolist()))
+        np.testing.assert_array_equal(
+            found[on], resting_heights(body.record, places[on], phi[on], Tracks.of([profile]))
+        )

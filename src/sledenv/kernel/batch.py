@@ -23,7 +23,8 @@ class Lanes(NamedTuple):
     # Of each lane the spin that the rider's rotor lends to the body [rad/s] and the inertia of the rotor [kg m^2], for
     # one hop; without rows each lane makes all hops.
     trims: np.ndarray
-    pieces: np.ndarray  # of PIECE: the ground, the same for all lanes
+    tracks: np.ndarray  # which pieces are the ground of a lane: the first one, and the one behind the last
+    pieces: np.ndarray  # of PIECE, of all tracks
 
 
 def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, spaces: np.ndarray, last: int) -> None:
@@ -63,9 +64,10 @@ def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, sp
                 law = law_of(lanes.laws, lane)
                 lay_ground(law, row_of(lanes.slopes, lane), ground)
                 lay_springs(law, ground)
-            log = row_of(written.logs, lane)
-            done = descend(body, lanes.pieces, incline, limits, flight, log, space, written.trajectory)
-            close_books(body, lanes.pieces, incline, launch_of(lanes.launches, lane), flight)
+            log, track = row_of(written.logs, lane), row_of(lanes.tracks, lane)
+            pieces = lanes.pieces[int(track[0]) : int(track[1])]
+            done = descend(body, pieces, incline, limits, flight, log, space, written.trajectory)
+            close_books(body, pieces, incline, launch_of(lanes.launches, lane), flight)
             if not done:
                 return
         space["lane"] += 1.0

@@ -67,7 +67,7 @@ _HOME = Path(__file__).parents[1]
 LIBRARY: Final = Library(_HOME / "kernel", _HOME / "kernel", _HOME / "compiler")
 
 
-_LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
+_LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
 run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _LANES, _WRITTEN, _SPACES, int)
@@ -104,8 +104,9 @@ def _known() -> str:
         for name, value in zip(State._fields, launch, strict=True):
             outcomes[name] = value
         outcomes["t_line"] = math.inf
-        lanes, written = (body, law, slope, launch, np.empty((0, 2))), (outcomes, log[np.newaxis], rows)
-        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, pieces, *written, np.zeros(1, SPACE), 1)
+        track, written = (0.0, float(len(pieces))), (outcomes, log[np.newaxis], rows)
+        lanes = body, law, slope, launch, np.empty((0, 2)), track, pieces
+        run_lanes(int(isinstance(law, RigidLaw)), limits, *lanes, *written, np.zeros(1, SPACE), 1)
         for table in (log, rows, outcomes):
             digest.update(table.tobytes())
     return digest.hexdigest()

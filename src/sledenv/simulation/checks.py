@@ -20,12 +20,12 @@ from sledenv.simulation.scene import (
     Slope,
     SlopeTable,
     State,
+    Tracks,
     Zone,
     crests,
     laid,
     level_at,
     restitution_of,
-    vertices_of,
 )
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import resting_heights, within_a_turn
@@ -47,12 +47,12 @@ class CheckedLanes(NamedTuple):
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
-    vertices: np.ndarray  # of the profile that all of them have, shape (n, 2)
+    tracks: Tracks
 
     def tables(self, limits: Limits) -> Tables:
         """Return what the loop over lanes takes."""
         rigid = int(self.kind is RigidLaw)
-        return Tables(rigid, limits, self.bodies, self.laws, self.slopes, self.launches, laid(self.vertices))
+        return Tables(rigid, limits, self.bodies, self.laws, self.slopes, self.launches, *laid(self.tracks))
 
 
 class CheckedDescent(NamedTuple):
@@ -94,7 +94,7 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
         launch = State(*launch)
     row = np.array([[*law, *slope.row, *launch]])
     rows = row[:, : len(law)], row[:, len(law) : -len(launch)], row[:, -len(launch) :]
-    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, slope.vertices), settings)
+    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, Tracks.of((slope.profile,))), settings)
     return CheckedDescent(body, law, slope, State.found(lanes.launches[0].tolist()), lanes)
 
 
@@ -109,7 +109,7 @@ def checked_lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, s
     starts = checked_table("launches", launches, State._fields, State.rules)
     count = len(starts)
     rows = records_of(body, count), _rows_of_laws(law, count), _rows_of_slopes(slope, count)
-    return _allowed(_MANY, CheckedLanes(params.ContactLaw, *rows, starts, _vertices_of_all(slope)), settings)
+    return _allowed(_MANY, CheckedLanes(params.ContactLaw, *rows, starts, _tracks_of(slope)), settings)
 
 
 def _allowed(names: _Names, lanes: CheckedLanes, settings: Settings) -> CheckedLanes:
@@ -187,18 +187,14 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     return rows
 
 
-def _vertices_of_all(given: Slopes) -> np.ndarray:
-    """Vertices of the profile of one or of N slopes, which must have the same."""
+def _tracks_of(given: Slopes) -> Tracks:
+    """Ground of one or of N slopes."""
     if isinstance(given, Slope):
-        return given.vertices
+        return Tracks.of((given.profile,))
     if isinstance(given, SlopeTable):
-        return given.over.vertices
+        return Tracks.of(given.profiles)
     rows: Any = () if isinstance(given, np.ndarray) or is_frame(given) else given
-    profiles = [one.profile if isinstance(one, Slope) else () for one in rows]
-    for lane, profile in enumerate(profiles):
-        if profile is not profiles[0] and profile != profiles[0]:
-            raise ValueError(f"slope[{lane}].profile: must be that of slope[0], as all lanes have one profile")
-    return vertices_of(profiles[0] if profiles else ())
+    return Tracks.of([one.profile if isinstance(one, Slope) else () for one in rows])
 
 
 def _width(row: Any) -> int:
@@ -274,30 +270,35 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
         For rigid surfaces, for a body with a sharp corner where there are crests, and where the finish lies within the
         size of the body of a piece that is not level.
     """
-    bodies, vertices = lanes.bodies, lanes.vertices
-    if not len(vertices):
+    bodies, tracks = lanes.bodies, lanes.tracks
+    if not any(map(len, tracks.vertices)):
         return
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
-    if crests(vertices).any():
-        listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
-        # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
-        sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
-        if sharp.any():
+    listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
+    # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
+    sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
+    count = len(lanes.launches)
+    numbers, sharp, sizes, lengths = np.broadcast_arrays(
+        *(np.broadcast_to(one, count) for one in (tracks.numbers, sharp, bodies["size"], lanes.slopes[:, 1]))
+    )
+    for track, vertices in enumerate(tracks.vertices):
+        on = np.flatnonzero(numbers == track)
+        if sharp[on].any() and crests(vertices).any():
             raise ValueError(
-                f"{names.body.format(lane=int(np.argmax(sharp)))} has a sharp corner: all arcs must have a radius > 0 "
-                "where the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
+                f"{names.body.format(lane=int(on[np.argmax(sharp[on])]))} has a sharp corner: all arcs must have a "
+                "radius > 0 where the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
             )
-    sizes, lengths = np.broadcast_arrays(bodies["size"], lanes.slopes[:, 1])
-    sloping, level = level_at(lengths, sizes, vertices)
-    if not level.all():
-        lane = int(np.argmin(level))
-        begin, end = vertices[sloping[lane] : sloping[lane] + 2, 0].tolist()
-        raise ValueError(
-            f"{names.slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from where "
-            f"the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
-            f"{float(sizes[lane])!r} m: the speed along the plane says little there"
-        )
+        sloping, level = level_at(lengths[on], sizes[on], vertices)
+        if not level.all():
+            k = int(np.argmin(level))
+            lane = int(on[k])
+            begin, end = vertices[sloping[k] : sloping[k] + 2, 0].tolist()
+            raise ValueError(
+                f"{names.slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from "
+                f"where the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
+                f"{float(sizes[lane])!r} m: the speed along the plane says little there"
+            )
 
 
 def _admit(names: _Names, lanes: CheckedLanes) -> None:
@@ -313,7 +314,7 @@ def _admit(names: _Names, lanes: CheckedLanes) -> None:
     x, y, phi = lanes.launches.T[:3]
     if np.count_nonzero(np.abs(phi) > np.pi):
         phi[:] = within_a_turn(phi)
-    lowest = resting_heights(lanes.bodies, x, phi, lanes.vertices)
+    lowest = resting_heights(lanes.bodies, x, phi, lanes.tracks)
     lies = y < lowest
     if np.count_nonzero(lies):
         below = y - lowest < -_SURFACE * lanes.bodies["size"]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -74,11 +74,17 @@ class Tables(NamedTuple):
 
     rigid: int  # 1 of rigid surfaces, 0 of compliant ones
     limits: Limits
-    bodies: np.ndarray  # of BODY; this and the next three have one row for all lanes, or one for each
+    bodies: np.ndarray  # of BODY; this and the next four have one row for all lanes, or one for each
     laws: np.ndarray
     slopes: np.ndarray
     launches: np.ndarray
-    pieces: np.ndarray  # of the ground, see :func:`sledenv.simulation.scene.laid`; the same for all
+    tracks: np.ndarray  # see :func:`sledenv.simulation.scene.laid`
+    pieces: np.ndarray  # of the ground, of all tracks
+
+    def part(self, lanes: slice) -> Self:
+        """Return those of some lanes."""
+        rows = {name: getattr(self, name) for name in ("bodies", "laws", "slopes", "launches", "tracks")}
+        return self._replace(**{name: table[lanes] for name, table in rows.items() if len(table) > 1})
 
 
 def num_threads() -> int:
@@ -109,9 +115,9 @@ def follower(
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
-    rigid, limits, *given, pieces = tables
+    rigid, limits, *given, tracks, pieces = tables
     written = flights, logs, trajectory, space
-    run = run_lanes.prepared(rigid, limits, *given, trims, pieces, *written)
+    run = run_lanes.prepared(rigid, limits, *given, trims, tracks, pieces, *written)
     lane = space["lane"]
 
     def follow(first: int, last: int) -> None:

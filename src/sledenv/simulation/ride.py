@@ -18,7 +18,7 @@ from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all, new_l
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
 from sledenv.simulation.rules import FINITE, POSITIVE, checked, checked_choice, checked_table
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, laid
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
 
@@ -31,8 +31,8 @@ class _Lanes:
     ) -> None:
         """Begin with what has been checked; logs are empty, of all lanes or of none."""
         self.settings, self.rotor_inertia, self._rebounds = settings, rotor_inertia, logs
-        self._rigid, self._limits, *_, self._pieces = given.tables(limits)
-        self._bodies, self._vertices = given.bodies.copy(), given.vertices  # one body for all lanes, or one a lane
+        self._rigid, self._limits, *_, self._tracks, self._pieces = given.tables(limits)
+        self._bodies = given.bodies.copy()  # one body for all lanes, or one a lane; so with tracks
         lanes = len(given.launches)
         self._laws, self._slopes = (
             rows if len(rows) == lanes else np.repeat(rows, lanes, axis=0) for rows in (given.laws, given.slopes)
@@ -46,17 +46,32 @@ class _Lanes:
             self._slopes = np.pad(self._slopes, ((0, 0), (0, more)), constant_values=np.nan)
         self._slopes[lanes], self._slopes[lanes, : given.slopes.shape[1]] = np.nan, given.slopes
         self._laws[lanes], self._launches[lanes] = given.laws, given.launches
+        self._lay(lanes, *laid(given.tracks))
         flights = np.zeros(len(given.launches), OUTCOME)  # of status RUNNING: nothing touched, nothing lost
         put_at_launch(flights, given.launches)
         self._flights[lanes] = flights
         if self._rebounds.size:
             self._rebounds[lanes] = np.zeros((), REBOUND)
 
+    def _lay(self, lanes: np.ndarray, tracks: np.ndarray, pieces: np.ndarray) -> None:
+        """Put other ground under some lanes."""
+        if len(self._tracks) == len(tracks) == 1 and pieces.tobytes() == self._pieces.tobytes():
+            return
+        count = len(self._flights)
+        own, new = (
+            [grounds[int(begin) : int(end)] for begin, end in np.broadcast_to(rows, (lanes_of, 2))]
+            for rows, grounds, lanes_of in ((self._tracks, self._pieces, count), (tracks, pieces, len(lanes)))
+        )
+        for lane, ground in zip(lanes.tolist(), new, strict=True):
+            own[lane] = ground
+        ends = np.cumsum([len(ground) for ground in own], dtype=float)
+        self._tracks, self._pieces = np.stack([np.r_[0.0, ends[:-1]], ends], axis=-1), np.concatenate(own)
+
     def _followed(self, trims: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> np.ndarray:
         """Where the descents are after one hop; nothing but logs is changed, for an interrupt may come."""
-        rows = self._bodies, self._laws, self._slopes, self._launches
+        rows = self._bodies, self._laws, self._slopes, self._launches, self._tracks, self._pieces
         flights = self._flights.copy()
-        follow_all(Tables(self._rigid, self._limits, *rows, self._pieces), trims, flights, self._rebounds, trajectory)
+        follow_all(Tables(self._rigid, self._limits, *rows), trims, flights, self._rebounds, trajectory)
         return flights
 
 
@@ -259,7 +274,7 @@ class RideBatch(_Lanes):
         lanes : ndarray of int, shape (n,)
             In which lanes, in [0, N), no two alike.
         law, slope, launches
-            As for :func:`sledenv.simulate_batch`, of n descents. The profile is that of the other lanes.
+            As for :func:`sledenv.simulate_batch`, of n descents.
         body : optional
             As there; those that the lanes had by default.
 
@@ -277,8 +292,6 @@ class RideBatch(_Lanes):
             name = self.settings.end_touching
             raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
         given = checked_lanes(bodies, law, slope, launches, self.settings)
-        if not np.array_equal(given.vertices, self._vertices):
-            raise ValueError("slope.profile: must be that of the rides, as all lanes have one profile")
         self._begin(numbers, given)
         if body is not None and (len(self._bodies) > 1 or given.bodies.tobytes() != self._bodies.tobytes()):
             if len(self._bodies) < len(self._flights):

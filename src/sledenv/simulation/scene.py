@@ -46,11 +46,6 @@ _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
 # Profiles.
 
 
-def laid(vertices: Floats) -> np.ndarray:
-    """Return what the kernel reads of a ground with such vertices, shape (n, 2), none of a plane: its n + 1 pieces."""
-    return _laid(vertices) if len(vertices) else _plane()
-
-
 def _laid(vertices: Floats) -> np.ndarray:
     pieces = np.zeros(len(vertices) + 1, PIECE)
     run_lay(vertices, pieces)
@@ -61,6 +56,15 @@ def _laid(vertices: Floats) -> np.ndarray:
 def _plane() -> np.ndarray:
     """Return the piece of a plane, which nobody writes to."""
     return _laid(np.empty((0, 2)))
+
+
+def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
+    """Return what the kernel reads of the ground: which pieces a lane has, shape (1 or N, 2), and all pieces."""
+    parts = [_laid(vertices) if len(vertices) else _plane() for vertices in tracks.vertices]
+    if len(parts) == 1:
+        return np.array([[0.0, len(parts[0])]]), parts[0]
+    ends = np.cumsum([len(part) for part in parts], dtype=float)
+    return np.stack([np.r_[0.0, ends[:-1]], ends], axis=-1)[tracks.numbers], np.concatenate(parts)
 
 
 def checked_profile(given: Any) -> Profile:
@@ -175,6 +179,29 @@ def _turns(vertices: Floats) -> Floats:
 def vertices_of(profile: Profile) -> Floats:
     """Return the vertices of a profile, shape (n, 2), in C order."""
     return np.array(profile, float).reshape(len(profile), 2)
+
+
+class Tracks(NamedTuple):
+    """The ground under each lane of a batch."""
+
+    vertices: tuple[Floats, ...]  # of profiles, shapes (n, 2); (0, 2) of the plane
+    numbers: NDArray[np.intp]  # which of them a lane has, shape (N,), or (1,) if all have the same
+
+    @classmethod
+    def of(cls, profiles: Sequence[Profile]) -> Self:
+        """Return the tracks of one profile for all lanes, or of one a lane."""
+        found: dict[Profile, int] = {}
+        seen: dict[int, int] = {}  # by identity, as long ones take a while to compare
+        numbers = []
+        for profile in profiles or ((),):
+            if id(profile) not in seen:
+                seen[id(profile)] = found.setdefault(profile, len(found))
+            numbers.append(seen[id(profile)])
+        return cls(tuple(map(vertices_of, found)), np.array(numbers if len(found) > 1 else [0], np.intp))
+
+    def lanes(self, track: int) -> NDArray[np.intp] | slice:
+        """Return which lanes have a track, as an index."""
+        return np.flatnonzero(self.numbers == track) if len(self.numbers) > 1 else slice(None)
 
 
 def tangents(vertices: Floats) -> Floats:
@@ -418,10 +445,10 @@ class Slope(Checked, _SlopeFields):
 
 
 class SlopeTable(NamedTuple):
-    """Many slopes that have one profile."""
+    """Many slopes as a table, and their profiles, which have been checked."""
 
     rows: np.ndarray  # angle, length and gravity, then the fields of zones: see :mod:`sledenv.kernel.params`
-    over: Slope  # whose profile they have
+    profiles: Sequence[Profile]  # one for all slopes, or one a slope
 
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:

@@ -15,7 +15,17 @@ from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, made
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import RESTITUTION, checked_choice, checked_count, made
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone, asymmetry_of, level_at, zones_allowed
+from sledenv.simulation.scene import (
+    ContactLaw,
+    Slope,
+    SlopeTable,
+    State,
+    Tracks,
+    Zone,
+    asymmetry_of,
+    level_at,
+    zones_allowed,
+)
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate, simulate_blocks
 from sledenv.simulation.support import resting_heights, within_a_turn
@@ -355,11 +365,12 @@ class Neighbours:
         if segments:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
-        records, vertices = self.records(bodies[found]), self.descent.slope.vertices
-        heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), vertices)
+        records, slope = self.records(bodies[found]), self.descent.slope
+        tracks = Tracks.of((slope.profile,))
+        heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), tracks)
         fine[found] = launches[found, 1] >= heights
-        if len(vertices):
-            fine[found] &= level_at(slopes[found, 1], records["size"], vertices)[1]
+        if slope.profile:
+            fine[found] &= level_at(slopes[found, 1], records["size"], slope.vertices)[1]
         return fine
 
     def room(self) -> Floats:
@@ -378,7 +389,7 @@ class Neighbours:
         """Simulate descents that differ by a change of one parameter each."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        table = SlopeTable(slopes, self.descent.slope)
+        table = SlopeTable(slopes, (self.descent.slope.profile,))
         blocks = simulate_blocks(self.bodies(bodies), laws, table, launches, self.settings, block=block)
         parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

@@ -118,9 +118,7 @@ class _Lanes(NamedTuple):
 
     def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
         """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
-        rows = {name: getattr(self.tables, name) for name in ("bodies", "laws", "slopes", "launches")}
-        own = {name: table[part] for name, table in rows.items() if len(table) > 1}  # others are of all lanes
-        tables = self.tables._replace(**own)
+        tables = self.tables.part(part)
         _follow(tables, outcomes, rebounds)
         return descent_jam(outcomes, tables.bodies["mass"], tables.slopes[:, 1])
 
@@ -150,8 +148,7 @@ def simulate_batch(
     body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them
         One for all lanes or one a lane. An array has the fields of a segment, of a law or of a slope in its columns:
         shapes (N, 5), (N, 5) and (N, 3), or (N, 3 + 7 K) with the fields of K zones, NaN where a slope has fewer and
-        where a zone has no restitution or stiffness of its own. All slopes must have the same profile; an array has
-        none.
+        where a zone has no restitution or stiffness of its own. An array has no profiles.
     launches : array_like, shape (N, 6)
         Columns as in :class:`State`.
     settings : Settings, optional

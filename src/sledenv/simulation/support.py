@@ -11,7 +11,8 @@ are outermost against the two pieces: there the steepest of the lines through th
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from sledenv.kernel.arithmetic import TURN
 from sledenv.kernel.entries import run_directions, run_lowest
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.scene import crests, tangents
+from sledenv.simulation.scene import Tracks, crests, tangents
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -71,7 +72,35 @@ def within_a_turn(phi: Floats) -> Floats:
 # Over a profile.
 
 
-def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, vertices: Floats) -> Floats:
+class _Ground(NamedTuple):
+    """The pieces of the ground of some tracks, one track behind the other."""
+
+    along: Floats  # unit tangents
+    up: Floats
+    x: Floats  # [m] the vertex where a piece begins; of the first one of a track: where it ends
+    y: Floats
+    crest: NDArray[np.bool_]  # whether it begins at a crest
+    low: Floats  # [m] places of the crests before and behind it, -inf and inf where there is none
+    high: Floats
+    starts: Indices  # the first piece of each track
+
+    @classmethod
+    def of(cls, vertices: Sequence[Floats]) -> Self:
+        """Return the ground of profiles with such vertices, shapes (n, 2)."""
+        counts = np.array([len(one) + 1 for one in vertices])
+        starts = np.cumsum(counts) - counts
+        parts = [(*tangents(one).T, *one[np.r_[0, : len(one)]].T, np.r_[False, crests(one)]) for one in vertices]
+        along, up, x, y, crest = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        track, number = np.repeat(starts, counts), np.arange(len(x))
+        before = np.maximum.accumulate(np.where(crest, number, -1))
+        behind = np.minimum.accumulate(np.where(crest, number, len(x))[::-1])[::-1]
+        behind = np.r_[behind[1:], len(x)]
+        low = np.where(before >= track, x[before], -math.inf)
+        high = np.where(behind < track + np.repeat(counts, counts), np.r_[x, 0.0][behind], math.inf)
+        return cls(along, up, x, y, crest.astype(bool), low, high, starts)
+
+
+def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) -> Floats:
     """Heights [m] of mass centres over the plane of the slope at which the bodies touch the ground from above.
 
     Parameters
@@ -81,62 +110,59 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, vertices: Floats
         Places [m] of the mass centres along the slope.
     phi : ndarray, shape (N,)
         Orientations [rad] in [-pi, pi].
-    vertices : ndarray, shape (n, 2)
-        Of the profile: ``Slope.vertices``.
+    tracks : Tracks
 
     Returns
     -------
     ndarray, shape (N,)
         A body that is lower by some length is under the ground by as much, along the normal of the slope's plane.
     """
-    if not len(vertices):
-        return support_heights(bodies, phi)
-    first = np.searchsorted(vertices[:, 0], x - bodies["size"])
-    last = np.searchsorted(vertices[:, 0], x + bodies["size"], side="right")
-    heights, ends = np.empty(len(x)), np.cumsum(last - first + 1)
-    begin = 0
-    while begin < len(x):
+    tracked = [track for track, vertices in enumerate(tracks.vertices) if len(vertices)]
+    heights = support_heights(bodies, phi) if len(tracked) < len(tracks.vertices) else np.empty(len(x))
+    if not tracked:
+        return heights
+    ground = _Ground.of([tracks.vertices[track] for track in tracked])
+    sizes, over = np.broadcast_to(bodies["size"], x.shape), np.zeros(len(x), bool)
+    first, last = np.empty(len(x), np.intp), np.empty(len(x), np.intp)
+    for track, start in zip(tracked, ground.starts, strict=True):
+        on, places = tracks.lanes(track), tracks.vertices[track][:, 0]
+        first[on] = start + np.searchsorted(places, x[on] - sizes[on])
+        last[on] = start + np.searchsorted(places, x[on] + sizes[on], side="right")
+        over[on] = True
+    lanes = np.flatnonzero(over)
+    ends, begin = np.cumsum(last[lanes] - first[lanes] + 1), 0
+    while begin < len(lanes):
         done = ends[begin - 1] if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, done + _PAIRS, side="right")))
-        part = slice(begin, end)
+        part = lanes[begin:end]
         records = bodies if len(bodies) == 1 else bodies[part]
-        heights[part] = _heights(records, x[part], phi[part], vertices, first[part], last[part])
+        heights[part] = _heights(records, x[part], phi[part], ground, first[part], last[part])
         begin = end
     return heights
 
 
-def _heights(records: np.ndarray, x: Floats, phi: Floats, vertices: Floats, first: Indices, last: Indices) -> Floats:
+def _heights(records: np.ndarray, x: Floats, phi: Floats, ground: _Ground, first: Indices, last: Indices) -> Floats:
     """As :func:`resting_heights`, of bodies that have the pieces from ``first`` to ``last`` under them."""
     counts = last - first + 1
     starts = np.cumsum(counts) - counts
     lane = np.repeat(np.arange(len(x)), counts)
     piece = np.arange(len(lane)) - np.repeat(starts - first, counts)
-    along, up = tangents(vertices).T
+    along, up, begin = ground.along, ground.up, ground.x[piece]
     cosine, sine = directions(phi)
     outline = _Outline(records, lane, phi, cosine, sine)
     a, b = outline.arms(along[piece], up[piece])
     foot = x[lane] - a * along[piece] + b * up[piece]  # x of the outermost point
-    on = vertices[np.maximum(piece - 1, 0)]
-    stops = on[:, 1] + (b + (x[lane] - on[:, 0]) * up[piece]) / along[piece]
-    low, high = _bounds(vertices)
-    stops[(foot < low[piece]) | (foot > high[piece])] = -math.inf
-    crest = np.flatnonzero((piece > first[lane]) & (foot < low[piece]))  # that piece begins at a crest, or behind one
-    crest = crest[crests(vertices)[piece[crest] - 1]]
-    crest = crest[foot[crest - 1] > vertices[piece[crest] - 1, 0]]
+    stops = ground.y[piece] + (b + (x[lane] - begin) * up[piece]) / along[piece]
+    stops[(foot < ground.low[piece]) | (foot > ground.high[piece])] = -math.inf
+    crest = np.flatnonzero((piece > first[lane]) & (foot < ground.low[piece]) & ground.crest[piece])
+    crest = crest[foot[crest - 1] > begin[crest]]
     if len(crest):
         at = piece[crest]
         cone = np.arctan2(up[[at - 1, at]], along[[at - 1, at]])
-        stops[crest] = _on_crest(outline.of(crest), x[lane[crest]], vertices[at - 1], cone)
+        place = np.stack([ground.x[at], ground.y[at]], axis=-1)
+        stops[crest] = _on_crest(outline.of(crest), x[lane[crest]], place, cone)
     found: Floats = np.maximum.reduceat(stops, starts)
     return found
-
-
-def _bounds(vertices: Floats) -> tuple[Floats, Floats]:
-    """Places [m] of the crests before and behind each piece, -inf and inf where there is none, shapes (n + 1,)."""
-    x, crest = vertices[:, 0], crests(vertices)
-    before = np.maximum.accumulate(np.where(crest, x, -math.inf))
-    behind = np.minimum.accumulate(np.where(crest, x, math.inf)[::-1])[::-1]
-    return np.r_[-math.inf, before], np.r_[behind, math.inf]
 
 
 def _on_crest(outline: _Outline, x: Floats, crest: Floats, cone: Floats) -> Floats:

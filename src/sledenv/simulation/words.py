@@ -11,7 +11,7 @@ from sledenv.machine.text_tables import aligned
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import AnyLaw, Slope, State, Zone
+from sledenv.simulation.scene import AnyLaw, Slope, State, Tracks, Zone
 from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.support import resting_heights, within_a_turn
 
@@ -49,7 +49,7 @@ def quantity(value: float, unit: str) -> str:
 def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
     place, phi = np.array([launch.x]), within_a_turn(np.array([launch.phi]))
-    clearance = launch.y - float(resting_heights(body.record, place, phi, slope.vertices)[0])
+    clearance = launch.y - float(resting_heights(body.record, place, phi, Tracks.of((slope.profile,)))[0])
     arm = f"rolling arm {law.rolling_arm:.4g} m"
     if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"

@@ -67,7 +67,8 @@ class Kernel {
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
     const written = [flights, logs, rows, space];
     const ground = this.#pieces(slope.profile ?? []);
-    const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, ground, ...written, 1];
+    const track = this.#row([0, ground.lengths[0]]);
+    const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, track, ground, ...written, 1];
     while (this.#get("SPACE", "lane", space.place) < 1) this.#call(...call);
     const outcome = Object.fromEntries(
       Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
