@@ -22,7 +22,7 @@ from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenari
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, AnyLaw, Slope, State
+from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, AnyLaw, Slope, State, Tracks
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.simulate import simulate
@@ -274,7 +274,8 @@ def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
 
 def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, float]:
     """Return what the sliders show of a descent, in SI units."""
-    (lowest,) = resting_heights(body.record, np.array([launch.x]), np.array([launch.phi]), slope.vertices).tolist()
+    place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.profile])
+    (lowest,) = resting_heights(body.record, *place, tracks).tolist()
     return {
         "orientation": launch.phi,
         "spin": launch.omega,
