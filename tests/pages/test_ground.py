@@ -186,7 +186,7 @@ def test_vertices_are_added_and_removed_in_the_picture(page: Browser) -> None:
 def test_vertices_are_typed_added_and_removed_in_the_panel(page: Browser) -> None:
     """Oracle: ``simulate`` over the ground of these vertices, bit for bit."""
     page.run(
-        "const field = document.querySelector('[data-vertex=\"6\"][data-axis=\"1\"]'); field.value = 0.45;"
+        'const field = document.querySelector(\'[data-vertex="6"][data-axis="1"]\'); field.value = 0.45;'
         "field.dispatchEvent(new Event('input', { bubbles: true }))"
     )
     wait_until(page, "!asking")

@@ -17,7 +17,8 @@ from sledenv.simulation.support import support_height
 
 _TITLE: Final = "A sled over bumps"
 _QUESTION: Final = (
-    "A rider lies on a sled and rides over three bumps of packed snow. The descent ends where the rider touches the snow."
+    "A rider lies on a sled and rides over three bumps of packed snow. "
+    "The descent ends where the rider touches the snow."
 )
 _HEIGHT, _FACE, _TOP, _GAP, _COUNT = 0.3, 1.5, 0.5, 3.0, 3  # [m] of the bumps, and how many there are
 _LENGTH: Final = 24.0  # [m]

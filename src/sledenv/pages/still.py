@@ -46,7 +46,7 @@ def still(descent: Descent) -> Still:
     finish = [slope.length] if math.isfinite(slope.length) else []
     left, right = min(0.0, float(path[:, 0].min())), max(*finish, float(path[:, 0].max()), 0.0)
     ground = _ground(slope.vertices, left, right)
-    world = to_world(np.concatenate([path, ground, ground + (0.0, 2.0 * size)]), slope.angle)
+    world = to_world(np.concatenate([path, ground, ground + np.array([0.0, 2.0 * size])]), slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
     margin = max(1.3 * size, 0.03 * float(high[0] - low[0]))
     wide, tall = high - low + 2.0 * margin
@@ -68,7 +68,7 @@ def still(descent: Descent) -> Still:
     ]
     for x in finish:
         foot = np.array([(x, float(slope.height_at(x)))])
-        line = _text(pixels(np.concatenate([foot, foot + (0.0, 4.0 * size)])))
+        line = _text(pixels(np.concatenate([foot, foot + np.array([0.0, 4.0 * size])])))
         parts.append(f'<polyline points="{line}" stroke="var(--ink)" stroke-width="4" stroke-dasharray="12 9"/>')
     poses = strobe_poses(descent.body, rows, max(float(rows["t"][-1]), 1e-3) / _POSES)
     parts.append(f"<defs>{_pose(descent.body)}</defs>")

@@ -358,8 +358,6 @@ function openAddress() {
 }
 
 async function openPage() {
-  document.title = $("title").textContent = D.title;
-  $("question").textContent = D.question;
   $("notes").innerHTML = D.notes.map((text) => `<p class="hint">${escaped(text)}</p>`).join("");
   if (D.recorded) {
     document.querySelector("main").classList.add("recorded");

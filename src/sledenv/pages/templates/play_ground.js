@@ -22,7 +22,8 @@ function bumps() {
   const end = Math.min(valueOf("length"), 200) - 1.2 * bodyOf().size;
   const wide = 2 * face + top;
   const found = [];
-  for (let x = gap; height > 0 && x + wide <= end; x += wide + gap)
+  if (height === 0) return found;
+  for (let x = gap; x + wide <= end; x += wide + gap)
     found.push([x, 0], [x + face, height], ...(top > 0 ? [[x + face + top, height]] : []), [x + wide, 0]);
   return found;
 }
@@ -42,7 +43,8 @@ function turning(vertices) {
     kept.forEach((here, k) => {
       if (!straight[k] || !isStraight(rest[rest.length - 1], here, kept[k + 1])) rest.push(here);
     });
-    if (rest.length < 2) return vertices[0][1] || vertices[vertices.length - 1][1] ? [vertices[0], vertices.at(-1)] : [];
+    if (rest.length < 2)
+      return vertices[0][1] || vertices[vertices.length - 1][1] ? [vertices[0], vertices.at(-1)] : [];
     kept = rest;
   }
 }
@@ -82,15 +84,15 @@ function problemOfGround(vertices, length) {
   }
   const profile = turning(vertices);
   if (!profile.length) return "";
-  if (chosen.solver === "rigid") return "surfaces are rigid: must be compliant over bumps; choose these, or flat ground";
-  const tops = profile.some(
-    ([x, y], k) => slopeOf(profile[k - 1], [x, y]) > slopeOf([x, y], profile[k + 1]),
-  );
+  if (chosen.solver === "rigid")
+    return "surfaces are rigid: must be compliant over bumps; choose these, or flat ground";
+  const tops = profile.some(([x, y], k) => slopeOf(profile[k - 1], [x, y]) > slopeOf([x, y], profile[k + 1]));
   if (bodyOf().sharp && tops)
     return `${bodyOf().name} has sharp corners: must have round ones over tops; choose another body, or flat ground`;
   const { size } = bodyOf();
   const k = profile.findIndex(
-    ([x, y], i) => i + 1 < profile.length && profile[i + 1][1] !== y && x < length + size && profile[i + 1][0] > length - size,
+    ([x, y], i) =>
+      i + 1 < profile.length && profile[i + 1][1] !== y && x < length + size && profile[i + 1][0] > length - size,
   );
   if (k >= 0)
     return (
@@ -143,7 +145,12 @@ function corners() {
 function added([x, y]) {
   const vertices = verticesOf();
   const place = rounded(x, 0.01);
-  if (!vertices.length) return [[place - 2, 0], [place, rounded(y, 0.005)], [place + 2, 0]];
+  if (!vertices.length)
+    return [
+      [place - 2, 0],
+      [place, rounded(y, 0.005)],
+      [place + 2, 0],
+    ];
   const k = vertices.findIndex(([there]) => there > place);
   return vertices.toSpliced(k < 0 ? vertices.length : k, 0, [place, rounded(y, 0.005)]);
 }
@@ -151,7 +158,9 @@ function added([x, y]) {
 /* In the middle of the longest piece before the finish, raised a little. */
 function addVertex() {
   const length = Math.min(valueOf("length"), 200);
-  const places = [0, ...verticesOf().map(([x]) => x), length].filter((x) => x >= 0 && x <= length).sort((a, b) => a - b);
+  const places = [0, ...verticesOf().map(([x]) => x), length]
+    .filter((x) => x >= 0 && x <= length)
+    .sort((a, b) => a - b);
   const [begin, end] = places
     .slice(1)
     .map((x, k) => [places[k], x])

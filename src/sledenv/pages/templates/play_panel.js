@@ -74,7 +74,10 @@ function fillPanel() {
 function fillRows(names) {
   for (const name of names) {
     const value = shownOf(name);
-    document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], Number.isNaN(value) ? PARAMETERS[name].low : value);
+    document.querySelector(`[data-slider="${name}"]`).value = toSlider(
+      PARAMETERS[name],
+      Number.isNaN(value) ? PARAMETERS[name].low : value,
+    );
     const typed = $(`number-${name}`);
     if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : Number(value.toPrecision(7));
     typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");

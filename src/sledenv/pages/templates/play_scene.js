@@ -135,7 +135,12 @@ function fit() {
   const { rows, scene: given, input } = shown;
   const { size } = E.bodies[input.body];
   const length = given.slope.length < Infinity ? given.slope.length : null;
-  const slope = { ...given.slope, length, profile: verticesOf(), zones: bandsOf(given.slope.zones, given.law.friction) };
+  const slope = {
+    ...given.slope,
+    length,
+    profile: verticesOf(),
+    zones: bandsOf(given.slope.zones, given.law.friction),
+  };
   const width = clamp($("controls").clientWidth, 260, 1160);
   const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : []), ...ghostPoints()];
   const room = [0.5 * size, rows.y[0] + 1.2 * size];

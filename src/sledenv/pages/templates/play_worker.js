@@ -20,7 +20,11 @@ function restingHeights({ body, slope: { profile }, x }, angles) {
   const outer = [[-1e9, profile[0][1]], ...profile, [1e9, profile[profile.length - 1][1]]];
   const found = angles.map(() => -Infinity);
   const footOf = ({ a, b }, i, tilt) => x - a[i] * Math.cos(tilt) + b[i] * Math.sin(tilt);
-  const armsAt = (tilts) => kernel.arms(body, angles.map((phi, i) => withinTurn(phi - tilts[i])));
+  const armsAt = (tilts) =>
+    kernel.arms(
+      body,
+      angles.map((phi, i) => withinTurn(phi - tilts[i])),
+    );
   outer.slice(1).forEach(([end, high], k) => {
     const [begin, low] = outer[k];
     if (end < x - size || begin > x + size) return;

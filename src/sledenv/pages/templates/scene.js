@@ -86,7 +86,13 @@ class Scene {
     this.last = Math.max(...ends, ...points.map(([x]) => x)); // place that is surely in sight
     this.first = Math.min(0, ...points.map(([x]) => x));
     const ground = groundBetween(slope.profile, this.first, this.last);
-    for (const point of [...points, ...ground.flatMap(([x, y]) => [[x, y], [x, y + 2 * size]])])
+    for (const point of [
+      ...points,
+      ...ground.flatMap(([x, y]) => [
+        [x, y],
+        [x, y + 2 * size],
+      ]),
+    ])
       this.world(...point).forEach((value, k) => {
         low[k] = Math.min(low[k], value);
         top[k] = Math.max(top[k], value);
