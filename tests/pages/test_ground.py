@@ -215,7 +215,10 @@ def test_bumps_are_set(page: Browser) -> None:
     ground = [(x + 6.5 * (k // 3), y) for k, (x, y) in enumerate(ground)]
     assert vertices(page) == ground
     assert_simulated(page, ground)
+    put(page, "bump_gap", -8.0)
+    assert "from one to the next = -8: must be a number from 0.5 to 20 m" in page.text("#problem")
     put(page, "bump_height", 0.0)
+    put(page, "bump_gap", 1.0)
     assert vertices(page) == []
     assert_simulated(page, [])
 

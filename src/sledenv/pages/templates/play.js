@@ -34,6 +34,7 @@ async function simulate() {
     const wrong = problem();
     if (wrong) {
       tell(`Not simulated: ${wrong}.`);
+      if (shown) drawLand();
       continue;
     }
     const input = structuredClone(chosen);

@@ -10,13 +10,14 @@ const GRIP = 12; // [px] around a vertex
 /* All vertices, those without a turn too: set by hand, of bumps, or as the page began. */
 function verticesOf() {
   if (chosen.profile) return chosen.profile;
-  return BUMPS.some(isChanged) && valueOf("bump_height") >= 0 ? bumps() : here().slope.profile;
+  const allowed = BUMPS.every((name) => !problemOf(name, shownOf(name)));
+  return BUMPS.some(isChanged) && allowed ? bumps() : here().slope.profile;
 }
 
 /* What is simulated: as the page began, to the last bit, or without vertices that do not turn. */
 const profileOf = () => (verticesOf() === here().slope.profile ? here().slope.profile : turning(verticesOf()));
 
-/* Bumps of one shape, the last of which ends where a finish can be. */
+/* Bumps of one shape, of numbers that are in their ranges; the last of which ends where a finish can be. */
 function bumps() {
   const [height, face, top, gap] = BUMPS.map(valueOf);
   const end = Math.min(valueOf("length"), 200) - 1.2 * bodyOf().size;
@@ -125,13 +126,15 @@ function drawLand() {
 
 function corners() {
   const { first, last } = scene;
+  const [middle] = scene.pixel(shown.launch.x, 0); // beyond a width of the picture from there nothing is seen of a long one
   const parts = [
     `<polyline data-grab="ground" points="${scene.surface(first, last).join(" ")}" fill="none" stroke="transparent" stroke-width="18"/>`,
   ];
   let seen = -Infinity;
   verticesOf().forEach((vertex, k) => {
     const [column, row] = scene.pixel(...vertex).map(far);
-    if (vertex[0] < first || vertex[0] > last || (Math.abs(column - seen) < 5 && k !== grabbed?.vertex)) return;
+    if (vertex[0] < first || vertex[0] > last || Math.abs(column - middle) > scene.W) return;
+    if (Math.abs(column - seen) < 5 && k !== grabbed?.vertex) return;
     seen = Number(column);
     parts.push(
       `<circle cx="${column}" cy="${row}" r="4.5" fill="var(--ground)" stroke="${HAND}" stroke-width="2"/>` +
@@ -180,7 +183,6 @@ $("scene").addEventListener("click", (event) => {
   const [x] = placeOf(event, $("scene").getBoundingClientRect());
   setVertices(added([x, heightOn(verticesOf(), x)]));
   changed();
-  drawLand();
 });
 /* A vertex that is pressed twice goes. There is no double click: each press draws the ground anew. */
 let pressed = { vertex: null, at: -Infinity };
@@ -191,7 +193,6 @@ function removeIfTwice(vertex, at) {
   if (!twice) return false;
   setVertices(removed(vertex));
   changed();
-  drawLand();
   return true;
 }
 
