@@ -6,7 +6,6 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from markupsafe import Markup
 
 from sledenv.pages.scenes import drawn_body
 from sledenv.plot.riders import strobe_poses
@@ -25,7 +24,7 @@ class Still(NamedTuple):
     """An SVG, in the colours of templates/play.css."""
 
     box: str  # its viewBox
-    content: Markup
+    content: str
 
 
 def still(descent: Descent) -> Still:
@@ -77,7 +76,7 @@ def still(descent: Descent) -> Still:
         place = f"translate({column:.1f} {row:.1f}) scale({scale:.4g} {-scale:.4g}) rotate({turn:.2f})"
         parts.append(f'<use href="#drawn" transform="{place}"/>')
     parts.append(f'<polyline points="{_text(pixels(path))}" fill="none" stroke="var(--blue)" stroke-width="1.3"/>')
-    return Still(f"0 0 {_WIDTH:g} {height:.0f}", Markup("".join(parts)))
+    return Still(f"0 0 {_WIDTH:g} {height:.0f}", "".join(parts))
 
 
 def _ground(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
