@@ -32,6 +32,7 @@ FLAGS = (
     "--disable-sync",
     "--window-size=1280,1400",
 )
+_DOWN, _UP = {"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0}
 _LOCAL = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
 
@@ -73,8 +74,14 @@ class Browser:
 
     def drag(self, *places: tuple[float, float], kind: str = "mouse") -> None:
         """Press at the first place of the window [px], move over the others, let go; ``kind`` may be "touch"."""
-        moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]
-        steps = [moves[0], {"type": "pointerDown", "button": 0}, *moves[1:], {"type": "pointerUp", "button": 0}]
+        first, *others = map(_moved, places)
+        self._act([first, _DOWN, *others, _UP], kind)
+
+    def double_click(self, place: tuple[float, float]) -> None:
+        """Press twice at a place of the window [px]."""
+        self._act([_moved(place), _DOWN, _UP, _DOWN, _UP], "mouse")
+
+    def _act(self, steps: list[dict[str, Any]], kind: str) -> None:
         finger = {"type": "pointer", "id": kind, "parameters": {"pointerType": kind}, "actions": steps}
         _call("POST", f"{self.session}/actions", {"actions": [finger]})
 
@@ -108,6 +115,10 @@ def browser(folder: Path) -> Iterator[Browser]:
             if session is not None:
                 _call("DELETE", session)
             driver.terminate()
+
+
+def _moved(place: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "pointerMove", "duration": 0, "x": round(place[0]), "y": round(place[1])}
 
 
 def at_speed(page: Browser, factor: float) -> None:

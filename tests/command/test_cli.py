@@ -227,6 +227,10 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     told = json.loads(capsys.readouterr().out)
     assert [values[name] for name in ("speed", "spin", "orientation")] == [2.5, -1.5, told["launch"]["phi"]]
     assert [values["angle"], values["friction"]] == [told["slope"]["angle"], told["law"]["friction"]]
+    assert main(["play", "--html", str(page), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"written": [str(page)]}
+    assert data_of(page.read_text(encoding="utf-8"))["title"] == "A sled over bumps"
+    assert "are asked for, of no scenario: name one" in refused(capsys, "play", "--seed", "3", "--html", str(page))
     assert "must end in .html" in refused(capsys, "play", "--html", str(tmp_path / "page.yaml"))
     assert "did you mean 'sled_brow'?" in refused(capsys, "play", "sled_brw", "--html", str(page))
 

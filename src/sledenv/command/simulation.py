@@ -208,7 +208,7 @@ def replay(
 
 
 def play(
-    scenario: ScenarioName = "sled_snow",
+    scenario: ScenarioName | None = None,
     /,
     *,
     launch: Launch = _DRAWN,
@@ -216,10 +216,11 @@ def play(
     html: File = Path("play.html"),
     json: Json = False,
 ) -> None:
-    """Write a page that simulates: body, surface, slope and launch are set there.
+    """Write a page that simulates: body, surface, ground and launch are set there.
 
     The page works in any browser, offline, and has the kernel itself, so that its numbers are those of Python. It opens
-    with the descent that simulate prints.
+    with the descent of a scenario that simulate prints; without a scenario with a ride over bumps, and the options of a
+    launch and the surfaces are none of it.
 
     Parameters
     ----------
@@ -229,11 +230,18 @@ def play(
     import numpy as np
 
     from sledenv.machine.files import replacing
+    from sledenv.pages.opening import opening_page
     from sledenv.pages.play import Played, play_page
     from sledenv.scenarios.scenario import load_scenario
 
+    if scenario is None and (launch != _DRAWN or solver != "compliant"):
+        raise ValueError("play: a launch or surfaces are asked for, of no scenario: name one, such as sled_snow")
     with ExitStack() as places:
         page = taken(places, "--html", replacing(html, ".html", ".htm"))
+        if scenario is None:
+            page.write_text(opening_page(), encoding="utf-8")
+            tell(f"play: wrote {html}", {"written": [html]}, json)
+            return
         loaded = load_scenario(scenario)
         context = loaded.sample(np.random.default_rng(launch.seed))
         asked = {"spin": launch.spin, "speed": launch.speed}

@@ -16,16 +16,18 @@ from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import KERNEL, descent_input, jsonable
 from sledenv.pages.scenes import drawn_body
+from sledenv.pages.still import Still, still
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, AnyLaw, Slope, State, Tracks
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
-from sledenv.simulation.support import support_height, within_a_turn
+from sledenv.simulation.support import resting_heights, support_height, within_a_turn
 from sledenv.simulation.words import REBOUND_HEADER, mode_name
 
 MOST_SEEDS: Final = 24  # contexts of a page
@@ -66,6 +68,10 @@ _PARAMETERS: Final = (
     _Parameter("drop", "launch", "height above it", "m", 0.0, 3.0, 0.01),
     _Parameter("angle", "slope", "angle", "°", -10.0, 50.0, 0.1, _DEGREE),
     _Parameter("length", "slope", "length", "m", 1.0, 60.0, 0.5),
+    _Parameter("bump_height", "ground", "height of bumps", "m", 0.0, 1.5, 0.01),
+    _Parameter("bump_face", "ground", "length of a face", "m", 0.5, 10.0, 0.05),
+    _Parameter("bump_top", "ground", "length of a top", "m", 0.0, 10.0, 0.05),
+    _Parameter("bump_gap", "ground", "from one to the next", "m", 0.5, 20.0, 0.05),
     _Parameter("friction", "surface", "friction", "", 0.0, 1.5, 0.005),
     _Parameter("restitution", "surface", "restitution", "", 0.01, 1.0, 0.01),
     _Parameter("stiffness", "surface", "stiffness", "kN/m", 10.0, 1e6, 0.0, 1e3),
@@ -139,9 +145,11 @@ def play_page(
     told = [_context(scenario, one) for one in contexts]
     first = contexts[0].context
     own = _own_bodies(scenario)
-    given = scenario.law(first), scenario.slope(first), scenario.settings(solver)
+    law, slope, settings = scenario.law(first), scenario.slope(first), scenario.settings(solver)
+    descent = simulate(scenario.body(first), law, slope, scenario.launch(first), settings, record="trajectory")
     return simulating_page(
-        page_content(told, own, *given),
+        page_content(told, own, law, slope, settings),
+        still(descent),
         title=scenario.title,
         id=scenario.id,
         question=scenario.question,
@@ -152,10 +160,10 @@ def play_page(
     )
 
 
-def simulating_page(content: dict[str, Any], **named: Any) -> str:
-    """Return the page of some content: that of :func:`page_content`, and what else the template names."""
+def simulating_page(content: dict[str, Any], picture: Still, **named: Any) -> str:
+    """Return the page of some content: that of :func:`page_content`, its picture, and what else the template names."""
     plain: dict[str, Any] = {"ghost": None, "recorded": None, "notes": [], "maps": True}
-    return filled("play.html", data=content | plain | named)
+    return filled("play.html", data=content | plain | named, still=picture)
 
 
 def page_content(
@@ -175,7 +183,8 @@ def page_content(
     ready = [*own, *(NamedBody(name, python, make()) for name, python, make in _READY)]
     bodies = [_body(law, slope, settings, one) for one in ready]
     parameters = [one._asdict() for one in _widened([one["values"] for one in contexts], bodies)]
-    exact = {"contexts": contexts, "bodies": bodies, "parameters": parameters}
+    ground = {"most": MOST_VERTICES, "steepest": math.tan(STEEPEST)}
+    exact = {"contexts": contexts, "bodies": bodies, "parameters": parameters, "ground": ground}
     return {
         "solver": settings.solver,
         "exact": exact_text(exact),
@@ -265,12 +274,14 @@ def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
 
 def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, float]:
     """Return what the sliders show of a descent, in SI units."""
+    place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.profile])
+    (lowest,) = resting_heights(body.record, *place, tracks).tolist()
     return {
         "orientation": launch.phi,
         "spin": launch.omega,
         "speed": launch.u,
         "fall": 0.0 - launch.v,
-        "drop": launch.y - support_height(body, launch.phi),
+        "drop": launch.y - lowest,
         **_ground_values(law, slope),
         "error_orientation": 0.0,
         "error_spin": 0.0,
@@ -278,10 +289,12 @@ def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[s
 
 
 def _ground_values(law: AnyLaw, slope: Slope) -> dict[str, float]:
-    """Return what the sliders show but for launch and body, in SI units."""
+    """Return what the sliders show but for launch and body, in SI units; a ground of its own has no height of bumps."""
     return {
         "angle": slope.angle,
         "length": slope.length,
+        "bump_height": math.nan if slope.profile else 0.0,
+        **{"bump_face": 2.0, "bump_top": 0.5, "bump_gap": 4.0},
         "friction": law.friction,
         "restitution": law.restitution,
         "stiffness": law.stiffness,
@@ -306,9 +319,10 @@ def _body(law: AnyLaw, slope: Slope, settings: Settings, named: NamedBody) -> di
     name, python, body = named
     if settings.end_touching not in body.parts:
         settings = replace(settings, end_touching=None)
-    anyhow = State(0.0, support_height(body, 0.0), 0.0)
-    given = descent_input(body, law, slope, anyhow, settings)
-    rigid = descent_input(body, law, slope, anyhow, replace(settings, solver="rigid"))
+    anyhow, plane = State(0.0, support_height(body, 0.0), 0.0), Slope(slope.angle, slope.length, slope.gravity)
+    given = descent_input(body, law, plane, anyhow, settings)
+    rigid = descent_input(body, law, plane, anyhow, replace(settings, solver="rigid"))
+    arcs = body.record[0]
     told = {key: getattr(settings, key) for key in ("max_time", "max_rebounds", "run_out")}
     told |= {
         one.name: getattr(settings, one.name)
@@ -324,6 +338,7 @@ def _body(law: AnyLaw, slope: Slope, settings: Settings, named: NamedBody) -> di
         "settle_speed": rigid["law"]["settle_speed"],
         "gyration": math.sqrt(body.inertia / body.mass),
         "parts": body.parts,
+        "sharp": bool(((arcs["r"] == 0.0) & (arcs["high"] > arcs["low"]))[: int(arcs["count"])].any()),
         "size": max(body.size, 1e-6),  # a point mass has none
     }
 

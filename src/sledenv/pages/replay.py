@@ -9,6 +9,7 @@ import numpy as np
 
 from sledenv.machine.files import replacing
 from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
+from sledenv.pages.still import still
 from sledenv.plot.trajectories import touches_in
 from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.interpolation import drawable_rows
@@ -71,6 +72,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     body = NamedBody("body as given", descent.body.typed(), descent.body)
     return simulating_page(
         page_content([context], [body], descent.law, descent.slope, settings) | ({"kernel": ""} if recorded else {}),
+        still(descent),
         title=title,
         id="descent",
         question=setting(*given),

@@ -34,6 +34,7 @@ async function simulate() {
     const wrong = problem();
     if (wrong) {
       tell(`Not simulated: ${wrong}.`);
+      if (shown) drawLand();
       continue;
     }
     const input = structuredClone(chosen);
@@ -358,8 +359,6 @@ function openAddress() {
 }
 
 async function openPage() {
-  document.title = $("title").textContent = D.title;
-  $("question").textContent = D.question;
   $("notes").innerHTML = D.notes.map((text) => `<p class="hint">${escaped(text)}</p>`).join("");
   if (D.recorded) {
     document.querySelector("main").classList.add("recorded");

@@ -8,14 +8,15 @@ const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one])
 const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
 const OWN = ["restitution", "stiffness"]; // which a zone may have
 
-/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones that
-   are null. A launch that is kept, to compare others with it, is in SI units. */
+/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones and
+   vertices of the ground that are null. A launch that is kept, to compare others with it, is in SI units. */
 const start = (context) => ({
   context,
   body: E.contexts[context].body,
   solver: D.solver,
   changed: {},
   zones: null,
+  profile: null,
   kept: null,
 });
 let chosen = start(0);
@@ -73,7 +74,7 @@ function problem() {
     const found = problemOf(name, value);
     if (found) return found;
   }
-  return problemOfZones(zonesOf(), valueOf("length"));
+  return problemOfZones(zonesOf(), valueOf("length")) || problemOfGround(verticesOf(), valueOf("length"));
 }
 
 /* What the kernel takes. */
@@ -88,7 +89,8 @@ function sceneOf() {
     : here().law.asymmetry;
   const law = { stiffness: valueOf("stiffness"), asymmetry };
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
-  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity: here().slope.gravity, zones: zonesOf() };
+  const { gravity } = here().slope;
+  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity, zones: zonesOf(), profile: profileOf() };
   if (chosen.solver === "rigid") {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
@@ -100,7 +102,10 @@ const LAUNCH = ["orientation", "spin", "speed", "fall", "drop"];
 const launchOf = () => Object.fromEntries(LAUNCH.map((name) => [name, valueOf(name)]));
 
 /* The launch as the page began, to the last bit; null if it has been changed. */
-const givenLaunch = () => (LAUNCH.some(isChanged) || chosen.body !== here().body ? null : here().launch);
+function givenLaunch() {
+  const other = LAUNCH.some(isChanged) || chosen.body !== here().body || verticesOf() !== here().slope.profile;
+  return other ? null : here().launch;
+}
 
 /* The address. */
 const zoneText = (zone) =>
@@ -115,6 +120,7 @@ function address() {
   if (chosen.solver !== D.solver) parts.set("solver", chosen.solver);
   for (const name in PARAMETERS) if (isChanged(name)) parts.set(name, chosen.changed[name]);
   if (chosen.zones) parts.set("zones", chosen.zones.map(zoneText).join(";"));
+  if (chosen.profile) parts.set("profile", vertexText(chosen.profile));
   if (chosen.kept) parts.set("kept", LAUNCH.map((name) => chosen.kept[name]).join(","));
   return parts.toString();
 }
@@ -161,6 +167,7 @@ function readAddress(text) {
       if (["compliant", "rigid"].includes(value)) chosen.solver = value;
       else wrong.push(`solver = ${value}: must be compliant or rigid`);
     } else if (name === "zones") chosen.zones = readZones(value);
+    else if (name === "profile") chosen.profile = readVertices(value);
     else if (name === "kept") {
       const { kept, wrong: found } = readLaunch(value);
       if (found) wrong.push(found);
@@ -177,6 +184,12 @@ function readAddress(text) {
     wrong.push(found);
     chosen.zones = null;
     if (problemOfZones(zonesOf(), valueOf("length"))) delete chosen.changed.length;
+  }
+  const wrongGround = problemOfGround(verticesOf(), valueOf("length"));
+  if (wrongGround) {
+    wrong.push(wrongGround);
+    setVertices(null);
+    if (problemOfGround(verticesOf(), valueOf("length"))) delete chosen.changed.length;
   }
   return wrong;
 }
@@ -196,6 +209,9 @@ function pythonOf({ scene, launch, input }) {
   const same = body.mass === given.mass && body.inertia === given.inertia;
   const replaced = same ? "" : `.replace(${spelled({ mass: body.mass, inertia: body.inertia })})`;
   const zones = slope.zones.map((zone) => `    sledenv.Zone(${spelled(zone)}),\n`).join("");
+  const pairs = slope.profile.map((vertex) => `(${vertex.map(number).join(", ")})`);
+  const lines = pairs.map((pair, i) => (i % 4 ? ` ${pair},` : `\n    ${pair},`)).join("");
+  const profile = pairs.length ? `, profile=[${lines}\n]` : "";
   const { angle, length, gravity } = slope;
   const endless = length === Infinity || slope.zones.some(({ end }) => end === Infinity);
   return [
@@ -205,7 +221,7 @@ function pythonOf({ scene, launch, input }) {
     "",
     `body = ${python}${replaced}`,
     `law = sledenv.ContactLaw(${spelled({ stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm })})`,
-    `slope = sledenv.Slope(${spelled({ angle, length, gravity })}, zones=[${zones ? `\n${zones}` : ""}])`,
+    `slope = sledenv.Slope(${spelled({ angle, length, gravity })}, zones=[${zones ? `\n${zones}` : ""}]${profile})`,
     `launch = sledenv.State(${spelled(launch)})`,
     `descent = sledenv.simulate(body, law, slope, launch, solver="${solver}", ${settings})`,
     "print(descent.status, float(descent.jam.reward))",

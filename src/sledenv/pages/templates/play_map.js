@@ -309,7 +309,8 @@ const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
 /* Marks are of the context as the page began, whatever launch is chosen. */
 function marksShown() {
   const same = Object.keys(chosen.changed).every((name) => ["orientation", "spin", "speed"].includes(name));
-  const plain = same && !chosen.zones && chosen.body === here().body && chosen.solver === "compliant";
+  const plain =
+    same && !chosen.zones && !chosen.profile && chosen.body === here().body && chosen.solver === "compliant";
   return plain ? here().marks : [];
 }
 

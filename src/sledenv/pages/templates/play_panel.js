@@ -2,6 +2,7 @@
 /* Sliders and numbers, a pair for each parameter; zones. */
 const GROUPS = {
   launch: "Launch",
+  ground: "Bumps",
   surface: "Surface",
   slope: "Slope",
   body: "Body",
@@ -43,7 +44,10 @@ function buildPanel() {
       const zones =
         group === "slope"
           ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
-          : "";
+          : group === "ground"
+            ? '<button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>' +
+              '<details><summary>Vertices of the ground</summary><div id="vertices"></div></details>'
+            : "";
       const open = i === 0 || window.innerWidth > 860;
       return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
     })
@@ -63,13 +67,17 @@ function fillPanel() {
   $("chosen-body").value = chosen.body;
   $("chosen-solver").value = chosen.solver;
   if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = zonesOf().map(zoneRow).join("");
+  fillVertices();
   $("add").disabled = zonesOf().length >= D.most_zones;
 }
 
 function fillRows(names) {
   for (const name of names) {
     const value = shownOf(name);
-    document.querySelector(`[data-slider="${name}"]`).value = toSlider(PARAMETERS[name], value);
+    document.querySelector(`[data-slider="${name}"]`).value = toSlider(
+      PARAMETERS[name],
+      Number.isNaN(value) ? PARAMETERS[name].low : value,
+    );
     const typed = $(`number-${name}`);
     if (document.activeElement !== typed) typed.value = Number.isNaN(value) ? "" : Number(value.toPrecision(7));
     typed.setAttribute("aria-invalid", isChanged(name) && problemOf(name, value) !== "");
@@ -89,19 +97,21 @@ function addZone() {
 }
 
 function onInput({ target }) {
-  const { slider, number: name, zone, field } = target.dataset;
+  const { slider, number: name, zone, field, vertex, axis } = target.dataset;
   const typed = target.value.trim() === "" ? NaN : Number(target.value);
   if (slider) chosen.changed[slider] = fromSlider(PARAMETERS[slider], typed);
   else if (name) chosen.changed[name] = typed;
   else if (zone) {
     const value = field === "end" && target.value.trim() === "" ? Infinity : typed;
     chosen.zones = zonesOf().map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
-  } else if (target.id === "chosen-context") chosen = start(Number(target.value));
+  } else if (vertex) setVertices(verticesOf().map((one, k) => (k === Number(vertex) ? one.with(axis, typed) : one)));
+  else if (target.id === "chosen-context") chosen = start(Number(target.value));
   else if (target.id === "chosen-solver") chosen.solver = target.value;
   else if (target.id === "chosen-body") {
     chosen.body = Number(target.value);
     for (const own of ["mass", "gyration"]) delete chosen.changed[own];
   } else return;
+  if (BUMPS.includes(slider ?? name)) chosen.profile = null;
   changed();
 }
 
@@ -109,6 +119,9 @@ function onPress({ target }) {
   if (target.id === "add") addZone();
   else if (target.id === "reset") chosen = start(chosen.context);
   else if (target.dataset.remove) chosen.zones = zonesOf().filter((_, k) => k !== Number(target.dataset.remove));
+  else if (target.id === "vertex") addVertex();
+  else if (target.id === "flat") setVertices([]);
+  else if (target.dataset.drop) setVertices(removed(Number(target.dataset.drop)));
   else return;
   target.blur(); // so that the zones are shown anew
   changed();

@@ -135,7 +135,12 @@ function fit() {
   const { rows, scene: given, input } = shown;
   const { size } = E.bodies[input.body];
   const length = given.slope.length < Infinity ? given.slope.length : null;
-  const slope = { ...given.slope, length, zones: bandsOf(given.slope.zones, given.law.friction) };
+  const slope = {
+    ...given.slope,
+    length,
+    profile: verticesOf(),
+    zones: bandsOf(given.slope.zones, given.law.friction),
+  };
   const width = clamp($("controls").clientWidth, 260, 1160);
   const points = [...pointsOf(rows), ...(shown.kept ? pointsOf(shown.kept.rows) : []), ...ghostPoints()];
   const room = [0.5 * size, rows.y[0] + 1.2 * size];
@@ -147,7 +152,7 @@ function fit() {
   );
   $("scene").setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
   $("scene").innerHTML =
-    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g>${ghostPath()}<g id="live"></g></g>` +
+    `${scene.sky()}<g id="world"><g id="land"></g><g id="cloud"></g><g id="trace"></g>${ghostPath()}<g id="corners"></g><g id="live"></g></g>` +
     `<defs>${scene.sled(0, 0, 0, 'id="pose"')}</defs>`;
 }
 
@@ -167,7 +172,7 @@ function strobe({ rows, input }) {
 function poseAt([x, y, phi]) {
   const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
   const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
-  return `<use href="#pose" opacity="0.2" class="pose" transform="${turn}"/>`;
+  return `<use href="#pose" opacity="0.35" class="pose" transform="${turn}"/>`;
 }
 
 /* Points of a path that are apart on the screen. */
@@ -184,10 +189,7 @@ function visible({ x, y }) {
 /* While something is dragged, the land stays as it is, and there are no poses: they take as long as all the rest. */
 function drawPath() {
   const { rows, rebounds } = shown;
-  if (!grabbed) {
-    scene.slope.zones = bandsOf(shown.scene.slope.zones, shown.scene.law.friction);
-    $("land").innerHTML = scene.ground(...extent(rows.x));
-  }
+  if (!grabbed) drawLand();
   $("trace").innerHTML =
     [...rebounds.t].map((_, i) => scene.contact(contactPaths(i))).join("") +
     (grabbed ? "" : strobe(shown).map(poseAt).join("")) +
@@ -275,11 +277,13 @@ function drawMoment(t) {
   const sled = scene.sled(state.x, state.y, state.phi, 'id="sled" data-grab="drop" class="grip"', push?.parts);
   const grips = t > 0 || D.recorded ? "" : handles(state);
   $("live").innerHTML = cone + keptAt(t) + sled + ghostAt(t) + force + grips;
+  $("corners").style.display = t > 0 ? "none" : "";
   $("world").setAttribute("transform", scene.shift(state.x, state.y));
 }
 
 /* Dragging. */
 let grabbed = null;
+let dropped = false; // since something was pressed the last time
 
 function placeOf(event, box) {
   const moved = /translate\((\S+) (\S+)\)/.exec($("world").getAttribute("transform") ?? "") ?? [0, 0, 0];
@@ -292,14 +296,18 @@ const rounded = (value, step) => Number((Math.round(value / step) * step).toPrec
 function drag(event) {
   if (!grabbed) return;
   const [x, y] = placeOf(event, grabbed.box);
-  const { launch, from, drop, what } = grabbed;
+  const { launch, from, drop, what, vertex, corner } = grabbed;
   const set = (name, value, step) => {
     const { low, high } = PARAMETERS[name];
     chosen.changed[name] = clamp(rounded(value, step), low, high);
   };
   if (what === "drop") set("drop", drop + y - from[1], 0.001);
   else if (what === "orientation") set("orientation", (Math.atan2(launch.x - x, y - launch.y) * 180) / Math.PI, 0.1);
-  else {
+  else if (what === "vertex") {
+    const moved = [rounded(corner[0] + x - from[0], 0.01), rounded(corner[1] + y - from[1], 0.005)];
+    setVertices(verticesOf().with(vertex, moved));
+    drawLand();
+  } else {
     set("speed", ((x - launch.x) * scene.scale) / rateOf(), 0.01);
     set("fall", ((launch.y - y) * scene.scale) / rateOf(), 0.01);
   }
@@ -307,11 +315,15 @@ function drag(event) {
 }
 
 $("scene").addEventListener("pointerdown", (event) => {
+  dropped = false;
   const what = event.target.closest("[data-grab]")?.dataset.grab;
-  if (!what || position > 0 || D.recorded) return;
+  if (!what || what === "ground" || !canSet()) return;
+  const vertex = Number(event.target.dataset.vertex);
+  if (what === "vertex" && removeIfTwice(vertex, event.timeStamp)) return;
   $("scene").setPointerCapture(event.pointerId);
   const box = $("scene").getBoundingClientRect(); // asked again after each picture, it would be laid out twice
-  grabbed = { what, box, from: placeOf(event, box), drop: valueOf("drop"), launch: shown.launch };
+  const corner = verticesOf()[vertex];
+  grabbed = { what, box, from: placeOf(event, box), drop: valueOf("drop"), launch: shown.launch, vertex, corner };
   event.preventDefault();
 });
 $("scene").addEventListener("pointermove", drag);
@@ -319,6 +331,7 @@ for (const name of ["pointerup", "pointercancel"])
   $("scene").addEventListener(name, () => {
     if (!grabbed) return;
     grabbed = null;
+    dropped = true;
     fillPanel();
     fit();
     draw();

@@ -11,10 +11,51 @@ function withinTurn(angle) {
   return Math.abs(rest) > Math.PI ? rest - Math.sign(rest) * TURN : rest;
 }
 
+/* Heights [m] of the mass centre at which a body touches the ground from above, one for each orientation:
+   resting_heights in simulation/support.py. Of a piece counts the line, if the point of the body that is outermost
+   against it lies over it; of a vertex the steepest line through it that supports the body, found by halving. */
+function restingHeights({ body, slope: { profile }, x }, angles) {
+  if (!profile.length) return kernel.arms(body, angles).b;
+  const size = Math.max(...body.arcs.map(({ across, along, r }) => Math.hypot(across, along) + r));
+  const outer = [[-1e9, profile[0][1]], ...profile, [1e9, profile[profile.length - 1][1]]];
+  const found = angles.map(() => -Infinity);
+  const footOf = ({ a, b }, i, tilt) => x - a[i] * Math.cos(tilt) + b[i] * Math.sin(tilt);
+  const armsAt = (tilts) =>
+    kernel.arms(
+      body,
+      angles.map((phi, i) => withinTurn(phi - tilts[i])),
+    );
+  outer.slice(1).forEach(([end, high], k) => {
+    const [begin, low] = outer[k];
+    if (end < x - size || begin > x + size) return;
+    const tilt = Math.atan2(high - low, end - begin);
+    const arms = armsAt(angles.map(() => tilt));
+    angles.forEach((_, i) => {
+      const foot = footOf(arms, i, tilt);
+      if (foot < begin || foot > end) return;
+      found[i] = Math.max(found[i], low + (arms.b[i] + (x - begin) * Math.sin(tilt)) / Math.cos(tilt));
+    });
+  });
+  for (const [place, height] of profile.filter(([there]) => Math.abs(there - x) < size)) {
+    const tilts = angles.map(() => [-1.5, 1.5]);
+    const middles = () => tilts.map(([least, most]) => 0.5 * (least + most));
+    for (let n = 0; n < 50; n++) {
+      const middle = middles();
+      const arms = armsAt(middle);
+      middle.forEach((tilt, i) => (tilts[i][footOf(arms, i, tilt) > place ? 1 : 0] = tilt));
+    }
+    const arms = armsAt(middles());
+    middles().forEach((tilt, i) => {
+      found[i] = Math.max(found[i], height + (arms.b[i] + (x - place) * Math.sin(tilt)) / Math.cos(tilt));
+    });
+  }
+  return found;
+}
+
 /* States of launches: the lowest point of the body is at the height of the drop. */
 function states(scene, launches) {
   const angles = launches.map(({ orientation }) => withinTurn(orientation));
-  const { b } = kernel.arms(scene.body, angles);
+  const b = restingHeights(scene, angles);
   return launches.map(({ drop, speed, fall, spin }, i) => ({
     x: scene.x,
     y: drop + b[i],

@@ -60,6 +60,21 @@ function stateAt(rows, t) {
   return state;
 }
 
+/* The ground: heights [m] over the plane of the slope at a place, and the points of a piece of it. */
+function heightOn(profile, x) {
+  if (!profile.length) return 0;
+  const k = profile.findLastIndex(([place]) => place <= x);
+  if (k < 0) return profile[0][1];
+  const [[begin, low], [end, high]] = [profile[k], profile[k + 1] ?? profile[k]];
+  return end > begin ? low + ((x - begin) / (end - begin)) * (high - low) : low;
+}
+
+const groundBetween = (profile, left, right) => [
+  [left, heightOn(profile, left)],
+  ...profile.filter(([x]) => x > left && x < right),
+  [right, heightOn(profile, right)],
+];
+
 /* The slope, descending to the right, and the sled: slope-frame points [m] to pixels. */
 class Scene {
   constructor({ slope, body, size }, points, width, [lowest, highest]) {
@@ -69,11 +84,13 @@ class Scene {
     const top = [-Infinity, -Infinity];
     const ends = slope.length === null ? [0] : [0, slope.length];
     this.last = Math.max(...ends, ...points.map(([x]) => x)); // place that is surely in sight
+    this.first = Math.min(0, ...points.map(([x]) => x));
+    const ground = groundBetween(slope.profile, this.first, this.last);
     for (const point of [
       ...points,
-      ...ends.flatMap((x) => [
-        [x, 0],
-        [x, 2 * size],
+      ...ground.flatMap(([x, y]) => [
+        [x, y],
+        [x, y + 2 * size],
       ]),
     ])
       this.world(...point).forEach((value, k) => {
@@ -105,6 +122,15 @@ class Scene {
     const across = (column - this.W / 2) / this.scale + this.middle[0];
     const up = this.middle[1] - (row - this.H / 2) / this.scale;
     return [across * this.cosine - up * this.sine, across * this.sine + up * this.cosine];
+  }
+
+  height(x) {
+    return heightOn(this.slope.profile, x);
+  }
+
+  /* The surface between two places, so far below it. */
+  surface(left, right, depth = 0) {
+    return groundBetween(this.slope.profile, left, right).map(([x, y]) => this.at(x, y - depth));
   }
 
   at(x, y) {
@@ -154,28 +180,34 @@ class Scene {
     left = Math.min(left, 0) - reach;
     right = Math.max(right, slope.length !== null && !this.follow ? slope.length : 0) + reach;
     parts.push(
-      `<polygon points="${this.at(left, 0)} ${this.at(right, 0)} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="var(--ground)"/>`,
+      `<polygon points="${this.surface(left, right).join(" ")} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="var(--ground)"/>`,
     );
     parts.push(...this.zones(left, right));
     const least = 70 / scale;
     const power = 10 ** Math.floor(Math.log10(least));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= least);
     for (let i = Math.ceil((left + 0.5 * reach) / step), n = 0; i * step < right - 0.5 * reach && n < 2000; i++, n++) {
-      const [column, row] = this.pixel(i * step, -20 / scale);
-      parts.push(`<polyline points="${this.at(i * step, 0)} ${this.at(i * step, -6 / scale)}" stroke="var(--line)"/>`);
+      const surface = this.height(i * step);
+      const [column, row] = this.pixel(i * step, surface - 20 / scale);
+      parts.push(
+        `<polyline points="${this.at(i * step, surface)} ${this.at(i * step, surface - 6 / scale)}" stroke="var(--line)"/>`,
+      );
       if (this.follow || (column > 24 && column < W - 24))
         parts.push(
           `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--pale)">${+(i * step).toPrecision(6)} m</text>`,
         );
     }
-    parts.push(`<polyline points="${this.at(left, 0)} ${this.at(right, 0)}" stroke="var(--line)" stroke-width="2"/>`);
+    parts.push(
+      `<polyline class="surface" points="${this.surface(left, right).join(" ")}" fill="none" stroke="var(--line)" stroke-width="2"/>`,
+    );
     if (slope.length !== null) {
-      const room = (this.pixel(slope.length, 0)[1] - 24) / scale;
-      const top = this.follow ? 4 * this.size : Math.min(4 * this.size, room);
+      const foot = this.height(slope.length);
+      const room = (this.pixel(slope.length, foot)[1] - 24) / scale;
+      const top = foot + (this.follow ? 4 * this.size : Math.min(4 * this.size, room));
       const [end, row] = this.pixel(slope.length, top);
       const column = this.follow ? end : Math.min(end, W - 20);
       parts.push(
-        `<polyline points="${this.at(slope.length, 0)} ${this.at(slope.length, top)}" stroke="var(--ink)" stroke-width="4" ` +
+        `<polyline points="${this.at(slope.length, foot)} ${this.at(slope.length, top)}" stroke="var(--ink)" stroke-width="4" ` +
           `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="var(--pale)">finish</text>`,
       );
     }
@@ -192,7 +224,7 @@ class Scene {
       const end = Math.min(zone.end ?? Infinity, right);
       if (!(begin < end)) continue;
       parts.push(
-        `<polygon class="zone" points="${this.at(begin, 0)} ${this.at(end, 0)} ${this.at(end, -depth)} ${this.at(begin, -depth)}" ` +
+        `<polygon class="zone" points="${[...this.surface(begin, end), ...this.surface(begin, end, depth).reverse()].join(" ")}" ` +
           `fill="${zone.colour}" stroke="var(--line)"/>`,
       );
       const last = Math.min(end, slope.length ?? Infinity, this.follow ? Infinity : this.last);
@@ -201,7 +233,8 @@ class Scene {
       if (!said) continue;
       const count = clamp(Math.floor(((last - begin) * scale) / (0.7 * W)), 1, 2000);
       for (let i = 0; i < count; i++) {
-        const [column, row] = this.pixel(begin + ((i + 0.5) / count) * (last - begin), -44 / scale);
+        const middle = begin + ((i + 0.5) / count) * (last - begin);
+        const [column, row] = this.pixel(middle, this.height(middle) - 44 / scale);
         parts.push(
           `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--ink)">${escaped(said)}</text>`,
         );
@@ -269,7 +302,7 @@ class Scene {
   shift(x, y) {
     // what moves the picture so that the sled stays in it, if it is followed
     const [column, row] = this.pixel(x, y);
-    const [, ground] = this.pixel(x, 0);
+    const [, ground] = this.pixel(x, this.height(x));
     const H = this.H;
     const down = Math.max(Math.min(0.72 * H - ground, 0.85 * H - row), 0.15 * H - row);
     return this.follow ? `translate(${(this.W / 2 - column).toFixed(2)} ${down.toFixed(2)})` : "";

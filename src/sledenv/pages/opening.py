@@ -1,0 +1,59 @@
+"""The ride that the page opens with where nothing is asked for: a sled over gentle bumps, to the finish."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from sledenv.pages.play import given_values, page_content, simulating_page, told_setting
+from sledenv.pages.still import still
+from sledenv.scenarios.sections import BOTH
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.sleds import RIDER, sled
+from sledenv.simulation.support import support_height
+
+_TITLE: Final = "A sled over bumps"
+_QUESTION: Final = (
+    "A rider lies on a sled and rides over three bumps of packed snow. "
+    "The descent ends where the rider touches the snow."
+)
+_HEIGHT, _FACE, _TOP, _GAP, _COUNT = 0.3, 1.5, 0.5, 3.0, 3  # [m] of the bumps, and how many there are
+_LENGTH: Final = 24.0  # [m]
+_DROP: Final = 0.2  # [m]
+
+
+def opening_descent() -> Descent:
+    """Return the ride, with its trajectory."""
+    period = 2.0 * _FACE + _TOP + _GAP
+    bump = ((0.0, 0.0), (_FACE, _HEIGHT), (_FACE + _TOP, _HEIGHT), (2.0 * _FACE + _TOP, 0.0))
+    profile = [(_GAP + k * period + x, y) for k in range(_COUNT) for x, y in bump]
+    body = sled()
+    law = ContactLaw.from_restitution(0.2, stiffness=1e6, friction=0.03, rolling_arm=0.001)
+    slope = Slope(math.radians(12.0), _LENGTH, profile=profile)
+    launch = State(0.0, _DROP + support_height(body, 0.0), 0.0, u=7.0)
+    settings = Settings(max_time=30.0, max_rebounds=200, end_touching=RIDER)
+    return simulate(body, law, slope, launch, settings, record="trajectory")
+
+
+def opening_page() -> str:
+    """Return the page that simulates, opened at the ride."""
+    descent = opening_descent()
+    given = descent.body, descent.law, descent.slope, descent.launch
+    bumps = {"bump_height": _HEIGHT, "bump_face": _FACE, "bump_top": _TOP, "bump_gap": _GAP}
+    context = told_setting("the ride", 0, given_values(*given) | bumps, *given[1:])
+    assert descent.settings is not None
+    return simulating_page(
+        page_content([context], [], descent.law, descent.slope, descent.settings),
+        still(descent),
+        title=_TITLE,
+        id="ride",
+        question=_QUESTION,
+        own=0,
+        axes=BOTH,
+        free=BOTH,
+        bounds={},
+        maps=False,
+    )
