@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sledenv.plot.grounds import frictions
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -126,7 +125,7 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     scale, unit = _time_scale(rows)
     touches = touches_in(descent.body, rows)
     forces = touches.forces
-    bound = frictions(descent.law, descent.slope, forces["x"]) * forces["normal"]
+    bound = descent.slope.friction_at(forces["x"], descent.law.friction) * forces["normal"]
     used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=bound > 0.0)
     curves = [by_label(descent, forces, values, len(rows)) for values in (touches.slip_velocity, used)]
     t = scale * rows["t"]

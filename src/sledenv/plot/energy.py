@@ -26,6 +26,7 @@ from sledenv.plot.trajectories import kinetic, touches_in
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES
+from sledenv.simulation.scene import asymmetry_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,8 +86,8 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
     touches = touches_in(descent.body, rows)
-    squeezed = touches.by_row(np.square(touches.depth), rows)
-    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * squeezed
+    stiffness, asymmetry = _surfaces(descent, touches.forces["x"])
+    stored = touches.by_row(0.5 * stiffness * (1.0 + asymmetry) * np.square(touches.depth), rows)
     lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
     return {
         "translation": translation,
@@ -95,6 +96,18 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
         "stored in the contact": stored,
         **{f"lost by {name}": energy for name, energy in lost.items()},
     }
+
+
+def _surfaces(descent: Descent, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness [N/m] and asymmetry [-] at places ``x`` [m] along the slope, of its shape."""
+    stiffness, asymmetry = np.full(len(x), descent.law.stiffness), np.full(len(x), descent.law.asymmetry)
+    for zone in descent.slope.zones:
+        within = (x >= zone.begin) & (x < zone.end)
+        if zone.stiffness is not None:
+            stiffness[within] = zone.stiffness
+        if zone.restitution is not None:
+            asymmetry[within] = asymmetry_of(zone.restitution)
+    return stiffness, asymmetry
 
 
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
@@ -106,10 +119,11 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     falls = -np.diff(sum(kinetic(descent, rows)))
     touches = touches_in(descent.body, rows)
     forces = touches.forces
+    stiffness, asymmetry = _surfaces(descent, forces["x"])
+    opens = np.maximum(touches.gap_rate, 0.0)
     power = np.stack(
         [
-            # lost while the gap opens
-            touches.by_row(forces["normal"] * np.maximum(touches.gap_rate, 0.0), rows),
+            touches.by_row(2.0 * stiffness * asymmetry * touches.depth * opens, rows),
             touches.by_row(np.abs(forces["tangential"] * touches.slip_velocity), rows),
             np.abs(rows["rolling"] * rows["omega"]),
         ]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.shapes import body_outline, strobe_states, to_world
+from sledenv.plot.grounds import surface
+from sledenv.plot.shapes import body_outline, strobe_times, to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -25,7 +26,7 @@ from sledenv.plot.style import (
     styled,
 )
 from sledenv.plot.trajectories import contact_rows, opening
-from sledenv.simulation.interpolation import drawable_rows
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -266,7 +267,8 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
         for (upper, lower), (title, descent) in zip(grid.T, panels.items(), strict=True):
             rows = contact_rows(descent)
             t = 1e3 * rows["t"]
-            bound = descent.law.friction * rows["normal"]
+            touching = rows["contacts"]["x"][:, 0]
+            bound = descent.slope.friction_at(touching, descent.law.friction) * rows["normal"]
             upper.plot(t, rows["normal"], color=BLUE)
             upper.set_title(title, loc="left")
             lower.fill_between(t, -bound, bound, color=SHADE, lw=0.0, label="$|F| \\leq f P$")
@@ -323,12 +325,13 @@ def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float 
         for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
             rows, slope = drawable_rows(ride), ride.slope
             right = slope.length + 2.0
-            ground = np.array([(-2.0, 0.0), *slope.profile, (right, 0.0)])
-            ax.fill_between(ground[:, 0], ground[:, 1], -0.6, color=SHADE, lw=0.0)
+            ground = surface(slope, -2.0, right)
+            foot = float(ground[:, 1].min()) - 0.6
+            ax.fill_between(ground[:, 0], ground[:, 1], foot, color=SHADE, lw=0.0)
             ax.plot(*ground.T, color=INK, lw=0.8)
-            for state in strobe_states(ride.body, rows, interval):
+            for state in states_at(rows, strobe_times(ride.body, rows, interval)):
                 ax.plot(*body_outline(ride.body, *state[:3].tolist()).T, color=colour, lw=0.8)
-            ax.set(aspect="equal", xlim=(-2.0, right), ylim=(-0.6, 1.9), ylabel="[m]")
+            ax.set(aspect="equal", xlim=(-2.0, right), ylim=(foot, float(rows["y"].max()) + ride.body.size), ylabel="[m]")
             ax.set_title(f"{name}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
             weight = ride.body.mass * slope.gravity
             loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=name)
