@@ -13,18 +13,24 @@ LINE: Final = "#788a9c"  # around a band, with which one as slippery as the grou
 _ICE, _SNOW, _MAT = (200, 231, 252), (216, 221, 227), (152, 162, 172)  # as slippery as can be, as the ground, rough
 
 
-def surface(slope: Slope, left: float, right: float) -> np.ndarray:
-    """Return the line of the ground between two places [m] along a slope.
+def surface(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
+    """Return the line of the ground between two places.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 2)
+        ``Slope.vertices``, or a line that this function has returned and that goes further.
+    left, right : float
+        Along the slope [m].
 
     Returns
     -------
-    ndarray, shape (n, 2)
-        Columns x, y [m] in the slope frame, n >= 2: both places, and the vertices of the profile between them.
+    ndarray, shape (m, 2)
+        Columns x, y [m] in the slope frame, m >= 2: both places, and the vertices between them.
     """
-    vertices = slope.vertices
     between = vertices[(left < vertices[:, 0]) & (vertices[:, 0] < right)]
-    ends = np.array([left, right])
-    return np.insert(np.stack([ends, slope.height_at(ends)], axis=-1), 1, between, axis=0)
+    heights = np.interp([left, right], *vertices.T) if len(vertices) else np.zeros(2)
+    return np.insert(np.stack([[left, right], heights], axis=-1), 1, between, axis=0)
 
 
 def below(line: np.ndarray, depth: float) -> np.ndarray:
@@ -72,9 +78,9 @@ class Band(NamedTuple):
         """What there is room for, which is so many letters wide; nothing if need be."""
         return next((text for text in (self.words, self.brief) if len(text) + 1.0 <= room), "")
 
-    def outline(self, slope: Slope, depth: float) -> np.ndarray:
-        """Corners [m] of the band, which is so deep below each piece of the ground, shape (n, 2), slope frame."""
-        line = surface(slope, self.begin, self.end)
+    def outline(self, vertices: np.ndarray, depth: float) -> np.ndarray:
+        """Corners [m] of the band, so deep below each piece of the ground of :func:`surface`, shape (n, 2)."""
+        line = surface(vertices, self.begin, self.end)
         return np.concatenate([line, below(line, depth)[::-1]])
 
 

@@ -325,7 +325,7 @@ def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float 
         for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
             rows, slope = drawable_rows(ride), ride.slope
             right = slope.length + 2.0
-            ground = surface(slope, -2.0, right)
+            ground = surface(slope.vertices, -2.0, right)
             foot = float(ground[:, 1].min()) - 0.6
             ax.fill_between(ground[:, 0], ground[:, 1], foot, color=SHADE, lw=0.0)
             ax.plot(*ground.T, color=INK, lw=0.8)

@@ -137,7 +137,7 @@ def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
     slope, path = descent.slope, np.stack([rows["x"], rows["y"]], axis=-1)
     ends = [0.0, slope.length] if whole and math.isfinite(slope.length) else []
     places = [*path[:, 0].tolist(), *ends]
-    ground = surface(slope, min(places), max(places))
+    ground = surface(slope.vertices, min(places), max(places))
     world = to_world(np.concatenate([path, ground]), slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
     sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
@@ -150,7 +150,7 @@ def _seen(ax: Axes, descent: Descent) -> np.ndarray:
     """Return the line of the ground [m] through a panel, and beyond its edges, slope frame."""
     corners = np.stack(np.meshgrid(ax.get_xlim(), ax.get_ylim()), axis=-1).reshape(-1, 2)
     x = to_world(corners, -descent.slope.angle)[:, 0]
-    return surface(descent.slope, float(x.min()), float(x.max()))
+    return surface(descent.slope.vertices, float(x.min()), float(x.max()))
 
 
 def _draw_slope(ax: Axes, descent: Descent) -> None:
@@ -173,14 +173,14 @@ def _draw_zones(ax: Axes, descent: Descent) -> None:
     depth, letter = _BAND * wide, 0.55 * _LETTERS * wide
     shown = in_sight(line, to_world(line, slope.angle), low, high)
     for band in bands(slope, descent.law.friction, *shown):
-        corners = to_world(band.outline(slope, depth), slope.angle)
+        corners = to_world(band.outline(line, depth), slope.angle)
         ax.fill(*corners.T, facecolor=band.colour, edgecolor=LINE, lw=0.6, zorder=0.5)
         before_finish = max(min(band.end, slope.length), band.begin)
         middle, said = 0.5 * (band.begin + before_finish), band.label((before_finish - band.begin) / letter)
         if not said:
             continue
         half = 0.5 * letter * len(said)
-        over = surface(slope, middle - half, middle + half)
+        over = surface(line, middle - half, middle + half)
         under = float(below(over, depth)[:, 1].min())
         x, y = to_world((middle, under - 0.9 * _LETTERS * wide), slope.angle)
         turn: dict[str, Any] = {
