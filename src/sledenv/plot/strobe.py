@@ -12,7 +12,7 @@ import numpy as np
 from sledenv.plot.grounds import LINE, bands, below, in_sight, surface
 from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, pose_times, strobe_poses
 from sledenv.plot.shapes import body_outline, contact_paths, heavy_side, placed, spoke, to_world
-from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, styled
+from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, plain, styled
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
@@ -96,7 +96,7 @@ def plot_strobe(
             ax.set_ylim(box[0, 1], box[1, 1])
             ax.set_aspect("equal")
             ax.set_ylabel("height [m]")
-            ax.set_title(outcome(descent) if labels is None else f"{labels[i]}: {outcome(descent)}", loc="left")
+            ax.set_title(outcome(descent) if labels is None else f"{plain(labels[i])}: {outcome(descent)}", loc="left")
             _draw_slope(ax, descent)
             _draw_zones(ax, descent)
             _draw_contacts(ax, descent)
