@@ -88,8 +88,11 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
     touches = touches_in(descent.body, rows)
-    compression, loading, _ = _springs(descent, touches, rows)
+    compression, loading, _ = _springs(descent, touches)
     stored = touches.by_row(0.5 * loading * np.square(compression), rows)
+    # Where a gap turns, the force of the second of two rows tells how far a spring is compressed that began inside.
+    turns = np.diff(rows["t"]) == 0.0
+    stored[:-1][turns] = np.minimum(stored[:-1], stored[1:])[turns]
     lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
     return {
         "translation": translation,
@@ -100,7 +103,7 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _springs(descent: Descent, touches: Touches, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _springs(descent: Descent, touches: Touches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compression [m] of each contact and its stiffness [N/m] while the gap closes and while it opens.
 
     It is less than the depth where a spring began to be compressed inside the ground.
@@ -114,9 +117,7 @@ def _springs(descent: Descent, touches: Touches, rows: np.ndarray) -> tuple[np.n
         if zone.restitution is not None:
             asymmetry[within] = asymmetry_of(zone.restitution)
     loading, unloading = stiffness * (1.0 + asymmetry), stiffness * (1.0 - asymmetry)
-    before_jump = np.append(np.diff(rows["t"]) == 0.0, False)[touches.forces["row"]]  # of the force, where a gap turns
-    opens = touches.gap_rate > np.where(before_jump, _STILL, -_STILL)
-    pressed = np.where(opens, unloading, loading)
+    pressed = np.where(touches.gap_rate > -_STILL, unloading, loading)
     within = np.divide(normal, pressed, out=np.full(len(x), np.inf), where=pressed > 0.0)
     return np.minimum(within, touches.depth), loading, unloading
 
@@ -130,7 +131,7 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     falls = -np.diff(sum(kinetic(descent, rows)))
     touches = touches_in(descent.body, rows)
     forces = touches.forces
-    compression, loading, unloading = _springs(descent, touches, rows)
+    compression, loading, unloading = _springs(descent, touches)
     opens = np.maximum(touches.gap_rate, 0.0)
     power = np.stack(
         [
