@@ -58,7 +58,7 @@ def bumpy() -> Slope:
 
 
 def hillside() -> Slope:
-    """A hillside of 60 random pieces, steep above and nearly level below, with two zones; heights are those of a map."""
+    """A hillside of 60 random pieces, steep above and nearly level below, with two zones; the plane is level."""
     rng = np.random.default_rng(3)
     along = rng.uniform(0.8, 2.4, 60)
     grade = np.append(rng.uniform(-1.3, -0.1, 40), rng.uniform(-0.2, 0.1, 20))

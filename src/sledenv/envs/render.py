@@ -187,7 +187,7 @@ class DescentRenderer:
         if whole.scale * self._reach >= whole.height / 48.0:
             return whole
         scale = whole.height / (10.0 * self._reach)
-        # The surface stays in sight while the sled is low: the mean one in the picture, so that the camera moves gently.
+        # The surface stays in sight while the sled is low: its mean height, so that the camera moves gently.
         ahead = np.linspace(-0.5, 0.5, _PLACES) * whole.width / scale
         ground, low = float(slope.height_at(state.x + ahead).mean()), 0.3 * whole.height / scale
         y = max(min(state.y, ground + low), state.y - low)

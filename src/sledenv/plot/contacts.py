@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_ROUNDING: Final = 1e-12  # of the largest force: less is that of a zero
 _FORCES: Final = ("normal", "tangential")
 _SEVERAL: Final = (SKY, ORANGE, PURPLE, GREEN, RED, BLUE)  # contacts, where there is not one alone
 
@@ -127,7 +128,8 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     touches = touches_in(descent.body, rows)
     forces = touches.forces
     bound = descent.slope.friction_at(forces["x"], descent.law.friction) * forces["normal"]
-    used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=bound > 0.0)
+    loaded = (bound > 0.0) & (forces["normal"] > _ROUNDING * forces["normal"].max())
+    used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=loaded)
     curves = [by_label(descent, forces, values, len(rows)) for values in (touches.slip_velocity, used)]
     t = scale * rows["t"]
     # A step of a contact has one mode from its first row to its last.

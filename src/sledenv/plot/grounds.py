@@ -1,4 +1,4 @@
-"""The ground in pictures: the line of its surface, what of it is in sight, and the places, colours and words of zones."""
+"""The ground in pictures: its line, what of it is in sight, and the places, colours and words of zones."""
 
 from __future__ import annotations
 

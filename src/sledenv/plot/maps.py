@@ -214,7 +214,16 @@ def plot_jam_map(
             if not finished.all():
                 ax.contourf(degrees, spin, ~finished, levels=[0.5, 1.5], colors="none", hatches=["////"])
             if mark is not None:
-                ax.plot(np.degrees(mark[0]), mark[1], marker="X", ms=10.0, color=RED, mec="white", ls="", label=plain(mark[2]))
+                ax.plot(
+                    np.degrees(mark[0]),
+                    mark[1],
+                    marker="X",
+                    ms=10.0,
+                    color=RED,
+                    mec="white",
+                    ls="",
+                    label=plain(mark[2]),
+                )
             ax.set_title(plain(title), loc="left")
             ax.set_ylabel("spin $\\omega$ at launch [rad/s]")
             _show_whole_cells(ax, degrees, spin)

@@ -332,7 +332,9 @@ def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float 
             ax.plot(*ground.T, color=INK, lw=0.8)
             for state in states_at(rows, strobe_times(ride.body, rows, interval)):
                 ax.plot(*body_outline(ride.body, *state[:3].tolist()).T, color=colour, lw=0.8)
-            ax.set(aspect="equal", xlim=(-2.0, right), ylim=(foot, float(rows["y"].max()) + ride.body.size), ylabel="[m]")
+            ax.set(
+                aspect="equal", xlim=(-2.0, right), ylim=(foot, float(rows["y"].max()) + ride.body.size), ylabel="[m]"
+            )
             ax.set_title(f"{plain(name)}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
             weight = ride.body.mass * slope.gravity
             loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=plain(name))

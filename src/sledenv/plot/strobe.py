@@ -162,8 +162,9 @@ def _draw_slope(ax: Axes, descent: Descent) -> None:
     ax.add_collection(PolyCollection([ground], facecolors=GROUND, edgecolors="none", zorder=0))
     ax.plot(*to_world(line, slope.angle).T, color=INK, lw=1.0, zorder=1)
     if math.isfinite(slope.length):
-        foot = np.array([slope.length, slope.height_at(slope.length)])
-        ax.plot(*to_world([foot, foot + (0.0, 1e3)], slope.angle).T, color=INK, lw=1.2, ls=DASHES, zorder=1)
+        base = float(slope.height_at(slope.length))
+        post = [(slope.length, base), (slope.length, base + 1e3)]
+        ax.plot(*to_world(post, slope.angle).T, color=INK, lw=1.2, ls=DASHES, zorder=1)
 
 
 def _draw_zones(ax: Axes, descent: Descent) -> None:
@@ -179,7 +180,7 @@ def _draw_zones(ax: Axes, descent: Descent) -> None:
         middle, said = 0.5 * (band.begin + before_finish), band.label((before_finish - band.begin) / letter)
         if not said:
             continue
-        half = 0.5 * letter * len(said)
+        half = 0.5 * letter * len(said) + depth
         over = surface(line, middle - half, middle + half)
         under = float(below(over, depth)[:, 1].min())
         x, y = to_world((middle, under - 0.9 * _LETTERS * wide), slope.angle)
