@@ -134,6 +134,21 @@ def test_pushes_stand_on_what_is_touched(ride: Descent) -> None:
     assert kinds == {0, 1}
 
 
+def test_a_touch_without_duration_is_where_the_profile_is_touched() -> None:
+    """Oracle: the place and the piece that the descent recorded when its time was over."""
+    ride = ride_of("rock")
+    touchdown = ride.rebounds[0]
+    cut = simulate(*PROFILES["rock"], record="trajectory", max_time=float(touchdown["t_touchdown"]))
+    assert cut.rebounds["duration"].tolist() == [0.0]
+    push = push_at(cut, cut.time)
+    assert push is not None
+    (touch,), (path,) = push.touches, contact_paths(cut)
+    along, up = tangents(ride.slope.vertices)[touchdown["ground"] // 2]
+    assert [touch["normal_x"], touch["normal_y"]] == pytest.approx([-up, along])
+    assert [touch["x"], touch["y"]] == pytest.approx(path[0], abs=1e-6)
+    assert touch["y"] == pytest.approx(ride.slope.height_at(touch["x"])) != 0.0
+
+
 def test_zones_lie_along_the_pieces() -> None:
     """Oracle: their upper edges are the ground between their ends; words stand below the ground."""
     ride = ride_of("rock")

@@ -322,10 +322,9 @@ def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float 
         figure = Figure(figsize=(1.5 * WIDTH, 1.6 * len(rides) + 3.0), layout="constrained")
         heights = [*[1.0] * len(rides), 2.2]
         axes: list[Axes] = list(figure.subplots(len(rides) + 1, 1, sharex=True, height_ratios=heights))
-        loads = axes[-1]
+        loads, right = axes[-1], max(ride.slope.length for ride in rides.values()) + 2.0
         for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
             rows, slope = drawable_rows(ride), ride.slope
-            right = slope.length + 2.0
             ground = surface(slope.vertices, -2.0, right)
             foot = float(ground[:, 1].min()) - 0.6
             ax.fill_between(ground[:, 0], ground[:, 1], foot, color=SHADE, lw=0.0)

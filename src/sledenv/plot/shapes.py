@@ -14,6 +14,7 @@ from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, 
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.records import CONTACT_FORCES, Status
+from sledenv.simulation.scene import tangents
 
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
 DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
@@ -261,7 +262,10 @@ def push_at(descent: Descent, time: float) -> Push | None:
     rebound = log[i]
     if rebound["duration"] == 0.0:
         touch = np.zeros(1, CONTACT_FORCES)
-        touch["x"], touch["normal_y"] = rebound["x_contact"], 1.0
+        touch["x"], touch["y"] = rebound["x_contact"], descent.slope.height_at(rebound["x_contact"])
+        piece, vertex = divmod(int(rebound["ground"]), 2)  # at a vertex, between the normals of both pieces
+        along, up = tangents(descent.slope.vertices)[piece : piece + 1 + vertex].sum(axis=0).tolist()
+        touch["normal_x"], touch["normal_y"] = -up / math.hypot(along, up), along / math.hypot(along, up)
         touch["part"], touch["ground"] = rebound["feature"], rebound["ground"]
         touch["normal"], touch["tangential"] = rebound["normal_impulse"], rebound["tangential_impulse"]
         return Push(i, touch, int(rebound["feature"]), 0, 0, float(rebound["normal_impulse"]), True)
