@@ -118,8 +118,8 @@ def _springs(descent: Descent, touches: Touches) -> tuple[np.ndarray, np.ndarray
             asymmetry[within] = asymmetry_of(zone.restitution)
     loading, unloading = stiffness * (1.0 + asymmetry), stiffness * (1.0 - asymmetry)
     pressed = np.where(touches.gap_rate > -_STILL, unloading, loading)
-    within = np.divide(normal, pressed, out=np.full(len(x), np.inf), where=pressed > 0.0)
-    return np.minimum(within, touches.depth), loading, unloading
+    compression = np.divide(normal, pressed, out=np.full(len(x), np.inf), where=pressed > 0.0)
+    return np.minimum(compression, touches.depth), loading, unloading
 
 
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
