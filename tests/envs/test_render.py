@@ -14,7 +14,7 @@ import pygame
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from sledenv.envs.canvas import FORCE, HEAVY, SHELL, Camera
+from sledenv.envs.canvas import FORCE, HEAVY, SHELL, SKY, Camera, Canvas
 from sledenv.envs.render import DescentRenderer, _push_words
 from sledenv.kernel.records import Mode, Status
 from sledenv.plot.grounds import bands
@@ -29,7 +29,7 @@ from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import DISC, HILL, ICE, MAT, UGLY, run
-from tests.plot.outlined import RIDDEN, SETTINGS, descent_of
+from tests.plot.outlined import PROFILES, RIDDEN, SETTINGS, descent_of, ride_of
 
 PANEL = 486  # first row of the panel in a picture of 960 x 540
 
@@ -170,6 +170,78 @@ def test_zones_are_bands_below_the_surface(renderer: DescentRenderer) -> None:
             assert len(rows) > 500
     for image in (renderer.frame(plain, 0.0), renderer.strobe(plain), renderer.launch_frame(HILL, plain.launch)):
         assert all(len(drawn_in(image[:PANEL], colour)[0]) < 100 for colour in colours)
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_the_ground_is_drawn_as_it_is(name: str) -> None:
+    """Oracle: the heights of the slope where the camera has them: sky just above, ground or a zone just below.
+
+    Body, path and contacts hide some of it.
+    """
+    ride = ride_of(name)
+    renderer = DescentRenderer(ride.body)
+    for time in np.linspace(0.0, ride.time, 4).tolist():
+        camera, image = renderer.camera(ride, time), renderer.frame(ride, time)
+        x = camera.x + np.linspace(-0.5, 0.5, 400) * camera.width / camera.scale
+        places = camera.pixels(np.stack([x, ride.slope.height_at(x)], axis=-1)).round().astype(int)
+        columns, rows = places[((places > 4) & (places < (camera.width - 4, camera.height - 4))).all(axis=1)].T
+        assert len(rows) > 100
+        above, below = ((image[rows + away, columns] == SKY).all(axis=-1).mean() for away in (-4, 4))
+        assert above > (0.9 if time == 0.0 else 0.4)
+        assert below < 0.02
+
+
+def test_a_film_of_a_long_hillside_follows_the_body_and_keeps_the_ground_in_sight() -> None:
+    """Oracles: the place of the body in the picture; the ground under it, which is many pictures lower at the end."""
+    ride = ride_of("rock")
+    renderer = DescentRenderer(ride.body)
+    cameras = [renderer.camera(ride, time) for time in film_times(ride, 30.0).tolist()]
+    assert len(cameras) > 100
+    scale = cameras[0].scale
+    assert {camera.scale for camera in cameras} == {scale}
+    assert cameras[0].y - cameras[-1].y > 2.0 * cameras[0].height / scale
+    for camera, time in zip(cameras, film_times(ride, 30.0).tolist(), strict=True):
+        x, y = states_at(ride.trajectory, [time])[0, :2].tolist()
+        column, row = camera.pixels(np.array([x, y])).tolist()
+        assert column == pytest.approx(480.0)
+        assert 0.15 * camera.height < row < 0.85 * camera.height
+        assert camera.pixels(np.array([x, float(ride.slope.height_at(x))]))[1] < camera.height
+    steps = np.abs(np.diff([camera.y for camera in cameras])) * scale
+    moves = np.abs(np.diff([states_at(ride.trajectory, [t])[0, 1] for t in film_times(ride, 30.0)])) * scale
+    assert steps.max() < moves.max() + 1.0  # the camera moves as gently as the body
+
+
+def test_a_track_that_fits_is_seen_as_a_whole() -> None:
+    """Oracle: all vertices of the profile and the finish are in the picture at all times."""
+    ride = ride_of("sled")
+    renderer = DescentRenderer(ride.body)
+    camera = renderer.camera(ride, 0.0)
+    assert renderer.camera(ride, 3.0) == camera
+    columns, rows = camera.pixels(np.append(ride.slope.vertices, [(ride.slope.length, 0.0)], axis=0)).T
+    assert 0.0 < columns.min() < columns.max() < 960.0
+    assert 0.0 < rows.min() < rows.max() < PANEL
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_cones_stand_on_the_piece_that_they_belong_to(name: str) -> None:
+    """Oracles: the normal of the contact halves the cone; its half-angle is that of Coulomb's law in the zone."""
+    ride = ride_of(name)
+    renderer = DescentRenderer(ride.body)
+    turned = set()
+    for rebound in ride.rebounds:
+        time = 0.5 * float(rebound["t_touchdown"] + rebound["t"])
+        push = push_at(ride, time)
+        assert push is not None
+        canvas = Canvas(renderer.size, renderer.camera(ride, time), ride.slope)
+        frictions = ride.slope.friction_at(push.touches["x"], ride.law.friction)
+        for touch, friction in zip(push.touches, frictions.tolist(), strict=True):
+            foot, edges = canvas.cone_edges(touch, friction)
+            normal = np.array([touch["normal_x"], touch["normal_y"]])
+            sides = (edges - foot) / np.hypot(*(edges - foot).T)[:, np.newaxis]
+            assert sides @ normal == pytest.approx(math.cos(math.atan(friction)), rel=1e-3)
+            assert foot[1] == pytest.approx(ride.slope.height_at(foot[0]), abs=0.3)
+            turned.add(round(float(normal[0]), 2))
+    assert len(turned) > 1
 
 
 def test_the_grip_is_that_of_the_zone(renderer: DescentRenderer) -> None:

@@ -1,16 +1,20 @@
-"""Bodies of other outlines than a segment, and descents of them, for pictures and pages."""
+"""Bodies of other outlines than a segment, and descents of them, over profiles too, for pictures and pages."""
 
 from __future__ import annotations
 
 import functools
+import math
 from typing import Final
+
+import numpy as np
 
 from sledenv.simulation import sleds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import bulged
-from sledenv.simulation.scene import ContactLaw, Slope
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.shapes import hull, polygon, rod
+from sledenv.simulation.simulate import simulate
 from tests.bodies import run
 
 
@@ -43,3 +47,33 @@ SETTINGS: Final = {
 def descent_of(name: str, solver: str) -> Descent:
     """Return the descent of one of these bodies, with its trajectory."""
     return run(*SETTINGS[name], solver=solver)  # type: ignore[arg-type]
+
+
+def bumpy() -> Slope:
+    """Eight bumps."""
+    feet = 4.0 + 4.4 * np.arange(8.0)
+    corners = np.array([(0.0, 0.0), (1.5, 0.3), (2.0, 0.3), (3.5, 0.0)])
+    profile = corners + np.stack([feet, 0.0 * feet], axis=-1)[:, np.newaxis]
+    return Slope(math.radians(9.0), 42.0, profile=profile.reshape(-1, 2))
+
+
+def hillside() -> Slope:
+    """A hillside of 60 random pieces, steep above and nearly level below, with two zones; the plane is level."""
+    rng = np.random.default_rng(3)
+    along = rng.uniform(0.8, 2.4, 60)
+    grade = np.append(rng.uniform(-1.3, -0.1, 40), rng.uniform(-0.2, 0.1, 20))
+    profile = np.insert(np.cumsum(np.stack([along, along * grade], axis=-1), axis=0), 0, 0.0, axis=0)
+    zones = [Zone(20.0, 40.0, 0.3, 0.01, restitution=0.2, stiffness=5e6), Zone(60.0, math.inf, 0.8, 0.05)]
+    return Slope(0.0, profile[-1, 0] + 10.0, zones=zones, profile=profile)
+
+
+PROFILES: Final = {
+    "sled": (RIDDEN, _SNOW._replace(friction=0.03), bumpy(), State(0.0, 0.6, 0.1, 6.0)),
+    "rock": (BOULDER, _ROCK, hillside(), State(-0.5, 1.2, 0.3, 4.0, 0.0, -2.0)),
+}
+
+
+@functools.cache
+def ride_of(name: str) -> Descent:
+    """Return the descent of one of these bodies over its profile, with its trajectory."""
+    return simulate(*PROFILES[name], record="trajectory")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from sledenv import plot
-from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, strobe_poses
-from sledenv.plot.shapes import body_outline, strobe_states
+from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, pose_times
+from sledenv.plot.shapes import body_outline, strobe_times
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outlines import arms_of
@@ -87,11 +87,11 @@ def test_poses_of_a_strobe_picture_are_apart() -> None:
     """Oracle: those of any body, of which some are left out."""
     descent = descent_of("ridden", "compliant")
     rows = drawable_rows(descent)
-    apart, all_of_them = strobe_poses(RIDDEN, rows, 0.1), strobe_states(RIDDEN, rows, 0.1)
+    apart, all_of_them = pose_times(RIDDEN, rows, 0.1), strobe_times(RIDDEN, rows, 0.1)
     assert 2 < len(apart) < len(all_of_them)
-    assert np.isin(apart[:, 0], all_of_them[:, 0]).all()
+    assert np.isin(apart, all_of_them).all()
     other = drawable_rows(descent_of("rider", "compliant"))
-    assert (strobe_poses(HAT, other, 0.1) == strobe_states(HAT, other, 0.1)).all()
+    assert (pose_times(HAT, other, 0.1) == strobe_times(HAT, other, 0.1)).all()
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])

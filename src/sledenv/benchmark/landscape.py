@@ -18,7 +18,7 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.inputs import Contexts
 from sledenv.pages.play import Mark
-from sledenv.plot.style import INK
+from sledenv.plot.style import INK, plain
 from sledenv.scenarios.scenario import Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
 
@@ -137,7 +137,7 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
             figure.colorbar(image, ax=ax, label=f"reward at the best {' and '.join(others)}" if others else "reward")
         else:
             ax.plot(axes[0], one.rewards, color=INK, lw=0.9)
-        ax.set(xlabel=labels[0], ylabel=labels[1] if len(names) == 2 else "reward", title=title)
+        ax.set(xlabel=labels[0], ylabel=labels[1] if len(names) == 2 else "reward", title=plain(title))
         height = "action_1" if len(names) == 2 else "reward"
 
         def place(rows: Any) -> tuple[Any, Any]:

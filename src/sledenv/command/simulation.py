@@ -72,8 +72,8 @@ def simulate(
     """Simulate one descent of a scenario.
 
     Prints what was simulated, the rebounds, how it ended, jam metrics and energy ledger. Positions and velocities are
-    those of the mass centre, in the frame of the slope: x downhill, y along the outward normal, angles
-    counter-clockwise.
+    those of the mass centre, in the frame of the slope, a profile's plane: x downhill, y along the outward normal,
+    angles counter-clockwise.
 
     A rebound is a contact, short or long: t and x are those of its end, velocities those before and after. grip is the
     impulse of friction over the most that it could be, loss the share of u that is gone, 0 where u has grown. A last

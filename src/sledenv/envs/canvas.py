@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sledenv.plot.grounds import LINE, bands
+from sledenv.plot.grounds import LINE, bands, below, in_sight, surface
 from sledenv.plot.riders import HULL, TOUCHED, pieces
 from sledenv.plot.shapes import Push, body_outline, heavy_side, placed, spoke, to_world
 from sledenv.simulation.bodies import Body
@@ -33,7 +33,7 @@ FORCE: Colour = (160, 30, 110)
 
 _SHARPNESS = 2  # shapes are drawn this many times larger and smoothed down
 _PANEL = 0.1  # of the height: the panel with the numbers, below the picture
-_BAND, _WORDS = 13.0, 50.0  # [px] depth of a zone below the surface, and of its words
+_BAND, _MARKS, _WORDS = 13.0, 10.8, 37.0  # [px] depth of a zone below the surface; of marks' and its words below it
 _LETTER = 6.5  # [px] width
 _FAR = 20_000.0  # [px] from the middle of a picture
 _CONE_HEIGHT = 0.3  # of the height of the picture; the largest force of a contact is as long
@@ -59,11 +59,13 @@ class Camera(NamedTuple):
 class Canvas:
     """A picture while it is being drawn; points are slope-frame metres."""
 
-    def __init__(self, size: tuple[int, int], camera: Camera):
+    def __init__(self, size: tuple[int, int], camera: Camera, slope: Slope):
         import pygame
 
         self.size = size
         self.camera = camera
+        self.slope = slope
+        self.line_of_ground = surface(slope.vertices, *self.sight())
         self.surface = pygame.Surface((_SHARPNESS * camera.width, _SHARPNESS * camera.height), 0, 32)
         self.surface.fill(SKY)
         self.labels: list[tuple[str, float, float]] = []  # text, column and row [px] of its middle
@@ -90,59 +92,49 @@ class Canvas:
 
         pygame.draw.circle(self.surface, colour, self.points(np.array([(x, y)]))[0], _SHARPNESS * radius)
 
-    def slope(self, slope: Slope, size: float) -> None:
-        """Draw the ground, a mark every so many metres and the finish; ``size`` [m] is that of the sled."""
+    def ground(self, friction: float, size: float) -> None:
+        """Draw the ground, a mark every so many metres, the finish and zones, which are bands below the surface.
+
+        ``friction`` [-] is that of the ground around the zones, ``size`` [m] that of the sled.
+        """
         import pygame
 
-        camera = self.camera
+        camera, slope, line = self.camera, self.slope, self.line_of_ground
         left, right = self.sight()
-        half = 0.5 * (right - left)
-        ground = np.array(
-            [(left, 0.0), (right, 0.0), (right, -2.0 * half - abs(camera.y)), (left, -2.0 * half - abs(camera.y))]
-        )
+        deep = min(camera.y, float(line[:, 1].min())) - (right - left)
+        ground = np.concatenate([line, [(right, deep), (left, deep)]])
         pygame.draw.polygon(self.surface, SNOW, self.points(ground))
         step = self.mark_step()
-        first = math.ceil(left / step)
         tick = 7.0 / camera.scale
-        for i in range(first, first + math.ceil(2.0 * half / step)):
-            self.line(np.array([(i * step, 0.0), (i * step, -tick)]), SURFACE, 1.0)
-            column, row = camera.pixels(np.array([i * step, -3.4 * tick])).tolist()
-            if 25.0 < column < camera.width - 25.0 and 0.0 < row < camera.height:
-                self.labels.append((f"{i * step:g} m", column, row))
-        self.line(ground[:2], SURFACE, 2.0)
+        for i in range(math.ceil(left / step), math.ceil(right / step)):
+            foot = np.array([i * step, np.interp(i * step, *line.T)])
+            self.line(np.array([foot, foot - (0.0, tick)]), SURFACE, 1.0)
+            self._write_below(f"{i * step:g} m", i * step, _MARKS)
+        self.line(line, SURFACE, 2.0)
         if math.isfinite(slope.length):
+            base = slope.height_at(slope.length)
             for i in range(8):  # a chequered post
-                post = np.array([(slope.length, 0.5 * size * i), (slope.length, 0.5 * size * (i + 1))])
+                post = np.array([(slope.length, base + 0.5 * size * k) for k in (i, i + 1)])
                 self.line(post, INK if i % 2 == 0 else SNOW, 4.0)
-
-    def zones(self, slope: Slope, friction: float) -> None:
-        """Draw the zones of a slope as bands below its surface; ``friction`` is that of the ground around them."""
-        import pygame
-
-        camera = self.camera
-        depth = _BAND / camera.scale
-        for band in bands(slope, friction, *self.sight()):
-            corners = np.array([(band.begin, 0.0), (band.end, 0.0), (band.end, -depth), (band.begin, -depth)])
+        for band in bands(slope, friction, left, right):
+            corners = band.outline(line, _BAND / camera.scale)
             pygame.draw.polygon(self.surface, _rgb(band.colour), self.points(corners))
             self.line(np.concatenate([corners, corners[:1]]), _rgb(LINE), 1.0)
         # Words stand in the middle of what can be seen of a zone.
-        left, right = self._within()
+        picture = np.array([camera.width, camera.height])
+        left, right = in_sight(line, camera.pixels(line), 0.0 * picture, picture)
         for band in bands(slope, friction, left, min(right, slope.length)):
-            column, row = camera.pixels(np.array([0.5 * (band.begin + band.end), -_WORDS / camera.scale])).tolist()
             said = band.label((band.end - band.begin) * camera.scale / _LETTER)
-            if said and 0.0 < row < camera.height:
-                self.labels.append((said, column, row))
+            self._write_below(said, 0.5 * (band.begin + band.end), _WORDS)
 
-    def _within(self) -> tuple[float, float]:
-        """Ends [m] of the part of the surface that is in the picture; the first is the larger one if there is none."""
+    def _write_below(self, text: str, x: float, depth: float) -> None:
+        """Write a text so far [px] below the bands of the ground that is over it, around a place [m], if in sight."""
         camera = self.camera
-        low, high = -math.inf, math.inf
-        at, along = camera.pixels(np.array([(camera.x, 0.0), (camera.x + 1.0, 0.0)]))
-        for start, step, size in zip(at.tolist(), (along - at).tolist(), (camera.width, camera.height), strict=True):
-            if abs(step) > 1e-9:
-                ends = sorted((camera.x - start / step, camera.x + (size - start) / step))
-                low, high = max(low, ends[0]), min(high, ends[1])
-        return low, high
+        band, half = _BAND / camera.scale, (0.5 * _LETTER * len(text) + _BAND) / camera.scale
+        low = float(below(surface(self.line_of_ground, x - half, x + half), band)[:, 1].min())
+        column, row = camera.pixels(np.array([x, low - depth / camera.scale])).tolist()
+        if text and 25.0 < column < camera.width - 25.0 and 0.0 < row < camera.height:
+            self.labels.append((text, column, row))
 
     def path(self, points: np.ndarray) -> None:
         """Draw the path of the mass centre."""

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from sledenv.envs.canvas import Camera, Canvas, panel_height
-from sledenv.plot.grounds import frictions
+from sledenv.plot.grounds import surface
 from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import Push, contact_paths, film_times, push_at, to_world
 from sledenv.simulation.bodies import Body
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _SMALLEST = (160, 90)  # [px]
 _STROBE_POSES = 18
+_PLACES = 65  # of which the camera takes the mean height
 
 
 class DescentRenderer:
@@ -91,9 +92,8 @@ class DescentRenderer:
         now = min(max(float(time), 0.0), descent.time)
         state = State.found(states_at(rows, [now])[0].tolist())
         camera = self.camera(descent, now)
-        canvas = Canvas(self.size, camera)
-        canvas.slope(descent.slope, self._reach)
-        canvas.zones(descent.slope, descent.law.friction)
+        canvas = Canvas(self.size, camera, descent.slope)
+        canvas.ground(descent.law.friction, self._reach)
         past = rows[rows["t"] <= now]
         canvas.path(np.stack([np.append(past["x"], state.x), np.append(past["y"], state.y)], axis=-1))
         canvas.contacts(contact_paths(descent, now))
@@ -141,9 +141,8 @@ class DescentRenderer:
         ndarray of uint8, shape (height, width, 3)
         """
         rows = drawable_rows(descent)
-        canvas = Canvas(self.size, self._whole(descent.slope, rows))
-        canvas.slope(descent.slope, self._reach)
-        canvas.zones(descent.slope, descent.law.friction)
+        canvas = Canvas(self.size, self._whole(descent.slope, rows), descent.slope)
+        canvas.ground(descent.law.friction, self._reach)
         interval = float(rows["t"][-1]) / (_STROBE_POSES - 1)
         states = strobe_poses(self.body, rows, interval if interval > 0.0 else 1.0)
         for i, state in enumerate(states.tolist(), start=1):
@@ -169,17 +168,16 @@ class DescentRenderer:
         ndarray of uint8, shape (height, width, 3)
         """
         rows = np.array([(0.0, *state)], dtype=[(name, "f8") for name in ("t", *State._fields)])
-        canvas = Canvas(self.size, self._camera(slope, rows, state))
-        canvas.slope(slope, self._reach)
-        canvas.zones(slope, friction)
+        canvas = Canvas(self.size, self._camera(slope, rows, state), slope)
+        canvas.ground(friction, self._reach)
         canvas.sled(self.body, state, 1.0)
         return canvas.picture(_motion(0.0, state) | {"status": "launch", "reward": "-"})
 
     def camera(self, descent: Descent, time: float) -> Camera:
         """Return the camera of :meth:`frame` at ``time`` [s].
 
-        It stands still and shows the whole slope and all hops unless the sled would be too small to see; then it
-        follows the sled.
+        It stands still and shows the whole slope, its profile and all hops unless the sled would be too small to see;
+        then it follows the sled.
         """
         rows = drawable_rows(descent)
         return self._camera(descent.slope, rows, State.found(states_at(rows, [time])[0].tolist()))
@@ -189,18 +187,22 @@ class DescentRenderer:
         if whole.scale * self._reach >= whole.height / 48.0:
             return whole
         scale = whole.height / (10.0 * self._reach)
-        # The surface stays in sight while the sled is low.
-        low = 0.3 * whole.height / scale
-        return Camera(state.x, max(min(state.y, low), state.y - low), slope.angle, scale, whole.width, whole.height)
+        # The surface stays in sight while the sled is low: its mean height, so that the camera moves gently.
+        ahead = np.linspace(-0.5, 0.5, _PLACES) * whole.width / scale
+        ground, low = float(slope.height_at(state.x + ahead).mean()), 0.3 * whole.height / scale
+        y = max(min(state.y, ground + low), state.y - low)
+        return Camera(state.x, y, slope.angle, scale, whole.width, whole.height)
 
     def _whole(self, slope: Slope, rows: np.ndarray) -> Camera:
         """Camera that shows the slope, if it ends, and every place of the sled."""
         width, height = self.size[0], self.size[1] - panel_height(self.size)
-        ends = [0.0] + ([slope.length] if math.isfinite(slope.length) else [])
+        ends = np.array([0.0] + ([slope.length] if math.isfinite(slope.length) else []))
         # Room for a sled at either end, so that launch and descent share one picture as a rule.
-        room = [(x, y) for x in ends for y in (0.0, 2.0 * self._reach)]
+        room = np.stack([ends, slope.height_at(ends) + 2.0 * self._reach], axis=-1)
         path = np.stack([rows["x"], rows["y"]], axis=-1)
-        world = to_world(np.concatenate([path, path * (1.0, 0.0), room]), slope.angle)
+        places = np.append(rows["x"], ends)
+        ground = surface(slope.vertices, float(places.min()), float(places.max()))
+        world = to_world(np.concatenate([path, ground, room]), slope.angle)
         margin = max(1.2 * self._reach, 0.03 * float(np.ptp(world, axis=0).max()))
         low, high = world.min(axis=0) - margin, world.max(axis=0) + margin
         right, up = 0.5 * (low + high)
@@ -281,7 +283,7 @@ def _number(value: float, unit: str) -> str:
 
 def _frictions(descent: Descent, push: Push) -> np.ndarray:
     """Coulomb coefficient [-] of each contact."""
-    return frictions(descent.law, descent.slope, push.touches["x"])
+    return descent.slope.friction_at(push.touches["x"], descent.law.friction)
 
 
 def _push_words(descent: Descent, push: Push) -> tuple[str, ...]:

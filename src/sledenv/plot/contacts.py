@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sledenv.plot.grounds import frictions
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -20,6 +19,7 @@ from sledenv.plot.style import (
     SKY,
     WIDTH,
     contact_key,
+    plain,
     shade_contacts,
     styled,
 )
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_ROUNDING: Final = 1e-12  # of the largest force: less is that of a zero
 _FORCES: Final = ("normal", "tangential")
 _SEVERAL: Final = (SKY, ORANGE, PURPLE, GREEN, RED, BLUE)  # contacts, where there is not one alone
 
@@ -91,7 +92,7 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
                 for colour, values in zip(cycle(_SEVERAL), parts.values(), strict=False):
                     ax.plot(scale * rows["t"], values, color=colour, lw=1.2)
             keys = zip(cycle(_SEVERAL), normal, strict=False)
-            handles += [Line2D([], [], color=colour, lw=1.2, label=label) for colour, label in keys]
+            handles += [Line2D([], [], color=colour, lw=1.2, label=plain(label)) for colour, label in keys]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
     return figure
 
@@ -126,8 +127,9 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     scale, unit = _time_scale(rows)
     touches = touches_in(descent.body, rows)
     forces = touches.forces
-    bound = frictions(descent.law, descent.slope, forces["x"]) * forces["normal"]
-    used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=bound > 0.0)
+    bound = descent.slope.friction_at(forces["x"], descent.law.friction) * forces["normal"]
+    loaded = (bound > 0.0) & (forces["normal"] > _ROUNDING * forces["normal"].max())
+    used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=loaded)
     curves = [by_label(descent, forces, values, len(rows)) for values in (touches.slip_velocity, used)]
     t = scale * rows["t"]
     # A step of a contact has one mode from its first row to its last.
@@ -148,7 +150,7 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
             ax.set_xlim(t[0], t[-1])
         for ax, colour, parts in zip(axes, (BLUE, RED), curves, strict=True):
             for own, (label, values) in zip(cycle(_SEVERAL[2:]), parts.items(), strict=False):
-                ax.plot(t, values, color=own if len(parts) > 1 else colour, label=label)
+                ax.plot(t, values, color=own if len(parts) > 1 else colour, label=plain(label))
         axes[0].set_ylabel("slip velocity $v_t$ [m/s]")
         for level in (-1.0, 1.0):
             axes[1].axhline(level, color=INK, lw=0.8, ls=DASHES)
@@ -201,7 +203,7 @@ def plot_penetration(descent: Descent, number: int = 0) -> Figure:
         left, right = figure.subplots(1, 2)
         for colour, (label, values) in zip(cycle(_SEVERAL), depths.items(), strict=False):
             drawn = colour if len(depths) > 1 else BLUE
-            left.plot(scale * (rows["t"] - rows["t"][0]), length * values, color=drawn, label=label)
+            left.plot(scale * (rows["t"] - rows["t"][0]), length * values, color=drawn, label=plain(label))
         if len(depths) > 1:
             left.legend()
         left.set_xlabel(f"time since the touchdown [{unit}]")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,14 +22,17 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
-from sledenv.plot.trajectories import kinetic, touches_in
+from sledenv.plot.trajectories import Touches, kinetic, touches_in
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES
+from sledenv.simulation.scene import asymmetry_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_STILL: Final = 1e-9  # [m/s] rounding of the rate of a gap that turns
 
 
 def plot_descent(descent: Descent) -> Figure:
@@ -85,8 +88,11 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     height = to_world(np.stack([rows["x"], rows["y"]], axis=-1), descent.slope.angle)[:, 1]
     potential = descent.body.mass * descent.slope.gravity * (height - height.min())
     touches = touches_in(descent.body, rows)
-    squeezed = touches.by_row(np.square(touches.depth), rows)
-    stored = 0.5 * descent.law.stiffness * (1.0 + descent.law.asymmetry) * squeezed
+    compression, loading, _ = _springs(descent, touches)
+    stored = touches.by_row(0.5 * loading * np.square(compression), rows)
+    # Where a gap turns, the force of the second of two rows tells how far a spring is compressed that began inside.
+    turns = np.diff(rows["t"]) == 0.0
+    stored[:-1][turns] = np.minimum(stored[:-1], stored[1:])[turns]
     lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
     return {
         "translation": translation,
@@ -95,6 +101,25 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
         "stored in the contact": stored,
         **{f"lost by {name}": energy for name, energy in lost.items()},
     }
+
+
+def _springs(descent: Descent, touches: Touches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compression [m] of each contact and its stiffness [N/m] while the gap closes and while it opens.
+
+    It is less than the depth where a spring began to be compressed inside the ground.
+    """
+    x, normal = touches.forces["x"], touches.forces["normal"]
+    stiffness, asymmetry = np.full(len(x), descent.law.stiffness), np.full(len(x), descent.law.asymmetry)
+    for zone in descent.slope.zones:
+        within = (x >= zone.begin) & (x < zone.end)
+        if zone.stiffness is not None:
+            stiffness[within] = zone.stiffness
+        if zone.restitution is not None:
+            asymmetry[within] = asymmetry_of(zone.restitution)
+    loading, unloading = stiffness * (1.0 + asymmetry), stiffness * (1.0 - asymmetry)
+    pressed = np.where(touches.gap_rate > -_STILL, unloading, loading)
+    compression = np.divide(normal, pressed, out=np.full(len(x), np.inf), where=pressed > 0.0)
+    return np.minimum(compression, touches.depth), loading, unloading
 
 
 def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
@@ -106,10 +131,11 @@ def _losses(descent: Descent, rows: np.ndarray) -> np.ndarray:
     falls = -np.diff(sum(kinetic(descent, rows)))
     touches = touches_in(descent.body, rows)
     forces = touches.forces
+    compression, loading, unloading = _springs(descent, touches)
+    opens = np.maximum(touches.gap_rate, 0.0)
     power = np.stack(
         [
-            # lost while the gap opens
-            touches.by_row(forces["normal"] * np.maximum(touches.gap_rate, 0.0), rows),
+            touches.by_row((loading - unloading) * compression * opens, rows),
             touches.by_row(np.abs(forces["tangential"] * touches.slip_velocity), rows),
             np.abs(rows["rolling"] * rows["omega"]),
         ]

@@ -1,4 +1,4 @@
-"""The zones of a slope in pictures: their places, colours and words, and how much friction there is where."""
+"""The ground in pictures: its line, what of it is in sight, and the places, colours and words of zones."""
 
 from __future__ import annotations
 
@@ -6,12 +6,63 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from sledenv.simulation.scene import AnyLaw, Slope
+from sledenv.simulation.scene import Slope, tangents
 
 LINE: Final = "#788a9c"  # around a band, with which one as slippery as the ground around it is seen
 _ICE, _SNOW, _MAT = (200, 231, 252), (216, 221, 227), (152, 162, 172)  # as slippery as can be, as the ground, rough
+
+
+def surface(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
+    """Return the line of the ground between two places.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 2)
+        ``Slope.vertices``, or a line that this function has returned and that goes further.
+    left, right : float
+        Along the slope [m].
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        Columns x, y [m] in the slope frame, m >= 2: both places, and the vertices between them.
+    """
+    between = vertices[(left < vertices[:, 0]) & (vertices[:, 0] < right)]
+    heights = np.interp([left, right], *vertices.T) if len(vertices) else np.zeros(2)
+    return np.insert(np.stack([[left, right], heights], axis=-1), 1, between, axis=0)
+
+
+def below(line: np.ndarray, depth: float) -> np.ndarray:
+    """Return what is so far [m] below each piece of a line of the ground, shape (n, 2) as the line."""
+    along = tangents(line)[1:-1]
+    before, behind = along[[0, *range(len(along))]], along[[*range(len(along)), -1]]
+    both = before + behind
+    aside = np.stack([both[:, 1], -both[:, 0]], axis=-1) / (1.0 + (before * behind).sum(axis=1))[:, np.newaxis]
+    return np.asarray(line + depth * aside)
+
+
+def in_sight(line: np.ndarray, shown: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[float, float]:
+    """Return between which places [m] a line of the ground is in a picture; the first is larger if it is nowhere.
+
+    Parameters
+    ----------
+    line : ndarray, shape (n, 2)
+        In the slope frame [m].
+    shown : ndarray, shape (n, 2)
+        The same points where the picture has them, in any unit.
+    low, high : ndarray, shape (2,)
+        Two opposite corners of the picture in that unit.
+    """
+    start, step = shown[:-1], np.diff(shown, axis=0)
+    with np.errstate(over="ignore"):
+        crossed = np.sort((np.array([low, high])[:, np.newaxis] - start) / np.where(step == 0.0, 1e-300, step), axis=0)
+    enters, leaves = np.maximum(crossed[0].max(axis=1), 0.0), np.minimum(crossed[1].min(axis=1), 1.0)
+    x, inside = line[:-1, 0], enters <= leaves
+    if not inside.any():
+        return math.inf, -math.inf
+    first, last = ((x + share * np.diff(line[:, 0]))[inside] for share in (enters, leaves))
+    return float(first[0]), float(last[-1])
 
 
 class Band(NamedTuple):
@@ -26,6 +77,11 @@ class Band(NamedTuple):
     def label(self, room: float) -> str:
         """What there is room for, which is so many letters wide; nothing if need be."""
         return next((text for text in (self.words, self.brief) if len(text) + 1.0 <= room), "")
+
+    def outline(self, vertices: np.ndarray, depth: float) -> np.ndarray:
+        """Corners [m] of the band, so deep below each piece of the ground of :func:`surface`, shape (n, 2)."""
+        line = surface(vertices, self.begin, self.end)
+        return np.concatenate([line, below(line, depth)[::-1]])
 
 
 def bands(slope: Slope, friction: float, left: float = -math.inf, right: float = math.inf) -> list[Band]:
@@ -54,12 +110,3 @@ def _colour(friction: float, around: float) -> str:
     share = (friction - around) / both if both > 0.0 else 0.0
     most = _MAT if share > 0.0 else _ICE
     return "#" + "".join(f"{round(a + abs(share) * (b - a)):02x}" for a, b in zip(_SNOW, most, strict=True))
-
-
-def frictions(law: AnyLaw, slope: Slope, places: ArrayLike) -> np.ndarray:
-    """Return the Coulomb coefficient [-] at places along a slope [m], of the same shape."""
-    where = np.asarray(places, dtype=float)
-    found = np.full(where.shape, law.friction)
-    for zone in slope.zones:
-        found[(where >= zone.begin) & (where < zone.end)] = zone.friction
-    return found

@@ -144,7 +144,7 @@ def plot_impulses(descent: Descent) -> Figure:
     log = log[log["normal_impulse"] > 0.0]
     if len(log) == 0:
         raise ValueError("the descent has no rebounds: there is nothing to draw")
-    bound = descent.law.friction * log["normal_impulse"]
+    bound = descent.slope.friction_at(log["x_contact"], descent.law.friction) * log["normal_impulse"]
     share = np.divide(log["tangential_impulse"], bound, out=np.zeros(len(log)), where=bound > 0.0)
     lasting = log["duration"] > 0.0
     with styled():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, PURPLE, RED, SKY, WIDTH, styled
+from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, PURPLE, RED, SKY, WIDTH, plain, styled
 from sledenv.simulation.records import Mode
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def plot_table_1(
                 right.text(speed_ratio[cell[1]], friction[cell[0]], rules, **label)
         handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=rows[name] + _MODE_WORDS[name]) for name in found]
         handles.append(Patch(facecolor="none", hatch="///", edgecolor=INK, label="several printed rules hold"))
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
@@ -150,11 +150,11 @@ def plot_mode_map(
         for ax, (title, modes) in zip(axes, panels.items(), strict=True):
             names = np.array(["", *words.values()])[modes]
             _draw_modes(ax, np.degrees(phi), speed_ratio, names, found, 0.85)
-            ax.set_title(title, loc="left")
+            ax.set_title(plain(title), loc="left")
             ax.set_ylabel("$u/|v|$ at touch [-]")
             ax.xaxis.set_major_locator(MultipleLocator(45.0))
         axes[-1].set_xlabel("orientation $\\varphi$ at touch [deg]")
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=_MODE_WORDS[name]) for name in found]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), columnspacing=1.2)
     return figure
@@ -214,8 +214,17 @@ def plot_jam_map(
             if not finished.all():
                 ax.contourf(degrees, spin, ~finished, levels=[0.5, 1.5], colors="none", hatches=["////"])
             if mark is not None:
-                ax.plot(np.degrees(mark[0]), mark[1], marker="X", ms=10.0, color=RED, mec="white", ls="", label=mark[2])
-            ax.set_title(title, loc="left")
+                ax.plot(
+                    np.degrees(mark[0]),
+                    mark[1],
+                    marker="X",
+                    ms=10.0,
+                    color=RED,
+                    mec="white",
+                    ls="",
+                    label=plain(mark[2]),
+                )
+            ax.set_title(plain(title), loc="left")
             ax.set_ylabel("spin $\\omega$ at launch [rad/s]")
             _show_whole_cells(ax, degrees, spin)
             ax.xaxis.set_major_locator(MultipleLocator(45.0))
@@ -223,7 +232,7 @@ def plot_jam_map(
         figure.colorbar(image, ax=axes, label="jam index [-]", aspect=32, pad=0.02)
         unfinished = Patch(facecolor="none", hatch="////", edgecolor=INK, label="end of the slope not reached")
         handles: list[Artist] = [unfinished, *axes[0].get_legend_handles_labels()[0]]
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
 

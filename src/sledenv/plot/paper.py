@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.shapes import body_outline, strobe_states, to_world
+from sledenv.plot.grounds import surface
+from sledenv.plot.shapes import body_outline, strobe_times, to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -21,11 +22,12 @@ from sledenv.plot.style import (
     SKY,
     WIDTH,
     contact_key,
+    plain,
     shade_contacts,
     styled,
 )
 from sledenv.plot.trajectories import contact_rows, opening
-from sledenv.simulation.interpolation import drawable_rows
+from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -78,7 +80,7 @@ def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float,
         for ax, (title, label, field) in zip(grid.flat, panels, strict=True):
             ax.axhline(0.0, color=INK, lw=0.6)
             for i, (name, rows) in enumerate(series.items()):
-                ax.plot(1e3 * rows["t"], rows[field], label=name, **styles[min(i, len(styles) - 1)])
+                ax.plot(1e3 * rows["t"], rows[field], label=plain(name), **styles[min(i, len(styles) - 1)])
             ax.set_title(title, loc="left")
             ax.set_ylabel(label)
         if paper is not None:
@@ -124,12 +126,12 @@ def plot_convergence(stiffness: np.ndarray, errors: Mapping[str, np.ndarray], *,
         colours = (BLUE, RED, GREEN, PURPLE, ORANGE)
         for (name, error), colour, marker in zip(errors.items(), colours, "osD^v", strict=False):
             slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
-            ax.loglog(stiffness, error, marker=marker, color=colour, label=f"{name}: slope {slope:.3f}")
+            ax.loglog(stiffness, error, marker=marker, color=colour, label=f"{plain(name)}: slope {slope:.3f}")
         most = max(float(error[0]) for error in errors.values())
         ax.loglog(stiffness, 3.0 * most * np.sqrt(stiffness[0] / stiffness), ls=DASHES, color=INK, label="slope -1/2")
         ax.set_xlabel("stiffness c [N/m]")
         ax.set_ylabel("distance from the rigid impact [m/s]")
-        ax.set_title(note, loc="left")
+        ax.set_title(plain(note), loc="left")
         ax.legend()
     return figure
 
@@ -178,7 +180,7 @@ def plot_velocities(descent: Descent, *, note: str = "", paper: bool = False) ->
             ax.set_ylabel(unit)
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(rows["t"][0], rows["t"][-1])
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         figure.align_ylabels(axes)
         figure.legend(handles=[contact_key()], loc="outside lower center")
     return figure
@@ -229,7 +231,7 @@ def plot_impact_phases(descent: Descent, *, note: str = "") -> Figure:
         ax.set_ylim(0.0, 1.2 * float(rows["normal"].max()))
         ax.set_xlabel("time [ms]")
         ax.set_ylabel("normal force P(t) [N]")
-        ax.set_title(note, loc="left")
+        ax.set_title(plain(note), loc="left")
         ax.legend(loc="center right")
     return figure
 
@@ -266,9 +268,10 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
         for (upper, lower), (title, descent) in zip(grid.T, panels.items(), strict=True):
             rows = contact_rows(descent)
             t = 1e3 * rows["t"]
-            bound = descent.law.friction * rows["normal"]
+            touching = rows["contacts"]["x"][:, 0]
+            bound = descent.slope.friction_at(touching, descent.law.friction) * rows["normal"]
             upper.plot(t, rows["normal"], color=BLUE)
-            upper.set_title(title, loc="left")
+            upper.set_title(plain(title), loc="left")
             lower.fill_between(t, -bound, bound, color=SHADE, lw=0.0, label="$|F| \\leq f P$")
             lower.plot(t, rows["tangential"], color=RED, label="F(t)")
             lower.axhline(0.0, color=INK, lw=0.6)
@@ -284,7 +287,7 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
             lower.set_xlabel("time [ms]")
         grid[0, 0].set_ylabel("normal force P(t) [N]")
         grid[1, 0].set_ylabel("tangential force F(t) [N]")
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         figure.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
@@ -319,20 +322,22 @@ def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float 
         figure = Figure(figsize=(1.5 * WIDTH, 1.6 * len(rides) + 3.0), layout="constrained")
         heights = [*[1.0] * len(rides), 2.2]
         axes: list[Axes] = list(figure.subplots(len(rides) + 1, 1, sharex=True, height_ratios=heights))
-        loads = axes[-1]
+        loads, right = axes[-1], max(ride.slope.length for ride in rides.values()) + 2.0
         for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
             rows, slope = drawable_rows(ride), ride.slope
-            right = slope.length + 2.0
-            ground = np.array([(-2.0, 0.0), *slope.profile, (right, 0.0)])
-            ax.fill_between(ground[:, 0], ground[:, 1], -0.6, color=SHADE, lw=0.0)
+            ground = surface(slope.vertices, -2.0, right)
+            foot = float(ground[:, 1].min()) - 0.6
+            ax.fill_between(ground[:, 0], ground[:, 1], foot, color=SHADE, lw=0.0)
             ax.plot(*ground.T, color=INK, lw=0.8)
-            for state in strobe_states(ride.body, rows, interval):
+            for state in states_at(rows, strobe_times(ride.body, rows, interval)):
                 ax.plot(*body_outline(ride.body, *state[:3].tolist()).T, color=colour, lw=0.8)
-            ax.set(aspect="equal", xlim=(-2.0, right), ylim=(-0.6, 1.9), ylabel="[m]")
-            ax.set_title(f"{name}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
+            ax.set(
+                aspect="equal", xlim=(-2.0, right), ylim=(foot, float(rows["y"].max()) + ride.body.size), ylabel="[m]"
+            )
+            ax.set_title(f"{plain(name)}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
             weight = ride.body.mass * slope.gravity
-            loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=name)
+            loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=plain(name))
         loads.set(yscale="log", ylim=(0.1, None), xlabel="along the slope [m]", ylabel="normal load / weight")
         loads.legend(loc="upper left", ncols=len(rides))
-        figure.suptitle(note, x=0.01, ha="left", fontsize=10.0)
+        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
     return figure

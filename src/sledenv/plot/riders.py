@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sledenv.plot.shapes import body_outline, strobe_states
+from sledenv.plot.shapes import DISTINCT, body_outline, strobe_times
 from sledenv.simulation.bodies import Body
+from sledenv.simulation.interpolation import states_at
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
 
 HULL: Final = "#fbe8d9"  # what is inside the outline, but neither sled nor rider
@@ -74,12 +75,17 @@ def pieces(body: Body) -> tuple[Piece, ...]:
     return tuple(drawn)
 
 
-def strobe_poses(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
-    """Return the states of a strobe picture, as :func:`sledenv.plot.shapes.strobe_states` does.
+def pose_times(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
+    """Return the times [s] of the poses of a strobe picture, as :func:`sledenv.plot.shapes.strobe_times` does.
 
     Poses of a sled with its rider are further apart, as one could not tell them from one another.
     """
-    return strobe_states(body, rows, interval, _APART) if pieces(body) else strobe_states(body, rows, interval)
+    return strobe_times(body, rows, interval, _APART if pieces(body) else DISTINCT)
+
+
+def strobe_poses(body: Body, rows: np.ndarray, interval: float) -> np.ndarray:
+    """Return the states at :func:`pose_times`, shape (n, 6), columns as in :class:`State`."""
+    return states_at(rows, pose_times(body, rows, interval))
 
 
 def _anchors(body: Body) -> _Anchors | None:

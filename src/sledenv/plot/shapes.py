@@ -14,9 +14,10 @@ from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, 
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import mass_properties
 from sledenv.simulation.records import CONTACT_FORCES, Status
+from sledenv.simulation.scene import tangents
 
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
-_DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
+DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
 HOLD = 0.6  # [s] that an impact stays on the screen at least
 HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
 
@@ -181,8 +182,8 @@ def to_world(points: ArrayLike, angle: float) -> np.ndarray:
     return np.stack([along * cosine + normal * sine, normal * cosine - along * sine], axis=-1)
 
 
-def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float = _DISTINCT) -> np.ndarray:
-    """Return the states of a strobe picture: at equal intervals of time and at the end.
+def strobe_times(body: Body, rows: np.ndarray, interval: float, distinct: float = DISTINCT) -> np.ndarray:
+    """Return the times [s] of the poses of a strobe picture: at equal intervals and at the end, shape (n,), n >= 1.
 
     Parameters
     ----------
@@ -194,15 +195,11 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float
         Between two poses [s], > 0.
     distinct : float
         Poses that differ by less, over the size of the body, are drawn as one.
-
-    Returns
-    -------
-    ndarray, shape (n, 6)
-        Columns as in :class:`State`, n >= 1.
     """
     start, end = float(rows["t"][0]), float(rows["t"][-1])
     times = start + interval * np.arange(max(1, math.ceil((end - start) / interval - 1e-9)))
-    states = states_at(rows, np.append(times, end))
+    times = np.append(times, end)
+    states = states_at(rows, times)
     size = body.size
     weights = np.array([1.0, 1.0, size]) / max(size, 1e-9)
     kept = [len(states) - 1]
@@ -210,7 +207,8 @@ def strobe_states(body: Body, rows: np.ndarray, interval: float, distinct: float
         shift = np.abs(states[kept, :3] - states[i, :3]) @ weights
         if shift.min() > distinct:
             kept.append(i)
-    return states[kept[::-1]]
+    found: np.ndarray = times[kept[::-1]]
+    return found
 
 
 def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]:
@@ -235,7 +233,8 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
     for rebound in begun:
         within = rows_of(rebound, rows, until)
         if len(within) == 0:  # without duration, or between two rows
-            paths.append(np.array([(rebound["x_contact"], 0.0)]))
+            where = rebound["x_contact"]
+            paths.append(np.array([(where, descent.slope.height_at(where))]))
             continue
         path = np.stack([within["contacts"]["x"][:, 0], within["contacts"]["y"][:, 0]], axis=-1)
         if until < rebound["t"]:
@@ -263,7 +262,10 @@ def push_at(descent: Descent, time: float) -> Push | None:
     rebound = log[i]
     if rebound["duration"] == 0.0:
         touch = np.zeros(1, CONTACT_FORCES)
-        touch["x"], touch["normal_y"] = rebound["x_contact"], 1.0
+        touch["x"], touch["y"] = rebound["x_contact"], descent.slope.height_at(rebound["x_contact"])
+        piece, vertex = divmod(int(rebound["ground"]), 2)  # at a vertex, between the normals of both pieces
+        along, up = tangents(descent.slope.vertices)[piece : piece + 1 + vertex].sum(axis=0).tolist()
+        touch["normal_x"], touch["normal_y"] = -up / math.hypot(along, up), along / math.hypot(along, up)
         touch["part"], touch["ground"] = rebound["feature"], rebound["ground"]
         touch["normal"], touch["tangential"] = rebound["normal_impulse"], rebound["tangential_impulse"]
         return Push(i, touch, int(rebound["feature"]), 0, 0, float(rebound["normal_impulse"]), True)

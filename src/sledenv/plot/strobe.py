@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sledenv.plot.grounds import LINE, bands
-from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, strobe_poses
+from sledenv.plot.grounds import LINE, bands, below, in_sight, surface
+from sledenv.plot.riders import HELMET, SLEEVE, SUIT, TROUSERS, pieces, pose_times, strobe_poses
 from sledenv.plot.shapes import body_outline, contact_paths, heavy_side, placed, spoke, to_world
-from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, styled
+from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, plain, styled
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
@@ -36,10 +37,11 @@ def plot_strobe(
 ) -> Figure:
     """Draw descents as strobe pictures, one panel each, all to one scale.
 
-    The sled is drawn at equal intervals of time, the same in all panels, coloured by its speed; its darker half holds
-    the mass centre of a segment, and of any other body is the one that is down at phi = 0. A sled with its rider shows
-    both, and the marks of its touchdowns which part it was. A zone of the slope is a band below the surface, darker
-    than the others if its friction is higher, light blue if it is lower than that around it.
+    The ground is as it is, its profile with it. The sled is drawn at equal intervals of time, the same in all panels,
+    coloured by its speed; its darker half holds the mass centre of a segment, and of any other body is the one that
+    is down at phi = 0. A sled with its rider shows both, and the marks of its touchdowns which part it was. A zone of
+    the slope is a band below the surface, darker than the others if its friction is higher, light blue if it is lower
+    than that around it.
 
     Parameters
     ----------
@@ -79,6 +81,7 @@ def plot_strobe(
         tracks = [drawable_rows(descent) for descent in descents]
         ends = [float(rows["t"][-1]) for rows in tracks]
         interval = _round_interval(max(min(ends), max(ends) / 3.0) / (frames - 1))
+        interval = _round_interval(max(map(partial(_usual_interval, interval), descents, tracks)))
         fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
         speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
         boxes = [_box(descent, rows, whole) for descent, rows in zip(descents, tracks, strict=True)]
@@ -93,7 +96,7 @@ def plot_strobe(
             ax.set_ylim(box[0, 1], box[1, 1])
             ax.set_aspect("equal")
             ax.set_ylabel("height [m]")
-            ax.set_title(outcome(descent) if labels is None else f"{labels[i]}: {outcome(descent)}", loc="left")
+            ax.set_title(outcome(descent) if labels is None else f"{plain(labels[i])}: {outcome(descent)}", loc="left")
             _draw_slope(ax, descent)
             _draw_zones(ax, descent)
             _draw_contacts(ax, descent)
@@ -112,6 +115,12 @@ def plot_strobe(
     return figure
 
 
+def _usual_interval(interval: float, descent: Descent, rows: np.ndarray) -> float:
+    """Return the median time [s] between poses of a descent, of which an interval may leave out most."""
+    times = pose_times(descent.body, rows, interval)[:-1]  # the last one is the end
+    return float(np.median(np.diff(times))) if len(times) > 1 else interval
+
+
 def _round_interval(interval: float) -> float:
     """Return the round number that is nearest to an interval, 1 for none."""
     if interval <= 0.0:
@@ -125,48 +134,62 @@ def _round_interval(interval: float) -> float:
 def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
     """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
     size = descent.body.size
-    path = np.stack([rows["x"], rows["y"]], axis=-1)
-    below = path * (1.0, 0.0)
-    ends = [(0.0, 0.0), (descent.slope.length, 0.0)] if whole and math.isfinite(descent.slope.length) else path[:1]
-    world = to_world(np.concatenate([path, below, ends]), descent.slope.angle)
+    slope, path = descent.slope, np.stack([rows["x"], rows["y"]], axis=-1)
+    ends = [0.0, slope.length] if whole and math.isfinite(slope.length) else []
+    places = [*path[:, 0].tolist(), *ends]
+    ground = surface(slope.vertices, min(places), max(places))
+    world = to_world(np.concatenate([path, ground]), slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
     sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
     # Below the surface there is room for the marks of the contacts, and for the words of zones.
-    below_it = 0.05 if descent.slope.zones else 0.02
+    below_it = 0.05 if slope.zones else 0.02
     return np.stack([low - (sides, 0.4 * size + below_it * (high[0] - low[0])), high + sides])
 
 
+def _seen(ax: Axes, descent: Descent) -> np.ndarray:
+    """Return the line of the ground [m] through a panel, and beyond its edges, slope frame."""
+    corners = np.stack(np.meshgrid(ax.get_xlim(), ax.get_ylim()), axis=-1).reshape(-1, 2)
+    x = to_world(corners, -descent.slope.angle)[:, 0]
+    return surface(descent.slope.vertices, float(x.min()), float(x.max()))
+
+
 def _draw_slope(ax: Axes, descent: Descent) -> None:
-    low, high = np.array(ax.get_xlim())
-    steepness = math.tan(descent.slope.angle)
-    surface = np.array([-low * steepness, -high * steepness])
-    ax.fill_between([low, high], surface, ax.get_ylim()[0] - abs(high - low), color=GROUND, lw=0.0, zorder=0)
-    ax.plot([low, high], surface, color=INK, lw=1.0, zorder=1)
-    if math.isfinite(descent.slope.length):
-        foot, top = to_world([(descent.slope.length, 0.0), (descent.slope.length, 1e3)], descent.slope.angle)
-        ax.plot(*np.stack([foot, top], axis=-1), color=INK, lw=1.2, ls=DASHES, zorder=1, scalex=False, scaley=False)
+    from matplotlib.collections import PolyCollection
+
+    slope, line = descent.slope, _seen(ax, descent)
+    deep = np.array([0.0, np.ptp(ax.get_xlim()) + np.ptp(ax.get_ylim()) + np.ptp(line[:, 1])])
+    ground = to_world(np.concatenate([line, line[[-1, 0]] - deep]), slope.angle)
+    ax.add_collection(PolyCollection([ground], facecolors=GROUND, edgecolors="none", zorder=0))
+    ax.plot(*to_world(line, slope.angle).T, color=INK, lw=1.0, zorder=1)
+    if math.isfinite(slope.length):
+        base = float(slope.height_at(slope.length))
+        post = [(slope.length, base), (slope.length, base + 1e3)]
+        ax.plot(*to_world(post, slope.angle).T, color=INK, lw=1.2, ls=DASHES, zorder=1)
 
 
 def _draw_zones(ax: Axes, descent: Descent) -> None:
-    low, high = np.array(ax.get_xlim())
-    angle, wide = descent.slope.angle, float(high - low)
+    slope, line = descent.slope, _seen(ax, descent)
+    low, high = np.stack([ax.get_xlim(), ax.get_ylim()], axis=-1)
+    wide = float(high[0] - low[0])
     depth, letter = _BAND * wide, 0.55 * _LETTERS * wide
-    shown = np.array([low, high]) / math.cos(angle)
-    if angle != 0.0:  # as far as the surface is in the panel
-        heights = np.array(ax.get_ylim()) / -math.sin(angle)
-        shown = np.clip(shown, heights.min(), heights.max())
-    for band in bands(descent.slope, descent.law.friction, *shown.tolist()):
-        corners = [(band.begin, 0.0), (band.end, 0.0), (band.end, -depth), (band.begin, -depth)]
-        ax.fill(*to_world(corners, angle).T, facecolor=band.colour, edgecolor=LINE, lw=0.6, zorder=0.5)
-        before_finish = max(min(band.end, descent.slope.length), band.begin)
-        x, y = to_world([(0.5 * (band.begin + before_finish), -depth - 0.9 * _LETTERS * wide)], angle)[0]
+    shown = in_sight(line, to_world(line, slope.angle), low, high)
+    for band in bands(slope, descent.law.friction, *shown):
+        corners = to_world(band.outline(line, depth), slope.angle)
+        ax.fill(*corners.T, facecolor=band.colour, edgecolor=LINE, lw=0.6, zorder=0.5)
+        before_finish = max(min(band.end, slope.length), band.begin)
+        middle, said = 0.5 * (band.begin + before_finish), band.label((before_finish - band.begin) / letter)
+        if not said:
+            continue
+        half = 0.5 * letter * len(said) + depth
+        over = surface(line, middle - half, middle + half)
+        under = float(below(over, depth)[:, 1].min())
+        x, y = to_world((middle, under - 0.9 * _LETTERS * wide), slope.angle)
         turn: dict[str, Any] = {
-            "rotation": -math.degrees(angle),
+            "rotation": -math.degrees(slope.angle),
             "rotation_mode": "anchor",
             "ha": "center",
             "va": "center",
         }
-        said = band.label((before_finish - band.begin) / letter)
         ax.text(x, y, said, fontsize=8.5, color=INK, clip_on=True, zorder=3, **turn)
 
 

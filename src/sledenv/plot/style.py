@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 BLUE, SKY, GREEN, ORANGE, RED, PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
 INK, GROUND, SHADE, POTENTIAL = "#333333", "#E3E7EC", "#E9EDF2", "#BFC8D2"
 STYLE: dict[str, Any] = {
+    "text.usetex": False,
     "font.size": 11.0,
     "axes.titlesize": 11.0,
     "axes.spines.top": False,
@@ -41,6 +42,11 @@ def styled(more: dict[str, Any] | None = None) -> AbstractContextManager[None]:
         import matplotlib
     settings: Any = STYLE | (more or {})  # matplotlib types the names of its settings
     return matplotlib.rc_context(settings)
+
+
+def plain(text: str) -> str:
+    """Return a text of the user's so that a figure has it as it stands: dollars do not begin a formula."""
+    return text.replace("$", r"\$")
 
 
 def outcome(descent: Descent) -> str:

@@ -140,5 +140,6 @@ def contact_rows(descent: Descent, number: int = 0) -> np.ndarray:
 
 
 def opening(descent: Descent, rows: np.ndarray) -> int:
-    """Return the first row, each of one contact, in which the gap does not close."""
-    return int(np.argmax(touches_in(descent.body, rows).gap_rate >= 0.0))
+    """Return the first row of a rebound in which no gap closes."""
+    touches = touches_in(descent.body, rows)
+    return int(np.argmin(touches.by_row(touches.gap_rate < 0.0, rows) > 0.0))

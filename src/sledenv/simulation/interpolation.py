@@ -29,8 +29,8 @@ def drawable_rows(descent: Descent) -> np.ndarray:
         raise ValueError('the descent has no trajectory: simulate(..., record="trajectory") keeps it')
     values = np.stack([rows[name] for name in ("t", *State._fields)])
     drawable = (np.abs(values) < _DRAWABLE).all(axis=0)  # False for NaN
-    if drawable.any():
-        return _with_states_before_impacts(rows[drawable], descent.rebounds)
+    if drawable.any():  # rows are large: none is copied in vain
+        return _with_states_before_impacts(rows if drawable.all() else rows[drawable], descent.rebounds)
     row = rows[:1].copy()
     for name in ("t", *State._fields):
         row[name] = np.clip(np.nan_to_num(row[name]), -_DRAWABLE, _DRAWABLE)
@@ -39,6 +39,8 @@ def drawable_rows(descent: Descent) -> np.ndarray:
 
 def _with_states_before_impacts(rows: np.ndarray, rebounds: np.ndarray) -> np.ndarray:
     impacts = rebounds[rebounds["duration"] == 0.0]
+    if len(impacts) == 0:
+        return rows
     places = np.searchsorted(rows["t"], impacts["t"])
     known = places < len(rows)
     known[known] = rows["t"][places[known]] == impacts["t"][known]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, styled
+from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, plain, styled
 from sledenv.uncertainty.result import StudyResult
 from sledenv.uncertainty.summary import NAMES
 
@@ -50,7 +50,7 @@ def plot_envelopes(result: StudyResult) -> Figure:
         top.set_ylabel("share of launches")
         top.set_ylim(0.0, 1.0)
         top.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        top.set_title(result.study.title, loc="left")
+        top.set_title(plain(result.study.title), loc="left")
         for ax, (name, label, scale) in zip(fans, _FANS, strict=True):
             quantiles = (scale * table[f"{name}_{quantile}"].where(come) for quantile in NAMES)
             low, lower, middle, upper, high = quantiles
@@ -93,5 +93,5 @@ def plot_sobol(result: StudyResult) -> Figure:
         axes[0].set_xlim(min(axes[0].get_xlim()[0], -0.05), max(axes[0].get_xlim()[1], 1.0))
         if outputs:
             figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        figure.suptitle(f"Sobol indices: {result.study.title}", x=0.01, ha="left", fontsize=11.0)
+        figure.suptitle(f"Sobol indices: {plain(result.study.title)}", x=0.01, ha="left", fontsize=11.0)
     return figure

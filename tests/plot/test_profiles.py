@@ -1,0 +1,243 @@
+"""Figures over a profile: the ground is drawn as it is, and body, contacts, zones and energies are where it says."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from sledenv import plot
+from sledenv.plot.energy import energy_layers
+from sledenv.plot.grounds import below, in_sight, surface
+from sledenv.plot.riders import pose_times
+from sledenv.plot.shapes import contact_paths, push_at, to_world
+from sledenv.plot.trajectories import opening, rows_between
+from sledenv.simulation.interpolation import drawable_rows, rows_of
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.scene import Slope, tangents
+from sledenv.simulation.simulate import simulate
+from tests.bodies import HILL
+from tests.plot.outlined import PROFILES, hillside, ride_of
+
+
+@pytest.fixture(params=list(PROFILES))
+def ride(request: pytest.FixtureRequest) -> Descent:
+    return ride_of(request.param)
+
+
+def deepest(descent: Descent) -> float:
+    """Most [m] by which a body may be below the ground, along the normal of the plane: pressed springs."""
+    steepest = tangents(descent.slope.vertices)[:, 0].min()
+    return 1.01 * float(descent.rebounds["peak_penetration"].max() / steepest)
+
+
+def over_ground(descent: Descent, world: np.ndarray) -> np.ndarray:
+    """Height [m] over the ground of points of a figure."""
+    x, y = to_world(world, -descent.slope.angle).T
+    return np.asarray(y - descent.slope.height_at(x))
+
+
+def test_a_line_of_the_ground_is_the_profile() -> None:
+    """Oracle: the heights of the slope; a part of a line is a line of that part."""
+    slope = hillside()
+    line = surface(slope.vertices, -3.0, 70.0)
+    x = np.linspace(-3.0, 70.0, 997)
+    assert np.interp(x, *line.T) == pytest.approx(slope.height_at(x), abs=1e-12)
+    assert surface(line, 2.0, 30.0) == pytest.approx(surface(slope.vertices, 2.0, 30.0))
+    assert surface(HILL.vertices, -1.0, 2.0).tolist() == [[-1.0, 0.0], [2.0, 0.0]]
+
+
+def test_what_is_below_a_line_is_as_far_from_each_of_its_pieces() -> None:
+    """Oracle: the distance of a point from a straight line."""
+    line = surface(hillside().vertices, -3.0, 90.0)
+    under = below(line, 0.1)
+    for (x, y), piece in zip(tangents(line)[1:-1], range(len(line) - 1), strict=True):
+        for end in (under[piece], under[piece + 1]):
+            across, up = end - line[piece]
+            assert up * x - across * y == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_in_sight_of_a_line_is_within_the_picture(seed: int) -> None:
+    """Oracle: points close together, one by one."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-1.4, 1.4)
+    line = surface(hillside().vertices, -5.0, 100.0)
+    x = np.linspace(-5.0, 100.0, 40001)
+    every = to_world(np.stack([x, np.interp(x, *line.T)], axis=-1), angle)
+    low = every[rng.integers(len(x))] - rng.uniform(-1.0, 20.0, 2)
+    high = low + rng.uniform(1.0, 30.0, 2)
+    seen = x[((every >= low) & (every <= high)).all(axis=1)]
+    first, last = in_sight(line, to_world(line, angle), low, high)
+    if len(seen):
+        assert [first, last] == pytest.approx([seen[0], seen[-1]], abs=0.006)
+    else:
+        assert last - first < 0.006
+
+
+def strobe(descent: Descent) -> Axes:
+    return plot.plot_strobe(descent).axes[0]
+
+
+def test_a_strobe_figure_draws_the_ground_as_it_is(ride: Descent) -> None:
+    """Oracle: the heights of the slope, over all of the panel; what is filled has them as its upper edge."""
+    ax = strobe(ride)
+    line = ax.lines[0].get_xydata()
+    assert over_ground(ride, line) == pytest.approx(np.zeros(len(line)), abs=1e-9)
+    assert [line[0, 0], -line[-1, 0]] <= [ax.get_xlim()[0], -ax.get_xlim()[1]]
+    inside = ride.slope.vertices
+    assert len(line) == len(inside) + 2
+    filled = np.asarray(ax.collections[0].get_paths()[0].vertices)
+    assert filled[: len(line)] == pytest.approx(line)
+
+
+def test_no_pose_of_a_strobe_figure_is_below_the_ground_but_for_pressed_springs(ride: Descent) -> None:
+    ax = strobe(ride)
+    poses = [np.asarray(path.vertices) for path in ax.collections[1].get_paths()]
+    assert len(poses) > 5
+    heights = np.concatenate([over_ground(ride, pose) for pose in poses])
+    assert -deepest(ride) < heights.min() < 0.5
+
+
+def test_contacts_lie_on_the_drawn_ground(ride: Descent) -> None:
+    """Oracle: the heights of the slope, up to the depth of the springs."""
+    paths = contact_paths(ride)
+    assert len(paths) == len(ride.rebounds) > 5
+    for path in paths:
+        places = path[~np.isnan(path[:, 0])]
+        assert (np.abs(places[:, 1] - ride.slope.height_at(places[:, 0])) < deepest(ride)).all()
+    marks = np.concatenate([line.get_xydata() for line in strobe(ride).lines if line.get_marker() == 6])
+    assert len(marks) == len(ride.rebounds)
+    assert (np.abs(over_ground(ride, marks)) < deepest(ride)).all()
+    assert marks[:, 0].max() > 10.0
+
+
+def test_pushes_stand_on_what_is_touched(ride: Descent) -> None:
+    """Oracle: the normals of the pieces; on a crest the normal lies between those of both pieces."""
+    along, up = tangents(ride.slope.vertices).T
+    kinds = set()
+    for rebound in ride.rebounds:
+        for time in np.linspace(rebound["t_touchdown"], rebound["t"], 7).tolist():
+            push = push_at(ride, time)
+            assert push is not None
+            for touch in push.touches:
+                piece, vertex = divmod(int(touch["ground"]), 2)
+                lean = math.atan2(-touch["normal_x"], touch["normal_y"])
+                rise = np.arctan2(up, along)[piece : piece + 1 + vertex]
+                assert rise.min() - 1e-9 <= lean <= rise.max() + 1e-9
+                assert abs(touch["y"] - ride.slope.height_at(touch["x"])) < deepest(ride)
+                kinds.add(vertex)
+    assert kinds == {0, 1}
+
+
+def test_a_touch_without_duration_is_where_the_profile_is_touched() -> None:
+    """Oracle: the place and the piece that the descent recorded when its time was over."""
+    ride = ride_of("rock")
+    touchdown = ride.rebounds[0]
+    cut = simulate(*PROFILES["rock"], record="trajectory", max_time=float(touchdown["t_touchdown"]))
+    assert cut.rebounds["duration"].tolist() == [0.0]
+    push = push_at(cut, cut.time)
+    assert push is not None
+    (touch,), (path,) = push.touches, contact_paths(cut)
+    along, up = tangents(ride.slope.vertices)[touchdown["ground"] // 2]
+    assert [touch["normal_x"], touch["normal_y"]] == pytest.approx([-up, along])
+    assert [touch["x"], touch["y"]] == pytest.approx(path[0], abs=1e-6)
+    assert touch["y"] == pytest.approx(ride.slope.height_at(touch["x"])) != 0.0
+
+
+def test_zones_lie_along_the_pieces() -> None:
+    """Oracle: their upper edges are the ground between their ends; words stand below the ground."""
+    ride = ride_of("rock")
+    ax = strobe(ride)
+    drawn = [patch for patch in ax.patches if isinstance(patch, Polygon)]
+    for patch, zone in zip(drawn, ride.slope.zones, strict=True):
+        corners = np.asarray(patch.get_xy())[:-1]
+        upper = corners[: len(corners) // 2]
+        assert over_ground(ride, upper) == pytest.approx(np.zeros(len(upper)), abs=1e-9)
+        assert upper[0, 0] == zone.begin
+        assert upper[-1, 0] == pytest.approx(min(zone.end, ax.get_xlim()[1]))
+        assert over_ground(ride, corners[len(upper) :]).max() < -0.5
+    assert [text.get_text() for text in ax.texts] == ["friction 0.3", "friction 0.8"]
+    for text in ax.texts:
+        x, y = text.get_position()
+        assert y < ride.slope.height_at(x) - 1.0
+
+
+def test_the_layers_of_the_energy_add_up_and_heights_count(ride: Descent) -> None:
+    """Oracles: conservation, with surfaces of zones; m g times the height in the world."""
+    rows = drawable_rows(ride)
+    layers = energy_layers(ride, rows)
+    sums = np.sum(list(layers.values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=1e-3)
+    angle = ride.slope.angle
+    height = rows["y"] * math.cos(angle) - rows["x"] * math.sin(angle)
+    expected = ride.body.mass * ride.slope.gravity * (height - height.min())
+    assert layers["potential"] == pytest.approx(expected)
+    assert np.ptp(height) > 5.0
+
+
+def test_hysteresis_is_lost_while_gaps_open_however_little_comes_back() -> None:
+    """Oracle: conservation, where a contact gives back 4 % of the energy."""
+    plane, (body, law, _, launch) = Slope(math.radians(9.0), 42.0), PROFILES["sled"]
+    dull = law.from_restitution(0.2, stiffness=1e6, friction=0.03, rolling_arm=0.001)
+    descent = simulate(body, dull, plane, launch, record="trajectory")
+    sums = np.sum(list(energy_layers(descent, drawable_rows(descent)).values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=2e-3)
+
+
+def test_the_first_phase_of_several_contacts_ends_when_no_gap_closes() -> None:
+    """Oracle: the forces rise until then and fall after it."""
+    ride = ride_of("rock")
+    log = ride.rebounds
+    rows_each = [rows_of(rebound, drawable_rows(ride)) for rebound in log]
+    several = [rows for rows in rows_each if len(rows) and rows["touching"].max() > 1]
+    assert several
+    for rows in several:
+        turn = opening(ride, rows)
+        assert 0 < turn < len(rows)
+
+
+def test_the_legend_of_a_strobe_figure_tells_how_far_poses_are_apart(ride: Descent) -> None:
+    """Oracle: the poses that are drawn, but for the last one, which is the end."""
+    figure = plot.plot_strobe(ride)
+    (said,) = (text.get_text() for text in figure.legends[0].get_texts() if text.get_text().startswith("pose"))
+    interval = float(said.removeprefix("pose every ").removesuffix(" s"))
+    times = pose_times(ride.body, drawable_rows(ride), interval)[:-1]
+    assert len(figure.axes[0].collections[1].get_paths()) == len(times) + 1
+    assert np.median(np.diff(times)) == pytest.approx(interval)
+
+
+def test_every_figure_of_a_descent_is_drawn(ride: Descent) -> None:
+    figures = [
+        draw(ride)
+        for draw in (
+            plot.plot_strobe,
+            plot.plot_descent,
+            plot.plot_velocities,
+            plot.plot_impact,
+            plot.plot_slip,
+            plot.plot_penetration,
+            plot.plot_impulses,
+            plot.plot_phase_portraits,
+            plot.plot_impact_phases,
+        )
+    ]
+    figures += [plot.plot_rides({"a": ride}), plot.plot_sliding_end({"a": ride}), plot.plot_strobe(ride, whole=False)]
+    for figure in figures:
+        figure.savefig(io.BytesIO(), dpi=40)
+    shares = figures[6].axes[1].collections[0].get_segments()
+    assert np.abs([stem[1][1] for stem in shares]).max() <= 1.0 + 1e-9 or len(ride.slope.zones)
+
+
+def test_moments_of_forces_on_a_profile_turn_the_body(ride: Descent) -> None:
+    """Oracle: Euler's law, J domega = moment dt, over one contact."""
+    rebound = ride.rebounds[0]
+    rows = rows_between(ride, float(rebound["t_touchdown"]), float(rebound["t"]))
+    ax = plot.plot_impact(ride, float(rows["t"][0]), float(rows["t"][-1])).axes[2]
+    t, moment = np.asarray(ax.lines[-1].get_xydata()).T
+    turned = np.trapezoid(moment, 1e-3 * t)
+    assert turned == pytest.approx(ride.body.inertia * (rebound["omega_after"] - rebound["omega_before"]), rel=0.02)
