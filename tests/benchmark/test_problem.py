@@ -83,7 +83,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
         for i, row in enumerate(actions)
     ]
     assert problem.expect(trials, actions) == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 13)
+    assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 14)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
     assert np.array_equal(drawn[:TRIALS, 12:], trials[0, :, 12:])
     assert np.array_equal(drawn[TRIALS:, 12:], trials[0, :, 12:])
