@@ -21,7 +21,7 @@ import sledenv
 from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
 from sledenv.envs.descent import SledDescent
-from sledenv.envs.inputs import FIELDS
+from sledenv.envs.inputs import SEEN
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
 from sledenv.simulation.support import support_height
@@ -78,7 +78,7 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
         action = random_action(launch, rng)
         context, _ = launch.reset()
         observation, _ = descent.reset()
-        assert np.array_equal(observation[:FIELDS], context)
+        assert np.array_equal(observation[:SEEN], context)
         assert not observation[11:].any()
         _, reward, _, _, info = launch.step(action)
         total, ended, steps = 0.0, False, 0

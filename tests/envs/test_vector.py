@@ -271,9 +271,9 @@ def test_a_lane_that_is_being_reset_ignores_its_action():
             ValueError,
             "unknown option 'contxt': must be one of 'context', 'split', 'reset_mask'",
         ),
-        ({"options": {"context": np.zeros((2, 11))}}, ValueError, r"context has shape \(2, 11\): must be \(11,\) or"),
+        ({"options": {"context": np.zeros((2, 12))}}, ValueError, r"context has shape \(2, 12\): must be \(12,\) or"),
         (
-            {"options": {"context": [[0.1, 0.1, e, 1.0, 0.5, *[0.0] * 6] for e in (0.5, 0.0, 0.5)]}},
+            {"options": {"context": [[0.1, 0.1, e, 1.0, 0.5, *[0.0] * 7] for e in (0.5, 0.0, 0.5)]}},
             ValueError,
             r"context\[1\]\.restitution = 0.0: must be in \(0, 1\]",
         ),

@@ -182,7 +182,7 @@ class Scenario(Document):
     @model_validator(mode="after")
     def _can_be_descended(self) -> Self:
         slope, bodies = self.slope_section, self.all_bodies()
-        if slope.bumps is None and not slope.profile:
+        if not self.has_track:
             return self
         size = max(body.size for body in bodies)
         if any(has_sharp_corner(body.record).any() for body in bodies):
@@ -261,6 +261,11 @@ class Scenario(Document):
         if not isinstance(rng, np.random.Generator):
             raise TypeError(f"rng = {rng!r}: must be a numpy.random.Generator, such as numpy.random.default_rng(0)")
         return Context(*self.contexts(rng.random(self.draws), split).tolist())
+
+    @property
+    def has_track(self) -> bool:
+        """Whether there is ground over the plane of its slope: vertices or bumps."""
+        return self.slope_section.bumps is not None or bool(self.slope_section.profile)
 
     @property
     def draws(self) -> int:
@@ -460,7 +465,7 @@ class Scenario(Document):
         ValueError
             If ``solver`` is "rigid" where there are vertices or bumps.
         """
-        if solver != "compliant" and (self.slope_section.bumps or self.slope_section.profile):
+        if solver != "compliant" and self.has_track:
             raise ValueError(f"solver = {solver!r}: must be 'compliant' in scenario {self.id}, which has a profile")
         return Settings(
             solver=solver,

@@ -279,7 +279,8 @@ class Study(Document):
         """Return what is wrong with ranges that the study does not decide."""
         low, high = self.base.ranges
         ranges = [name for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]]
-        return [f"{name}: is a range, give a number or a distribution" for name in ranges]
+        tracks = ["scenario: must be one over a plane, without a profile or bumps"] * self.base.has_track
+        return tracks + [f"{name}: is a range, give a number or a distribution" for name in ranges]
 
 
 def load_study(name_or_path: str | os.PathLike[str]) -> Study:
