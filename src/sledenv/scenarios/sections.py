@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.scenarios.rocks import RockBody
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
 from sledenv.simulation.records import MOST_ARCS
 from sledenv.simulation.shapes import circular_segment, polygon
@@ -168,7 +169,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody
+OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | RockBody
 
 
 class ChoiceBody(Section):
@@ -178,7 +179,7 @@ class ChoiceBody(Section):
     of: Annotated[tuple[Annotated[OneBody, Field(discriminator="kind")], ...], Field(min_length=2, max_length=12)]
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | ChoiceBody
+AnyBody = OneBody | ChoiceBody
 
 
 class SlopeSection(Section):

@@ -28,9 +28,12 @@ class StudyResult:
         How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
     quantiles : DataFrame
         Of each output of a descent: ``mean``, and the quantiles ``q05``, ``q25``, ``q50``, ``q75``, ``q95``.
+    stops : DataFrame
+        Within which place ``x_m`` a ``share`` of all bodies end, with its interval of 95 %, ``low_m`` and ``high_m``.
     envelopes : DataFrame
-        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles of the
-        speed and of the kinetic energy of those that come there.
+        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles and the
+        largest value, ``most``, of the speed and of the kinetic energy of those that come there. Over a hillside also
+        of ``bounce_m`` and ``centre_m``, heights over the ground of the lowest point and of the mass centre.
     sobol : DataFrame
         A row for each output and parameter: first order and total index, each with the half-width of its interval of
         95 %.
@@ -42,6 +45,7 @@ class StudyResult:
     files: tuple[Path, ...]
     shares: pd.DataFrame
     quantiles: pd.DataFrame
+    stops: pd.DataFrame
     envelopes: pd.DataFrame
     sobol: pd.DataFrame
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,7 @@ OUTPUTS: Final = (  # numbers that each descent ends with
 ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other status is a limit that was met
 # Outputs with Sobol indices, and whether each of ENDS.
 _ANALYSED: Final = ("stop_m", "time_s", "kinetic_j", "reward")
+_STOPS: Final = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 _MIDDLE: Final = (0.005, 0.995)
 _SURE: Final = float(stats.norm.ppf(0.975))  # standard deviations to each side of an interval of 95 %
 
@@ -56,7 +58,24 @@ def quantiles(ends: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame({"output": OUTPUTS, "mean": values.mean(axis=0), **dict(zip(NAMES, found, strict=True))})
 
 
-def envelope(x: float, ends: pd.DataFrame, passing: NDArray[np.float64], group: int) -> dict[str, float]:
+def stops(places: pd.Series, group: int) -> pd.DataFrame:
+    """Return within which distance [m] shares of all bodies end, with intervals of 95 % by order statistics.
+
+    The interval of a quantile is that between the quantiles of the ends of the interval of its share.
+    """
+    values = places.to_numpy()
+    rows = []
+    for share in _STOPS:
+        place = float(np.quantile(values, share, method="inverted_cdf"))
+        _, low, high = interval(values <= place, group)
+        rows.append((share, place, *np.quantile(values, (low, high), method="inverted_cdf").tolist()))
+    rows.append((1.0, *(float(values.max()),) * 3))  # the largest that was found; nothing is known of what is beyond
+    return pd.DataFrame(rows, columns=["share", "x_m", "low_m", "high_m"])
+
+
+def envelope(
+    x: float, ends: pd.DataFrame, passing: pd.DataFrame, group: int, heights: Sequence[float]
+) -> dict[str, float]:
     """Return a row of the envelopes.
 
     Parameters
@@ -65,23 +84,27 @@ def envelope(x: float, ends: pd.DataFrame, passing: NDArray[np.float64], group: 
         Distance along the slope [m].
     ends : DataFrame
         Status and outputs of N launches.
-    passing : ndarray, shape (2, N)
-        Speed [m/s] and kinetic energy [J] where they first come to the distance, NaN if never.
+    passing : DataFrame
+        Speed [m/s], kinetic energy [J] and over a hillside heights where they first come to the distance, NaN if never.
     group : int
         Launches in a group of Saltelli's scheme.
+    heights : sequence of float
+        Of barriers [m]: the shares that pass with their lowest point above them are told.
     """
-    status, there = ends["status"], ~np.isnan(passing[0])
+    status, there = ends["status"], passing["speed_m_s"].notna().to_numpy()
     finished = ((status == Status.FINISH) & (ends["stop_m"] <= x)).to_numpy()
     stopped = ~there & ~finished
     ways = {"moving": there & ~finished, "finished": finished}
     ways |= {str(one): stopped & (status == one).to_numpy() for one in ENDS[1:]}
     ways["other"] = stopped & ~status.isin(ENDS).to_numpy()
+    ways |= {f"over_{height:g}_m": (passing["bounce_m"] > height).to_numpy() for height in heights}
     row = {"x_m": x}
     for name, hits in ways.items():
         row |= dict(zip((name, f"{name}_low", f"{name}_high"), interval(hits, group), strict=True))
-    for name, values in zip(("speed_m_s", "kinetic_j"), passing, strict=True):
-        found = np.quantile(values[there], QUANTILES) if there.any() else np.full(len(QUANTILES), np.nan)
-        row |= {f"{name}_{quantile}": float(value) for quantile, value in zip(NAMES, found, strict=True)}
+    for name, column in passing.items():
+        values = column[there].to_numpy()
+        found = np.quantile(values, (*QUANTILES, 1.0)) if there.any() else np.full(len(QUANTILES) + 1, np.nan)
+        row |= {f"{name}_{which}": float(value) for which, value in zip((*NAMES, "most"), found, strict=True)}
     return row
 
 
