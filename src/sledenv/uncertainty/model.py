@@ -204,7 +204,9 @@ class Study(Document):
             try:
                 found = MaterialSection.model_validate(_medians(material)).model_dump()
             except ValidationError as error:
-                raise ValueError("\n".join(f"materials.{name}.{line}" for line in MaterialSection.problems(error))) from error
+                raise ValueError(
+                    "\n".join(f"materials.{name}.{line}" for line in MaterialSection.problems(error))
+                ) from error
             surfaces[name] = found | {"corner_rolling_arm_m": found["rolling_arm_m"]}
         zones = [
             {"begin_m": run.begin, "end_m": run.end if run.end < np.inf else None} | surfaces[run.material]
@@ -236,7 +238,9 @@ class Study(Document):
     def parameters(self) -> dict[str, Distribution]:
         """What is uncertain: distributions by key, such as "contact.friction"."""
         every = {f"{part}.{key}": value for part in PARTS for key, value in getattr(self, part).items()}
-        every |= {f"materials.{name}.{key}": value for name, one in self.materials.items() for key, value in one.items()}
+        every |= {
+            f"materials.{name}.{key}": value for name, one in self.materials.items() for key, value in one.items()
+        }
         every |= {_START: self.start_m}
         return {name: value for name, value in every.items() if isinstance(value, Distribution)}
 

@@ -31,7 +31,8 @@ def descend_over(lanes: Lanes, stations: Floats, settings: Settings) -> Passages
     """Simulate descents over one profile, and tell how they first come to places along it.
 
     In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
-    once more, from the separation before, on a slope that ends there.
+    once more, from the separation before, on a slope that ends there. Where a body swings over a place and back in one
+    contact it has not come there.
 
     Parameters
     ----------
@@ -101,6 +102,7 @@ class _Flights:
 
     def __init__(self, given: CheckedLanes, outcomes: np.ndarray, logs: np.ndarray) -> None:
         self.given, self.outcomes, self.logs = given, outcomes, logs
+        self.gravity = np.broadcast_to(given.slopes[:, _GRAVITY], len(logs))
         count, most = logs.shape
         flown = np.arange(most) < outcomes["rebounds"][:, np.newaxis]
         x, t, u = (np.empty((count, most + 1)) for _ in range(3))
@@ -119,20 +121,29 @@ class _Flights:
         return np.array(places, np.intp).reshape(len(furthest), len(stations))
 
     def starts(self, lane: Indices, flight: Indices) -> Floats:
-        """Return the states in which flights begin, shape (M, 6): those of the launch, or of the separation before."""
+        """Return the states in which flights begin, shape (M, 6): those of the launch, or of the separation before.
+
+        Logs have no height. It is told from where the flight ends: at the height at which the body touches the ground, or
+        that of the end of the descent.
+        """
         states = self.given.launches[lane].copy()
         later = np.flatnonzero(flight > 0)
-        rows = self.logs[lane[later], flight[later] - 1]
-        x, phi = rows["x"].copy(), rows["phi"].copy()
-        bodies = _some(self.given, lane[later]).bodies
-        y = resting_heights(bodies, x, within_a_turn(phi), self.given.vertices)  # where it separates, the gap is 0
-        states[later] = np.column_stack([x, y, phi, rows["u_after"], rows["v_after"], rows["omega_after"]])
+        lane, flight = lane[later], flight[later]
+        rows, end = self.logs[lane, flight - 1], self.outcomes[lane]
+        x, phi, u, v, omega = (rows[name] for name in ("x", "phi", "u_after", "v_after", "omega_after"))
+        lands = flight < end["rebounds"]
+        landing = self.logs["t_touchdown"][lane, np.minimum(flight, self.logs.shape[1] - 1)]
+        time = np.where(lands, landing, end["t"]) - rows["t"]
+        bodies, turned = _some(self.given, lane).bodies, within_a_turn(phi + omega * time)
+        lowest = resting_heights(bodies, x + u * time, turned, self.given.vertices)
+        y = np.where(lands, lowest, end["y"]) - (v - 0.5 * self.gravity[lane] * time) * time
+        states[later] = np.column_stack([x, y, phi, u, v, omega])
         return states
 
     def at(self, lane: Indices, place: Indices, x: Floats) -> Floats:
         """Return states at places x [m] that are come to in flight, shape (M, 6); without meaning for others."""
         states = self.starts(lane, (place - np.minimum(place, 1)) // 2)
-        gravity = np.broadcast_to(self.given.slopes[:, _GRAVITY], len(self.logs))[lane]
+        gravity = self.gravity[lane]
         with np.errstate(divide="ignore", invalid="ignore"):
             time = np.where(place > 0, (x - states[:, 0]) / states[:, 3], 0.0)
         time = np.where(place % 2 == 1, time, 0.0)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 import pandas as pd
 
+from sledenv.pages.html import filled
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.model import Study
 
@@ -56,7 +58,18 @@ class StudyResult:
     @property
     def words(self) -> str:
         """What was found, for a reader."""
-        return summary.words(self.shares, self.quantiles, self.sobol)
+        return summary.words(self.shares, self.quantiles, self.stops, self.envelopes, self.sobol)
+
+    def page(self, pictures: dict[str, bytes]) -> str:
+        """Return the page of the study: its tables, and its pictures in the format PNG, by name."""
+        names = "shares", "stops", "envelopes", "quantiles", "sobol"
+        return filled(
+            "study.html",
+            study=self.study,
+            launches=self.launches,
+            tables={name: getattr(self, name) for name in names},
+            pictures={name: base64.b64encode(picture).decode() for name, picture in pictures.items()},
+        )
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: :attr:`words`."""

@@ -91,9 +91,13 @@ def study(
             table.to_parquet(part, index=False)
         with replacing(folder / f"{name}.csv", ".csv") as part:
             table.to_csv(part, index=False)
+    pictures = {}
     for name, figure in (("envelopes", plot_envelopes(result)), ("sobol", plot_sobol(result))):
         with replacing(folder / f"{name}.png", ".png") as part:
             figure.savefig(part, dpi=_DPI, format="png")
+            pictures[name] = part.read_bytes()
+    with replacing(folder / "study.html", ".html") as part:
+        part.write_text(result.page(pictures), encoding="utf-8")
     with replacing(folder / "study.yaml", ".yaml") as part:
         part.write_text(yaml.safe_dump(one.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
     return result

@@ -24,6 +24,7 @@ OUTPUTS: Final = (  # numbers that each descent ends with
 ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other status is a limit that was met
 # Outputs with Sobol indices, and whether each of ENDS.
 _ANALYSED: Final = ("stop_m", "time_s", "kinetic_j", "reward")
+_SHOWN: Final = ("bounce_m", "speed_m_s", "kinetic_j")  # by place over a hillside
 _STOPS: Final = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 _MIDDLE: Final = (0.005, 0.995)
 _SURE: Final = float(stats.norm.ppf(0.975))  # standard deviations to each side of an interval of 95 %
@@ -134,12 +135,18 @@ def no_indices() -> pd.DataFrame:
     return pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in columns.items()})
 
 
-def words(ends: pd.DataFrame, outputs: pd.DataFrame, sensitivity: pd.DataFrame) -> str:
+def words(
+    ends: pd.DataFrame, outputs: pd.DataFrame, places: pd.DataFrame, along: pd.DataFrame, sensitivity: pd.DataFrame
+) -> str:
     """Return tables for a reader, lines of at most 120 characters."""
     ways = [(f"  {row.status}", f"{row.share:.4f}", f"[{row.low:.4f}, {row.high:.4f}]") for row in ends.itertuples()]
     values = [(f"  {row[0]}", *(f"{value:.4g}" for value in row[1:])) for row in outputs.itertuples(index=False)]
     lines = ["how descents end, with intervals of 95 %", *aligned(ways, ("<14", ">6", "<")), ""]
     lines += [*aligned([("quantiles", "mean", *NAMES), *values], ("<22", ">10")), ""]
+    reached = [(f"  {row[0]:.0%}", *(f"{x:.4g}" for x in row[1:])) for row in places.itertuples(index=False)]
+    lines += [*aligned([("share that ends", "up to x_m", "low_m", "high_m"), *reached], ("<22", ">10")), ""]
+    if f"{_SHOWN[0]}_most" in along:
+        lines += [*_by_place(along), ""]
     lines.append("Sobol indices, first order / total, +- half of the interval of 95 %")
     for output, found in sensitivity.groupby("output", sort=False):
         rows = [
@@ -148,6 +155,18 @@ def words(ends: pd.DataFrame, outputs: pd.DataFrame, sensitivity: pd.DataFrame) 
         ]
         lines += [f"  {output}", *aligned(rows, ("<34", ">15", ">16"))]
     return "\n".join(lines)
+
+
+def _by_place(along: pd.DataFrame) -> list[str]:
+    """Return by place which share of launches comes there, and how high, fast and energetic those pass."""
+    shown = [f"{name}_{quantile}" for name in _SHOWN for quantile in ("q50", "q95", "most")]
+    rows = [
+        (f"  {row['x_m']:g}", f"{row['moving'] + row['finished']:.3f}", *(f"{row[name]:.4g}" for name in shown))
+        for row in along.to_dict("records")
+    ]
+    names = ["by place", "", *(name for each in _SHOWN for name in (each, "", ""))]
+    head = ["  x_m", "comes", *("median", "95 %", "most") * len(_SHOWN)]
+    return aligned([names, head, *rows], ("<10", ">7", ">9"))
 
 
 def _spread(index: float, half: float) -> str:

@@ -37,7 +37,9 @@ class Run(NamedTuple):
 def _checked(given: Any) -> tuple[Place, ...]:
     """Return the points of a section, or raise ValueError that says which is wrong and on which line of a table."""
     if not isinstance(given, list | tuple) or not 2 <= len(given) <= MOST_VERTICES:
-        raise ValueError(f"must be the name of a CSV file, or a list of 2 to {MOST_VERTICES} points [x_m, z_m, material]")
+        raise ValueError(
+            f"must be the name of a CSV file, or a list of 2 to {MOST_VERTICES} points [x_m, z_m, material]"
+        )
     places: list[Place] = []
     number = Quantity("(-inf, inf) m")
     for k, point in enumerate(given):
@@ -124,9 +126,13 @@ def read_section(file: Path) -> list[list[Any]]:
     points = []
     for line, row in enumerate(rows, 2):
         if missing := [name for name in COLUMNS if row.get(name) is None]:
-            raise ValueError(f"{file}, line {line}: no {' and no '.join(missing)}; columns must be {', '.join(COLUMNS)}")
+            raise ValueError(
+                f"{file}, line {line}: no {' and no '.join(missing)}; columns must be {', '.join(COLUMNS)}"
+            )
         try:
             points.append([float(row["x_m"]), float(row["z_m"]), row["material"].strip()])
         except ValueError:
-            raise ValueError(f"{file}, line {line}: x_m = {row['x_m']!r}, z_m = {row['z_m']!r}: must be numbers") from None
+            raise ValueError(
+                f"{file}, line {line}: x_m = {row['x_m']!r}, z_m = {row['z_m']!r}: must be numbers"
+            ) from None
     return points
