@@ -22,7 +22,7 @@ _FANS: Final = {  # label and scale
     "speed_m_s": ("speed [m/s]", 1.0),
     "kinetic_j": ("kinetic energy [kJ]", 1e-3),
 }
-_GROUNDS: Final = (POTENTIAL, GREEN, ORANGE, PURPLE, SKY, RED, BLUE, INK)  # of materials
+_GROUNDS: Final = (POTENTIAL, ORANGE, PURPLE, GREEN, INK, SKY, RED, BLUE)  # of materials
 _OUTPUTS: Final = {
     "stop_m": "where it stops",
     "time_s": "duration",
