@@ -147,7 +147,7 @@ def test_without_friction_a_disc_bounces_as_a_lumped_mass(restitution: float) ->
     rebounds = descent.rebounds[:8]
     found = np.column_stack([rebounds[name] for name in ("x", "u_after", "v_after")])
     assert found == pytest.approx(expected[:, [0, 2, 3]], rel=1e-3, abs=1e-3)
-    assert not descent.rebounds["omega_after"].any()
+    assert descent.rebounds["omega_after"] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.2, 0.6])
@@ -160,7 +160,7 @@ def test_friction_makes_a_tangential_ratio_that_depends_on_the_angle_of_impact(f
     restitution, k, speed = 0.4, 0.5, 20.0
     u, v = speed * math.cos(math.radians(steep)), speed * math.sin(math.radians(steep))
     launch = State(0.0, 0.5 + 1e-9, 0.0, u, -v, 0.0)
-    descent = simulate(sledenv.disc(100.0, 0.5), law(restitution, friction, 1e12), Slope(0.0, 500.0), launch)
+    descent = simulate(sledenv.disc(100.0, 0.5), law(restitution, friction, 1e14), Slope(0.0, 500.0), launch)
     first, second = descent.rebounds[:2]
     limit = k / (1.0 + k)  # what rolling takes off
     ratio = 1.0 - min(friction * (1.0 + restitution) * v / u, limit)
@@ -197,15 +197,12 @@ def ends_of(study: Study) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle", "height"), [(a, h) for a in (65, 70, 75) for h in (12, 18, 24)])
 def test_the_catchment_rule(angle: int, height: int) -> None:
-    """Oracle: 90 % of rocks stay within 0.2 H - 0.1 (angle - 65) + 4.5 m of the toe of a planar face."""
+    """Oracle: 90 % of rocks stay within 0.2 H - 0.1 (angle - 65) + 4.5 m of the toe of a planar face; here fewer do."""
     toe = height / math.tan(math.radians(angle))
     section = [[0.0, height, "rock"], [toe, 0.0, "scree"], [toe + 80.0, 0.0, "scree"]]
     stop = ends_of(shipped(section, between(0.3, 0.9), 0.2)) - toe
     rule = 0.2 * height - 0.1 * (angle - 65) + 4.5
-    print(
-        f"{angle} {height} rule {rule:.1f} m: {(stop <= rule).mean():.0%} stay; 90 % stay within {np.quantile(stop, 0.9):.1f} m"
-    )
-    assert 0.5 < (stop <= rule).mean() < 0.95
+    assert 0.55 < (stop <= rule).mean() < 0.93, np.quantile(stop, 0.9)
 
 
 TSCHAMUT = [77.1, 67.9, 59.6, 51.9, 44.8, 38.1, 33.4, 31.3, 30.5, 30.1, 30.1, 29.9, 27.7, 23.1, 18.3]
@@ -218,5 +215,8 @@ def test_the_field_test_of_tschamut(material: str) -> None:
     section = [[10.0 * k, z, material] for k, z in enumerate(TSCHAMUT)] + [[160.0, TSCHAMUT[-1], material]]
     study = shipped(section, between(0.37, 0.46), 0.5)
     stop = ends_of(study)
-    print(material, np.quantile(stop, [0.0, 0.05, 0.5, 0.95, 1.0]).round(1))
-    assert 27.5 - 5.0 < stop.min()
+    low, middle, high = np.quantile(stop, [0.05, 0.5, 0.95])
+    assert stop.min() == pytest.approx(27.5, abs=15.0)
+    assert 65.0 < middle < 80.0  # and not 101.7 m
+    assert low < 55.0
+    assert high > 145.0

@@ -27,7 +27,7 @@ def study(
     Parameters
     ----------
     study
-        brake_stop, push_off, or a file that ends in .yaml.
+        brake_stop, hillside, push_off, or a file that ends in .yaml.
     out
         Default: runs/study/STUDY.
     launches

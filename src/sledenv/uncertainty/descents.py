@@ -52,6 +52,7 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
     settings : Settings
         How they are simulated.
     """
+    assert isinstance(lanes.slopes, np.ndarray)
     count = len(lanes.launches)
     outcomes = np.zeros(count, OUTCOME)
     speed, kinetic = np.full((2, count, len(stations)), np.nan)
@@ -80,6 +81,7 @@ def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64]
     """Return the outcomes of some lanes, or of none, on slopes of given lengths [m]."""
     if not len(going):
         return np.zeros(0, OUTCOME)
+    assert isinstance(lanes.slopes, np.ndarray)
     slopes = lanes.slopes[going]
     slopes[:, _LENGTH] = lengths
     bodies: Body | list[Body] | np.ndarray = lanes.bodies

@@ -88,7 +88,7 @@ def plot_envelopes(result: StudyResult) -> Figure:
 def _draw_section(ax: Axes, terrain: TerrainSection, table: pd.DataFrame) -> None:
     """Draw the ground by its materials, and how high over it mass centres pass."""
     vertices = terrain.vertices
-    lowest, x = float(vertices[:, 1].min()), table["x_m"]
+    bottom, x = float(vertices[:, 1].min() - 0.08 * np.ptp(vertices[:, 1])), table["x_m"]
     colours = dict(zip(dict.fromkeys(run.material for run in terrain.runs), _GROUNDS, strict=False))
     labelled = set()
     for run in terrain.runs:
@@ -97,15 +97,8 @@ def _draw_section(ax: Axes, terrain: TerrainSection, table: pd.DataFrame) -> Non
         ground = np.interp(places, *vertices.T)
         label = None if run.material in labelled else run.material
         labelled.add(run.material)
-        ax.fill_between(
-            places,
-            ground,
-            lowest - 0.08 * np.ptp(vertices[:, 1]),
-            color=colours[run.material],
-            alpha=0.8,
-            lw=0.0,
-            label=label,
-        )
+        colour = colours[run.material]
+        ax.fill_between(places, ground, bottom, color=colour, alpha=0.8, lw=0.0, label=label)
     under = np.interp(x, *vertices.T)
     ax.plot(*vertices.T, color=INK, lw=0.8)
     ax.plot(x, under + table["centre_m_q95"], color=BLUE, lw=1.2, label="mass centre, 95 %")

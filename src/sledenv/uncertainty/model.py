@@ -185,8 +185,8 @@ class Study(Document):
     def _hillside(self) -> dict[str, Any]:
         """Return what a scenario has of a terrain: a level plane, whose zones are the pieces of each material."""
         if self.terrain is None:
-            hill = "materials", "start_m", "heights_m"
-            if alone := [name for name in hill if name in self.model_fields_set]:
+            alone = [name for name in ("materials", "start_m", "heights_m") if getattr(self, name)]
+            if alone:
                 raise ValueError(f"{alone[0]}: goes with terrain, and there is none")
             return {}
         given = {name for name in ("scenario", "contact", "zone", "ends") if getattr(self, name)}
@@ -204,9 +204,8 @@ class Study(Document):
             try:
                 found = MaterialSection.model_validate(_medians(material)).model_dump()
             except ValidationError as error:
-                raise ValueError(
-                    "\n".join(f"materials.{name}.{line}" for line in MaterialSection.problems(error))
-                ) from error
+                wrong = [f"materials.{name}.{line}" for line in MaterialSection.problems(error)]
+                raise ValueError("\n".join(wrong)) from error
             surfaces[name] = found | {"corner_rolling_arm_m": found["rolling_arm_m"]}
         zones = [
             {"begin_m": run.begin, "end_m": run.end if run.end < np.inf else None} | surfaces[run.material]
@@ -299,7 +298,8 @@ class Study(Document):
                     slopes[:, i] = given.get(f"materials.{run.material}.{key}", slopes[:, i])
         over = Slope(0.0, self.terrain.length, profile=self.terrain.vertices)
         records = records_of(bodies, len(launches))
-        x, phi = np.broadcast_to(given.get(_START, self.start_m), len(launches)), within_a_turn(launches[:, 2])
+        start = given[_START] if _START in given else np.array(self.start_m)
+        x, phi = np.broadcast_to(start, len(launches)), within_a_turn(launches[:, 2])
         launches[:, 1] += resting_heights(records, x, phi, over.vertices) - support_heights(records, phi)
         launches[:, 0] = x
         return SlopeTable(slopes, over), launches

@@ -97,7 +97,7 @@ def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Sett
 class _Flights:
     """How N descents fly: from their launches and from each separation on.
 
-    Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the end of the descent.
+    Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
     """
 
     def __init__(self, given: CheckedLanes, outcomes: np.ndarray, logs: np.ndarray) -> None:
@@ -123,8 +123,8 @@ class _Flights:
     def starts(self, lane: Indices, flight: Indices) -> Floats:
         """Return the states in which flights begin, shape (M, 6): those of the launch, or of the separation before.
 
-        Logs have no height. It is told from where the flight ends: at the height at which the body touches the ground, or
-        that of the end of the descent.
+        Logs have no height. It is told from where the flight ends: where the body touches the ground, or where the
+        descent ends.
         """
         states = self.given.launches[lane].copy()
         later = np.flatnonzero(flight > 0)

@@ -36,13 +36,18 @@ def interval(hits: NDArray[np.bool_], group: int) -> tuple[float, float, float]:
     Launches of a group of Saltelli's scheme share draws, so it is the means of groups that are independent. Sobol's
     sequence makes them vary less than at random, which the interval does not count on.
     """
-    means = hits.reshape(-1, group).mean(axis=1)
-    share, scatter = float(means.mean()), float(means.var())
-    worth = share * (1.0 - share) / scatter * len(means) if scatter > 0.0 else float(len(means))
+    share, worth = float(hits.mean()), _worth(hits, group)
     square = _SURE**2 / worth
     centre = (share + 0.5 * square) / (1.0 + square)
     width = _SURE * np.sqrt(share * (1.0 - share) / worth + 0.25 * square / worth) / (1.0 + square)
     return share, max(float(centre - width), 0.0), min(float(centre + width), 1.0)
+
+
+def _worth(hits: NDArray[np.bool_], group: int) -> float:
+    """Return how many independent launches would make a share scatter as groups do."""
+    means = hits.reshape(-1, group).mean(axis=1)
+    share, scatter = float(means.mean()), float(means.var())
+    return share * (1.0 - share) / scatter * len(means) if scatter > 0.0 else float(len(means))
 
 
 def shares(status: pd.Series, group: int) -> pd.DataFrame:
@@ -60,17 +65,21 @@ def quantiles(ends: pd.DataFrame) -> pd.DataFrame:
 
 
 def stops(places: pd.Series, group: int) -> pd.DataFrame:
-    """Return within which distance [m] shares of all bodies end, with intervals of 95 % by order statistics.
+    """Return up to which place [m] shares of all bodies end, with intervals of 95 % by order statistics.
 
-    The interval of a quantile is that between the quantiles of the ends of the interval of its share.
+    Of as many launches as groups are worth, the number that end up to a quantile is binomial; an interval that needs
+    more of them than there are is open. The last row is the largest place that was found.
     """
     values = places.to_numpy()
     rows = []
     for share in _STOPS:
         place = float(np.quantile(values, share, method="inverted_cdf"))
-        _, low, high = interval(values <= place, group)
-        rows.append((share, place, *np.quantile(values, (low, high), method="inverted_cdf").tolist()))
-    rows.append((1.0, *(float(values.max()),) * 3))  # the largest that was found; nothing is known of what is beyond
+        worth = round(_worth(values <= place, group))
+        low, high = stats.binom.ppf((0.025, 0.975), worth, share) + np.array([0.0, 1.0])
+        ends = (np.quantile(values, min(rank / worth, 1.0), method="inverted_cdf") for rank in (low, high))
+        below, above = (float(end) for end in ends)
+        rows.append((share, place, below if low >= 1.0 else -np.inf, above if high <= worth else np.inf))
+    rows.append((1.0, float(values.max()), np.nan, np.nan))
     return pd.DataFrame(rows, columns=["share", "x_m", "low_m", "high_m"])
 
 
