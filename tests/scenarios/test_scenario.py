@@ -90,7 +90,7 @@ def test_what_is_no_context_is_named(context: Any) -> None:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
-KINDS = "disc, segment, sled, polygon, custom, choice"
+KINDS = "disc, segment, sled, polygon, custom, rock, choice"
 BOUNDS = "must be a pair [low, high] of numbers in"
 
 

@@ -46,7 +46,7 @@ def test_study_prints_and_writes_what_it_has_found(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["psuh_off"], "unknown study 'psuh_off' (did you mean 'push_off'?); known: brake_stop, push_off;"),
+        (["psuh_off"], "unknown study 'psuh_off' (did you mean 'push_off'?); known: brake_stop, hillside, push_off;"),
         (["FILE", "--launches", "0"], "must be an integer >= 1: '0'"),
         (["FILE", "--out", "FILE"], "is a file: choose another folder"),
         (["FILE", "--out", "."], "is the current folder: choose another one"),

@@ -126,6 +126,8 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
             "half_angle_deg": 120,
         },
         "polygon": {"mass_kg": 2, "rounding_m": 0.05},
+        "rock": {"length_m": 0.6, "width_ratio": 0.7, "depth_ratio": 0.8, "rounding": 0.2}
+        | {"density_kg_m3": 2600, "shape": 0.3},
     }[kind]
     certain = {"kind": kind} | ({"points_m": [[0, 0], [0.6, 0], [0.5, 0.4]]} if kind == "polygon" else {})
     around = {key: {"kind": "uniform", "low": 0.97 * value, "high": 1.03 * value} for key, value in fields.items()}
@@ -228,7 +230,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in (0, inf) m"),
         (
             {"body": {"kind": "cube"}},
-            "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom, choice",
+            "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom, rock, choice",
         ),
         ({"contact__asymmetry": 0.5}, "either restitution"),
         ({"limits": None}, "limits: missing"),

@@ -27,7 +27,7 @@ def study(
     Parameters
     ----------
     study
-        brake_stop, push_off, or a file that ends in .yaml.
+        brake_stop, hillside, push_off, or a file that ends in .yaml.
     out
         Default: runs/study/STUDY.
     launches
@@ -46,6 +46,6 @@ def study(
     with resumable():
         found = simulate_study(given, folder, launches=launches, workers=workers, ray=ray)
     title = f"{given.id}, {found.launches} launches, solver {given.solver}: {given.question or given.title}"
-    tables = {name: getattr(found, name) for name in ("shares", "quantiles", "envelopes", "sobol")}
+    tables = {name: getattr(found, name) for name in ("shares", "quantiles", "stops", "envelopes", "sobol")}
     named = {"study": given.id, "launches": found.launches, "solver": given.solver}
     tell(f"{title}\n{found.words}\nstudy: wrote {folder}", named | tables | {"written": [folder]}, json)

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.scenarios.rocks import RockBody
 from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
 from sledenv.simulation.records import MOST_ARCS
@@ -172,7 +173,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody
+OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | RockBody
 
 
 class ChoiceBody(Section):
@@ -182,7 +183,7 @@ class ChoiceBody(Section):
     of: Annotated[tuple[Annotated[OneBody, Field(discriminator="kind")], ...], Field(min_length=2, max_length=12)]
 
 
-AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | ChoiceBody
+AnyBody = OneBody | ChoiceBody
 
 
 class BumpsSection(Section):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate_batch
 from sledenv.uncertainty.model import Lanes
 
-_LENGTH = Slope._fields.index("length")
+PASSING: Final = ("speed_m_s", "kinetic_j", "bounce_m", "centre_m")
+_LENGTH: Final = Slope._fields.index("length")
 
 
 class Passages(NamedTuple):
@@ -26,6 +27,14 @@ class Passages(NamedTuple):
     jam: DescentJam
     speed: NDArray[np.float64]  # [m/s] of the mass centre where it first comes to a station, NaN if never; shape (N, K)
     kinetic: NDArray[np.float64]  # [J] of translation and rotation there
+    # Over a hillside alone: heights [m] over the ground, of the lowest point of the body and of the mass centre.
+    bounce: NDArray[np.float64] | None = None
+    centre: NDArray[np.float64] | None = None
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """What is told of each passage, by the name of its column."""
+        return {name: one for name, one in zip(PASSING, self[2:], strict=True) if one is not None}
 
 
 def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings) -> Passages:
@@ -43,6 +52,7 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
     settings : Settings
         How they are simulated.
     """
+    assert isinstance(lanes.slopes, np.ndarray)
     count = len(lanes.launches)
     outcomes = np.zeros(count, OUTCOME)
     speed, kinetic = np.full((2, count, len(stations)), np.nan)
@@ -71,6 +81,7 @@ def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64]
     """Return the outcomes of some lanes, or of none, on slopes of given lengths [m]."""
     if not len(going):
         return np.zeros(0, OUTCOME)
+    assert isinstance(lanes.slopes, np.ndarray)
     slopes = lanes.slopes[going]
     slopes[:, _LENGTH] = lengths
     bodies: Body | list[Body] | np.ndarray = lanes.bodies

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
-from sledenv.scenarios.configuration import Document, Section, Whole, wrong_kind
+from sledenv.scenarios.configuration import Document, Quantity, Section, Whole, wrong_kind
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import ChoiceBody, ContactSection, LaunchSection, SlopeSection, ZoneSection
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY
-from sledenv.simulation.scene import ContactLaw, Slope
+from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, Tracks, Zone, checked_profile
+from sledenv.simulation.support import resting_heights, support_heights, within_a_turn
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
+from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
 
 PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
 # Which field of what the simulator takes a key stands for; those of a body are told by its section.
@@ -43,8 +45,16 @@ _LAW: Final = {
     "contact.rolling_arm_m": "rolling_arm",
     "contact.corner_rolling_arm_m": "corner_rolling_arm",
 }
+_MATERIAL: Final = {  # of a zone
+    "restitution": ("restitution",),
+    "friction": ("friction",),
+    "rolling_arm_m": ("rolling_arm", "corner_rolling_arm"),
+    "stiffness_n_m": ("stiffness",),
+}
+_START: Final = "start_m"
 _SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity"}
 _NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
+_INCLINE: Final = ("angle", "length", "gravity")  # columns of a row of slopes before those of its zones
 _STATIONS: Final = 20
 
 
@@ -57,7 +67,7 @@ class Lanes(NamedTuple):
 
     bodies: Body | list[Body] | np.ndarray  # one, or bodies or records of kernel.outline.BODY, one a lane
     laws: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    slopes: NDArray[np.float64] | SlopeTable  # over a hillside with its profile
     launches: NDArray[np.float64]
 
 
@@ -74,7 +84,8 @@ def _read(value: Any) -> Any:
         raise ValueError("; ".join(KINDS[kind].problems(error))) from error
 
 
-Given = dict[str, SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]]  # by key: a distribution, a number, a word
+OneGiven = SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]  # a distribution, a number, a word
+Given = dict[str, OneGiven]  # by key
 
 
 class Study(Document):
@@ -98,6 +109,10 @@ class Study(Document):
     launches: Annotated[int, Whole("[1, 100000000]")] = 16384  # at least so many
     seed: Annotated[int, Whole("[0, 4294967295]")] = 0
     stations_m: tuple[Positive, ...] = ()  # distances at which speeds are told; 20 up to the end of the slope
+    terrain: TerrainSection | None = None  # a hillside: x is horizontal, and with it come the next three keys
+    materials: dict[str, Given] = Field(default_factory=dict)  # what the terrain is made of, by name
+    start_m: OneGiven = 0.0  # where along the section bodies start
+    heights_m: tuple[Positive, ...] = ()  # of barriers: shares of launches that pass higher are told
     slope: Given = Field(default_factory=dict)
     body: Given = Field(default_factory=dict)
     contact: Given = Field(default_factory=dict)
@@ -108,26 +123,37 @@ class Study(Document):
 
     @classmethod
     def seen_from(cls, folder: Path, content: Any) -> Any:
-        """Return what a file in a folder holds, with the path of its scenario as it is seen from here."""
+        """Return what a file in a folder holds, with the path of its scenario as it is seen from here.
+
+        The points of a terrain stand in place of the name of their file, so that a study holds all that it is about.
+        """
         if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
             content |= {"scenario": os.path.abspath(folder / content["scenario"])}
+        terrain = content.get("terrain") if isinstance(content, dict) else None
+        if isinstance(terrain, dict) and isinstance(terrain.get("section"), str):
+            try:
+                terrain["section"] = read_section(folder / terrain["section"])
+            except ValueError as error:
+                raise cls.error(f"terrain.section: {error}") from error
         return content
 
     @model_validator(mode="after")
     def _can_be_simulated(self) -> Self:
         """Check all that can be before anything is drawn."""
         problems = [self._misfit(name, distribution) for name, distribution in self.parameters.items()]
-        known = _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys()
-        certain = [name for name in self.parameters if not name.startswith("body.") and name not in known]
+        known = _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() | {_START}
+        free = "body.", "materials."
+        certain = [name for name in self.parameters if not name.startswith(free) and name not in known]
         problems += [f"{name}: must be certain, a number alone" for name in certain]
         problems += self._left_open()
         if isinstance(self.base.body_section, ChoiceBody):
             problems.append("body.kind = 'choice': a study is of one body")
         if not self.parameters:
             problems.append("nothing is uncertain: give a key of slope, body, contact or launch a distribution")
-        apart = np.diff(self.stations_m, prepend=0.0)
-        if (apart <= 0.0).any():
-            problems.append(f"stations_m = {list(self.stations_m)}: must rise")
+        begin = self.stations[0]
+        if (np.diff(self.stations_m, prepend=begin) <= 0.0).any():
+            behind = f", from {begin:g} m on" if begin else ""
+            problems.append(f"stations_m = {list(self.stations_m)}: must rise{behind}")
         if any(problems):
             raise ValueError("\n".join(filter(None, problems)))
         return self
@@ -139,10 +165,11 @@ class Study(Document):
         if self.scenario is not None:
             content = load_scenario(self.scenario).model_dump(by_alias=True)
         content |= {"id": self.id, "title": self.title, "rider": None}
+        content |= self._hillside()
         for part in (*PARTS, "limits", "ends"):
             if part == "zone":
                 continue
-            given = {key: _central(value) for key, value in getattr(self, part).items()}
+            given = _medians(getattr(self, part))
             inherited = {} if "kind" in given else dict(content.get(part, {}))
             if given.keys() & {"restitution", "asymmetry"}:  # one stands for the other
                 inherited |= {"restitution": None, "asymmetry": None}
@@ -155,6 +182,38 @@ class Study(Document):
             lines = str(error).replace(f"scenario {self.id}: ", "").splitlines()
             raise ValueError("\n".join(map(self._as_given, lines))) from error
 
+    def _hillside(self) -> dict[str, Any]:
+        """Return what a scenario has of a terrain: a level plane, whose zones are the pieces of each material."""
+        if self.terrain is None:
+            alone = [name for name in ("materials", "start_m", "heights_m") if getattr(self, name)]
+            if alone:
+                raise ValueError(f"{alone[0]}: goes with terrain, and there is none")
+            return {}
+        given = {name for name in ("scenario", "contact", "zone", "ends") if getattr(self, name)}
+        given |= {f"slope.{key}" for key in self.slope if key != "gravity_m_s2"}
+        if given:
+            raise ValueError(f"{', '.join(sorted(given))}: cannot be given beside terrain")
+        if self.solver != "compliant":
+            raise ValueError(f"solver = {self.solver!r}: must be 'compliant' on a terrain")
+        used = dict.fromkeys(run.material for run in self.terrain.runs)
+        if used.keys() != self.materials.keys():
+            names = f"{', '.join(used)}, those of terrain.section"
+            raise ValueError(f"materials = {', '.join(self.materials)}: must be {names}")
+        surfaces = {}
+        for name, material in self.materials.items():
+            try:
+                found = MaterialSection.model_validate(_medians(material)).model_dump()
+            except ValidationError as error:
+                wrong = [f"materials.{name}.{line}" for line in MaterialSection.problems(error)]
+                raise ValueError("\n".join(wrong)) from error
+            surfaces[name] = found | {"corner_rolling_arm_m": found["rolling_arm_m"]}
+        zones = [
+            {"begin_m": run.begin, "end_m": run.end if run.end < np.inf else None} | surfaces[run.material]
+            for run in self.terrain.runs
+        ]
+        slope = {"angle_deg": 0.0, "length_m": self.terrain.length}
+        return {"slope": slope, "contact": surfaces[self.terrain.runs[0].material], "zones": zones}
+
     def _as_given(self, problem: str) -> str:
         """Return what the scenario says of a median as said of the distribution that was given."""
         path, _, rest = problem.partition(" = ")
@@ -166,7 +225,7 @@ class Study(Document):
     def _zones(self, inherited: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         """Zones of the scenario, the drawn one with what is given here."""
         zones = [dict(zone) for zone in inherited]
-        given = {key: _central(value) for key, value in self.zone.items()}
+        given = _medians(self.zone)
         if given and not zones:
             raise ValueError("zone: the scenario has no zones")
         if given:
@@ -177,15 +236,21 @@ class Study(Document):
     @cached_property
     def parameters(self) -> dict[str, Distribution]:
         """What is uncertain: distributions by key, such as "contact.friction"."""
-        every = ((f"{part}.{key}", value) for part in PARTS for key, value in getattr(self, part).items())
-        return {name: value for name, value in every if isinstance(value, Distribution)}
+        every = {f"{part}.{key}": value for part in PARTS for key, value in getattr(self, part).items()}
+        every |= {
+            f"materials.{name}.{key}": value for name, one in self.materials.items() for key, value in one.items()
+        }
+        every |= {_START: self.start_m}
+        return {name: value for name, value in every.items() if isinstance(value, Distribution)}
 
     @property
     def stations(self) -> NDArray[np.float64]:
-        """Distances [m] along the slope, from 0 on, at which speeds and energies are told."""
+        """Distances [m] along the slope, from where all have begun on, at which speeds and energies are told."""
+        start = self.start_m
+        begin = getattr(start, "high", start.ends[1]) if isinstance(start, Distribution) else start
         if self.stations_m:
-            return np.array([0.0, *self.stations_m])
-        return np.linspace(0.0, self.base.slope_section.length_m, _STATIONS + 1)
+            return np.array([begin, *self.stations_m])
+        return np.linspace(begin, self.base.slope_section.length_m, _STATIONS + 1)
 
     @property
     def key(self) -> str:
@@ -193,6 +258,8 @@ class Study(Document):
         content: list[Any] = [self.base.hash, self.solver, self.stations.tolist()]
         content += [DescentJam._fields, LIBRARY.fingerprint]
         content.append({name: one.model_dump() for name, one in self.parameters.items()})
+        if self.terrain is not None:
+            content += [self.terrain.vertices.tolist(), _central(self.start_m)]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
 
     def values(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -210,7 +277,32 @@ class Study(Document):
         laws, slopes = base.laws(contexts), base.slopes(contexts).rows
         _put(given, _LAW, ContactLaw, laws)
         _put(given, _SLOPE, Slope, slopes)
-        return Lanes(bodies, laws, slopes, base.launches(contexts, bodies))
+        launches = base.launches(contexts, bodies)
+        if self.terrain is None:
+            return Lanes(bodies, laws, slopes, launches)
+        return Lanes(bodies, laws, *self._on_ground(given, bodies, slopes, launches))
+
+    def _on_ground(
+        self,
+        given: dict[str, NDArray[np.float64]],
+        bodies: Body | list[Body] | np.ndarray,
+        slopes: NDArray[np.float64],
+        launches: NDArray[np.float64],
+    ) -> tuple[SlopeTable, NDArray[np.float64]]:
+        """Return slopes with the profile of the terrain and what is drawn of materials, and launches from over it."""
+        assert self.terrain is not None
+        for k, run in enumerate(self.terrain.runs):
+            first = len(_INCLINE) + k * len(Zone._fields)
+            for key, fields in _MATERIAL.items():
+                for i in (first + Zone._fields.index(field) for field in fields):
+                    slopes[:, i] = given.get(f"materials.{run.material}.{key}", slopes[:, i])
+        profile = checked_profile(self.terrain.vertices)
+        records = records_of(bodies, len(launches))
+        start = given[_START] if _START in given else np.array(self.start_m)
+        x, phi = np.broadcast_to(start, len(launches)), within_a_turn(launches[:, 2])
+        launches[:, 1] += resting_heights(records, x, phi, Tracks.of((profile,))) - support_heights(records, phi)
+        launches[:, 0] = x
+        return SlopeTable(slopes, (profile,)), launches
 
     def bodies(self, values: NDArray[np.float64]) -> Body | list[Body] | np.ndarray:
         """Return the bodies of values of the parameters: one, if it is certain, else a record for each row.
@@ -254,8 +346,7 @@ class Study(Document):
 
     def _misfit(self, name: str, distribution: Distribution) -> str:
         """Return what is wrong where a distribution leaves what its key allows, else nothing."""
-        part, _, key = name.partition(".")
-        quantity = self._sections[part].quantities()[key]
+        quantity = self._quantity(name)
         try:
             for end in distribution.ends:
                 quantity.number(end)
@@ -264,6 +355,16 @@ class Study(Document):
             hint = ": truncated_normal has bounds" if distribution.kind == "normal" else ""
             return f"{name}: {distribution.words}: a share of {share:.2g} lies outside {quantity.interval}{hint}"
         return ""
+
+    def _quantity(self, name: str) -> Quantity:
+        """Return what a key accepts."""
+        if name == _START:
+            assert self.terrain is not None  # by _hillside
+            return Quantity(f"[0, {self.terrain.length:g}) m")
+        part, _, key = name.partition(".")
+        if part == "materials":
+            return MaterialSection.quantities()[key.rpartition(".")[2]]
+        return self._sections[part].quantities()[key]
 
     @property
     def _sections(self) -> dict[str, type[Section]]:
@@ -312,6 +413,10 @@ def study_names() -> tuple[str, ...]:
 
 def _central(value: Any) -> Any:
     return float(value.at(np.array(0.5))) if isinstance(value, Distribution) else value
+
+
+def _medians(given: Given) -> dict[str, Any]:
+    return {key: _central(value) for key, value in given.items()}
 
 
 def _si(name: str, column: NDArray[np.float64]) -> NDArray[np.float64]:

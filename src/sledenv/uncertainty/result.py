@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 import pandas as pd
 
+from sledenv.pages.html import filled
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.model import Study
 
@@ -28,9 +30,12 @@ class StudyResult:
         How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
     quantiles : DataFrame
         Of each output of a descent: ``mean``, and the quantiles ``q05``, ``q25``, ``q50``, ``q75``, ``q95``.
+    stops : DataFrame
+        Within which place ``x_m`` a ``share`` of all bodies end, with its interval of 95 %, ``low_m`` and ``high_m``.
     envelopes : DataFrame
-        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles of the
-        speed and of the kinetic energy of those that come there.
+        A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles and the
+        largest value, ``most``, of the speed and of the kinetic energy of those that come there. Over a hillside also
+        of ``bounce_m`` and ``centre_m``, heights over the ground of the lowest point and of the mass centre.
     sobol : DataFrame
         A row for each output and parameter: first order and total index, each with the half-width of its interval of
         95 %.
@@ -42,6 +47,7 @@ class StudyResult:
     files: tuple[Path, ...]
     shares: pd.DataFrame
     quantiles: pd.DataFrame
+    stops: pd.DataFrame
     envelopes: pd.DataFrame
     sobol: pd.DataFrame
 
@@ -52,7 +58,18 @@ class StudyResult:
     @property
     def words(self) -> str:
         """What was found, for a reader."""
-        return summary.words(self.shares, self.quantiles, self.sobol)
+        return summary.words(self.shares, self.quantiles, self.stops, self.envelopes, self.sobol)
+
+    def page(self, pictures: dict[str, bytes]) -> str:
+        """Return the page of the study: its tables, and its pictures in the format PNG, by name."""
+        names = "shares", "stops", "envelopes", "quantiles", "sobol"
+        return filled(
+            "study.html",
+            study=self.study,
+            launches=self.launches,
+            tables={name: getattr(self, name) for name in names},
+            pictures={name: base64.b64encode(picture).decode() for name, picture in pictures.items()},
+        )
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: :attr:`words`."""

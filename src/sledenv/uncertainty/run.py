@@ -20,17 +20,19 @@ from sledenv.machine.workers import Call, Runner, runner
 from sledenv.simulation.records import LOSSES, STATUS_OF_CODE
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
-from sledenv.uncertainty.descents import descend_past
+from sledenv.uncertainty.descents import PASSING, descend_past
 from sledenv.uncertainty.distributions import EDGE
 from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
 from sledenv.uncertainty.model import Study, StudyError, load_study
+from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.result import StudyResult, read_launches
 
 BLOCK: Final = 4096  # launches in a file, at most
 _DPI: Final = 150
 _LAUNCHES: Final = "launches"
-_TABLES: Final = ("shares", "quantiles", "envelopes", "sobol")
-FILES: Final = (_LAUNCHES, "study.yaml", *(f"{name}.parquet" for name in _TABLES), "envelopes.png", "sobol.png")
+_TABLES: Final = ("shares", "quantiles", "stops", "envelopes", "sobol")
+_TABLE_FILES: Final = tuple(f"{name}{suffix}" for name in _TABLES for suffix in (".csv", ".parquet"))
+FILES: Final = (_LAUNCHES, "study.yaml", "study.html", *_TABLE_FILES, "envelopes.png", "sobol.png")
 
 
 def study(
@@ -87,9 +89,15 @@ def study(
     for name, table in tables.items():
         with replacing(folder / f"{name}.parquet", ".parquet") as part:
             table.to_parquet(part, index=False)
+        with replacing(folder / f"{name}.csv", ".csv") as part:
+            table.to_csv(part, index=False)
+    pictures = {}
     for name, figure in (("envelopes", plot_envelopes(result)), ("sobol", plot_sobol(result))):
         with replacing(folder / f"{name}.png", ".png") as part:
             figure.savefig(part, dpi=_DPI, format="png")
+            pictures[name] = part.read_bytes()
+    with replacing(folder / "study.html", ".html") as part:
+        part.write_text(result.page(pictures), encoding="utf-8")
     with replacing(folder / "study.yaml", ".yaml") as part:
         part.write_text(yaml.safe_dump(one.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
     return result
@@ -159,7 +167,8 @@ def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
 def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     """Simulate a block; return a row a launch."""
     values = one.values(part)
-    found = descend_past(one.lanes(values), one.stations, one.base.settings(one.solver))
+    descend = descend_past if one.terrain is None else descend_over
+    found = descend(one.lanes(values), one.stations, one.base.settings(one.solver))
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
     columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])
@@ -167,7 +176,7 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     columns |= {"speed_m_s": np.hypot(outcomes["u"], outcomes["v"]), "kinetic_j": outcomes["kinetic"]}
     columns |= found.jam._asdict() | {f"lost_{name}_j": outcomes[name] for name in LOSSES}
     for k in range(len(one.stations)):
-        columns |= {f"speed_m_s_{k}": found.speed[:, k], f"kinetic_j_{k}": found.kinetic[:, k]}
+        columns |= {f"{name}_{k}": passing[:, k] for name, passing in found.columns.items()}
     return pd.DataFrame(columns)
 
 
@@ -175,10 +184,11 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner) -> dict[str, pd.Da
     """Make the tables of a study out of its blocks; the names are those of ``_TABLES``."""
     group = len(one.parameters) + 2
     ends = read_launches(files, ["status", *summary.OUTPUTS])
-    envelopes = [
-        summary.envelope(x, ends, read_launches(files, [f"speed_m_s_{k}", f"kinetic_j_{k}"]).to_numpy().T, group)
-        for k, x in enumerate(one.stations.tolist())
-    ]
+    passing = PASSING if one.terrain is not None else PASSING[:2]
+    envelopes = []
+    for k, x in enumerate(one.stations.tolist()):
+        there = read_launches(files, [f"{name}_{k}" for name in passing]).set_axis(passing, axis=1)
+        envelopes.append(summary.envelope(x, ends, there, group, one.heights_m))
     calls: list[Call] = [
         (summary.indices, (name, output, tuple(one.parameters), one.seed))
         for name, output in summary.analysed(ends).items()
@@ -188,6 +198,7 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner) -> dict[str, pd.Da
     return {
         "shares": summary.shares(ends["status"], group),
         "quantiles": summary.quantiles(ends),
+        "stops": summary.stops(ends["stop_m"], group),
         "envelopes": pd.DataFrame(envelopes),
         "sobol": pd.concat([summary.no_indices(), *found], ignore_index=True),
     }

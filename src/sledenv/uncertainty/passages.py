@@ -1,0 +1,172 @@
+"""Descents over a profile, seen at fixed places: out of the log of each descent, which is simulated once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sledenv.simulation.checks import CheckedLanes, checked_lanes
+from sledenv.simulation.jam import descent_jam
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, follow_all, new_logs
+from sledenv.simulation.records import FINISH, OUTCOME
+from sledenv.simulation.scene import Slope, SlopeTable, State
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.simulate import put_at_launch
+from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.uncertainty.descents import Passages
+from sledenv.uncertainty.model import Lanes
+
+_LENGTH, _GRAVITY = (Slope._fields.index(name) for name in ("length", "gravity"))
+_LOGS: Final = 512  # descents whose logs are kept at a time
+_AGAIN: Final = 4  # rebounds for a contact that is followed again
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def descend_over(lanes: Lanes, stations: Floats, settings: Settings) -> Passages:
+    """Simulate descents over one profile, and tell how they first come to places along it.
+
+    In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
+    once more, from the separation before, on a slope that ends there. Where a body swings over a place and back in one
+    contact it has not come there.
+
+    Parameters
+    ----------
+    lanes : Lanes
+        Of N descents over a slope whose plane is level, so that x is horizontal and y vertical.
+    stations : ndarray, shape (K,)
+        Places x [m], rising; a descent that begins behind one comes to it where it begins.
+    settings : Settings
+        How they are simulated.
+    """
+    assert isinstance(lanes.slopes, SlopeTable)
+    table = lanes.slopes
+    lengths, rows = table.rows[:, _LENGTH].copy(), table.rows.copy()
+    rows[:, _LENGTH] = np.inf  # the finish may be where the ground is not level
+    given = checked_lanes(lanes.bodies, lanes.laws, table._replace(rows=rows), lanes.launches, settings)
+    parts = [slice(first, first + _LOGS) for first in range(0, len(lengths), _LOGS)]
+    found = [_seen(_some(given, part), lengths[part], stations, settings) for part in parts]
+    outcomes, seen = (np.concatenate(each) for each in zip(*found, strict=True))
+    mass = given.bodies["mass"]
+    return Passages(outcomes, descent_jam(outcomes, mass, lengths), *np.moveaxis(seen, 2, 0))
+
+
+def _some(given: CheckedLanes, part: slice | Indices) -> CheckedLanes:
+    tables = {name: getattr(given, name) for name in ("bodies", "laws", "slopes", "launches")}
+    return given._replace(**{name: rows[part] if len(rows) > 1 else rows for name, rows in tables.items()})
+
+
+def _follow(given: CheckedLanes, lengths: Floats, settings: Settings, logs: np.ndarray) -> np.ndarray:
+    """Return the outcomes of descents that end at places [m], whatever the ground is there."""
+    slopes = given.slopes.copy() if len(given.slopes) > 1 else np.repeat(given.slopes, len(lengths), axis=0)
+    slopes[:, _LENGTH] = lengths
+    outcomes = np.zeros(len(lengths), OUTCOME)
+    put_at_launch(outcomes, given.launches)
+    follow_all(given._replace(slopes=slopes).tables(settings.limits), ALL_HOPS, outcomes, logs)
+    return outcomes
+
+
+def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats]:
+    """Return the outcomes of descents, and what is told of them at stations, shape (N, K, 4)."""
+    logs = new_logs(len(lengths), settings.max_rebounds)
+    outcomes = _follow(given, lengths, settings, logs)
+    logs = logs[:, : int(outcomes["rebounds"].max(initial=0))]
+    flights = _Flights(given, outcomes, logs)
+    lane, station = np.nonzero(np.full((len(lengths), len(stations)), True))
+    place = flights.first_at(stations)[lane, station]  # in the path of each descent
+    comes = place < flights.path.shape[1]
+    lane, station, place = lane[comes], station[comes], place[comes]
+    states = flights.at(lane, place, stations[station])
+    kinetic = _kinetic(given, lane, states)
+    contact = np.flatnonzero((place > 0) & (place % 2 == 0))
+    again, energy = _in_contact(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
+    states[contact], kinetic[contact] = again, energy
+    x, y, phi, u, v, _ = states.T
+    bodies = _some(given, lane).bodies
+    lowest = y - resting_heights(bodies, x, within_a_turn(phi), given.tracks)
+    ground = np.interp(x, *given.tracks.vertices[0].T)
+    seen = np.full((len(lengths), len(stations), 4), np.nan)
+    seen[lane, station] = np.column_stack([np.hypot(u, v), kinetic, np.maximum(lowest, 0.0), y - ground])
+    return outcomes, seen
+
+
+class _Flights:
+    """How N descents fly: from their launches and from each separation on.
+
+    Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
+    """
+
+    def __init__(self, given: CheckedLanes, outcomes: np.ndarray, logs: np.ndarray) -> None:
+        self.given, self.outcomes, self.logs = given, outcomes, logs
+        self.gravity = np.broadcast_to(given.slopes[:, _GRAVITY], len(logs))
+        count, most = logs.shape
+        flown = np.arange(most) < outcomes["rebounds"][:, np.newaxis]
+        x, t, u = (np.empty((count, most + 1)) for _ in range(3))
+        x[:, 0], t[:, 0], u[:, 0] = given.launches[:, 0], 0.0, given.launches[:, 3]
+        x[:, 1:], t[:, 1:], u[:, 1:] = logs["x"], logs["t"], logs["u_after"]
+        self.path = np.repeat(outcomes["x"][:, np.newaxis], 2 * most + 2, axis=1)
+        self.path[:, 0] = x[:, 0]
+        self.path[:, 2::2][flown] = x[:, 1:][flown]
+        landing = x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
+        self.path[:, 1:-1:2][flown] = landing[flown]
+
+    def first_at(self, stations: Floats) -> Indices:
+        """Return which entry of each path is the first one at or beyond stations, shape (N, K); its length if none."""
+        furthest = np.maximum.accumulate(self.path, axis=1)
+        places = [np.searchsorted(row, stations) for row in furthest]
+        return np.array(places, np.intp).reshape(len(furthest), len(stations))
+
+    def starts(self, lane: Indices, flight: Indices) -> Floats:
+        """Return the states in which flights begin, shape (M, 6): those of the launch, or of the separation before.
+
+        Logs have no height. It is told from where the flight ends: where the body touches the ground, or where the
+        descent ends.
+        """
+        states = self.given.launches[lane].copy()
+        later = np.flatnonzero(flight > 0)
+        lane, flight = lane[later], flight[later]
+        rows, end = self.logs[lane, flight - 1], self.outcomes[lane]
+        x, phi, u, v, omega = (rows[name] for name in ("x", "phi", "u_after", "v_after", "omega_after"))
+        lands = flight < end["rebounds"]
+        landing = self.logs["t_touchdown"][lane, np.minimum(flight, self.logs.shape[1] - 1)]
+        time = np.where(lands, landing, end["t"]) - rows["t"]
+        bodies, turned = _some(self.given, lane).bodies, within_a_turn(phi + omega * time)
+        lowest = resting_heights(bodies, x + u * time, turned, self.given.tracks)
+        y = np.where(lands, lowest, end["y"]) - (v - 0.5 * self.gravity[lane] * time) * time
+        states[later] = np.column_stack([x, y, phi, u, v, omega])
+        return states
+
+    def at(self, lane: Indices, place: Indices, x: Floats) -> Floats:
+        """Return states at places x [m] that are come to in flight, shape (M, 6); without meaning for others."""
+        states = self.starts(lane, (place - np.minimum(place, 1)) // 2)
+        gravity = self.gravity[lane]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            time = np.where(place > 0, (x - states[:, 0]) / states[:, 3], 0.0)
+        time = np.where(place % 2 == 1, time, 0.0)
+        states[:, :3] += states[:, 3:] * time[:, np.newaxis]
+        states[:, 1] -= 0.5 * gravity * time * time
+        states[:, 4] -= gravity * time
+        return states
+
+
+def _kinetic(given: CheckedLanes, lane: Indices, states: Floats) -> Floats:
+    bodies = _some(given, lane).bodies
+    _, _, _, u, v, omega = states.T
+    kinetic: Floats = 0.5 * (bodies["mass"] * (u * u + v * v) + bodies["inertia"] * omega * omega)
+    return kinetic
+
+
+def _in_contact(
+    given: CheckedLanes, flights: _Flights, lane: Indices, place: Indices, x: Floats, settings: Settings
+) -> tuple[Floats, Floats]:
+    """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m] in contact."""
+    some = _some(given, lane)
+    before = some._replace(launches=flights.starts(lane, place // 2 - 1))
+    outcomes = _follow(before, x, replace(settings, max_rebounds=_AGAIN), NO_LOGS)
+    missed = np.flatnonzero(outcomes["status"] != FINISH)  # by rounding: the very same descent cannot
+    outcomes[missed] = _follow(_some(some, missed), x[missed], settings, NO_LOGS)
+    return np.column_stack([outcomes[name] for name in State._fields]), outcomes["kinetic"].copy()

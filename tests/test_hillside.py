@@ -1,0 +1,222 @@
+"""Hillsides against what is known: closed forms, a code of lumped masses, a rule of catchments, a field test."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sledenv
+from sledenv import ContactLaw, Slope, State, simulate
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.scene import SlopeTable
+from sledenv.uncertainty import Study, load_study, run
+from sledenv.uncertainty.model import Lanes
+from sledenv.uncertainty.passages import descend_over
+
+GRAVITY = 9.81
+Polyline = Sequence[tuple[float, float]]
+
+
+def law(restitution: float, friction: float, stiffness: float = 1e9, rolling_arm: float = 0.0) -> ContactLaw:
+    return ContactLaw.from_restitution(restitution, stiffness=stiffness, friction=friction, rolling_arm=rolling_arm)
+
+
+def speeds(body: Body, surface: ContactLaw, ground: Polyline, launch: State, stations: Sequence[float]) -> np.ndarray:
+    """Speeds of one body at places over a ground, NaN where it does not come to."""
+    slope = Slope(0.0, ground[-1][0], GRAVITY, profile=ground)
+    lanes = Lanes(body, np.array([surface]), SlopeTable(np.array([slope.row]), (slope.profile,)), np.array([launch]))
+    return descend_over(lanes, np.array(stations), sledenv.Settings(max_time=100.0)).speed[0]
+
+
+def two_slopes(first: float, second: float) -> Polyline:
+    """A ground that falls by two angles [deg], each for 20 m along x."""
+    middle, end = (20.0 * math.tan(math.radians(angle)) for angle in (first, second))
+    return [(0.0, middle + end), (20.0, end), (40.0, 0.0)]
+
+
+def resting(ground: Polyline, x: float, distance: float) -> tuple[float, float]:
+    """The place at some distance above a place x on the first piece, and the inclination there, downhill [rad]."""
+    angle = math.atan2(ground[0][1] - ground[1][1], ground[1][0] - ground[0][0])
+    y = float(np.interp(x, *np.transpose(ground)))
+    return y + distance / math.cos(angle), angle
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(20.0, 0.1), (35.0, 0.3), (50.0, 0.5)])
+def test_a_block_slides_down_a_piece_as_the_textbook_has_it(angle: float, friction: float) -> None:
+    """Oracle: v^2 = v0^2 + 2 g (sin - f cos) s along the piece, of a block that lies on its long side."""
+    ground = two_slopes(angle, 0.0)
+    block = sledenv.polygon(100.0, [(-1.0, 0.0), (1.0, 0.0), (1.0, 0.3), (-1.0, 0.3)], rounding=0.02)
+    y, slope = resting(ground, 2.0, 0.15)
+    launch = State(2.0, y, -slope, math.cos(slope), -math.sin(slope), 0.0)
+    places = np.array([4.0, 8.0, 12.0, 16.0])
+    along = (places - 2.0) / math.cos(slope)
+    expected = np.sqrt(1.0 + 2.0 * GRAVITY * (math.sin(slope) - friction * math.cos(slope)) * along)
+    assert speeds(block, law(0.3, friction), ground, launch, places) == pytest.approx(expected, rel=2e-4)
+
+
+@pytest.mark.parametrize(("first", "second"), [(30.0, 10.0), (20.0, 5.0)])
+def test_a_disc_that_rolls_through_a_dip_keeps_its_moment_about_the_new_contact(first: float, second: float) -> None:
+    """Oracle: v^2 = 2 g h / (1 + k); at the dip the plastic impact turns v into v (cos theta + k) / (1 + k)."""
+    ground = two_slopes(first, second)
+    radius, k = 0.3, 0.5
+    disc = sledenv.disc(50.0, radius)
+    y, slope = resting(ground, 2.0, radius)
+    theta, below = math.radians(first - second), math.radians(second)
+    # The centre turns where the parallels of both pieces meet, off the vertex along the bisector.
+    half = 0.5 * theta
+    bend = 20.0 + radius / math.cos(half) * math.sin(slope - half)
+    down = (bend - 2.0) / math.cos(slope)
+    squared = 2.0 * GRAVITY * math.sin(slope) * down / (1.0 + k)
+    squared *= ((math.cos(theta) + k) / (1.0 + k)) ** 2
+    places = np.array([24.0, 30.0, 38.0])
+    along = (places - bend) / math.cos(below)
+    expected = np.sqrt(squared + 2.0 * GRAVITY * math.sin(below) * along / (1.0 + k))
+    found = speeds(disc, law(0.02, 0.9), ground, State(2.0, y, 0.0), places)
+    assert found == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_mass_that_slides_through_a_dip_loses_friction_on_what_stops_it() -> None:
+    """Oracle: v becomes v (cos theta - f sin theta), of a disc that hardly turns, for its inertia is large."""
+    ground, radius, friction = two_slopes(30.0, 10.0), 0.05, 0.2
+    heavy = sledenv.segment(10.0, radius, 0.0, 1e4)
+    y, slope = resting(ground, 2.0, radius)
+    theta, below = math.radians(20.0), math.radians(10.0)
+    bend = 20.0 + radius / math.cos(0.5 * theta) * math.sin(slope - 0.5 * theta)
+    squared = 2.0 * GRAVITY * (math.sin(slope) - friction * math.cos(slope)) * (bend - 2.0) / math.cos(slope)
+    squared *= (math.cos(theta) - friction * math.sin(theta)) ** 2
+    places = np.array([32.0, 38.0])
+    along = (places - bend) / math.cos(below)
+    expected = np.sqrt(squared + 2.0 * GRAVITY * (math.sin(below) - friction * math.cos(below)) * along)
+    assert speeds(heavy, law(0.02, friction), ground, State(2.0, y, 0.0), places) == pytest.approx(expected, rel=5e-3)
+
+
+def lumped(ground: np.ndarray, state: np.ndarray, normal: float, tangential: float, count: int) -> np.ndarray:
+    """Rebounds of a code of lumped masses: a point x, y, u, v that flies and bounces off a polyline.
+
+    Each rebound turns the velocities normal to the piece and along it into -Rn and Rt times themselves.
+    """
+    x, y, u, v = state
+    found = []
+    for _ in range(count):
+        times = []
+        for k in range(len(ground) - 1):
+            (x0, y0), (x1, y1) = ground[k], ground[k + 1]
+            slope = (y1 - y0) / (x1 - x0)
+            # y + v t - g t^2 / 2 = y0 + slope (x + u t - x0)
+            roots = np.roots([-0.5 * GRAVITY, v - slope * u, y - y0 - slope * (x - x0)])
+            times += [
+                (t.real, slope) for t in roots if abs(t.imag) < 1e-12 and t.real > 1e-9 and x0 <= x + u * t.real < x1
+            ]
+        t, slope = min(times)
+        x, y, v = x + u * t, y + v * t - 0.5 * GRAVITY * t * t, v - GRAVITY * t
+        length = math.hypot(1.0, slope)
+        along, up = (u + slope * v) / length, (v - slope * u) / length
+        along, up = tangential * along, -normal * up
+        u, v = (along - slope * up) / length, (slope * along + up) / length
+        found.append((x, y, u, v))
+    return np.array(found)
+
+
+def offset(ground: Polyline, radius: float) -> np.ndarray:
+    """Where the centre of a disc may be over a ground with dips alone: the parallels of its pieces."""
+    points = np.array(ground)
+    along = np.diff(points, axis=0)
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, np.newaxis]
+    moved = [points[0] + radius * normals[0]]
+    for before, behind, corner in zip(normals, normals[1:], points[1:-1], strict=False):
+        moved.append(corner + radius * (before + behind) / (1.0 + before @ behind))
+    return np.array([*moved, points[-1] + radius * normals[-1]])
+
+
+VALLEY: Polyline = [(0.0, 60.0), (40.0, 25.0), (80.0, 8.0), (200.0, 0.0)]
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.6])
+def test_without_friction_a_disc_bounces_as_a_lumped_mass(restitution: float) -> None:
+    """Oracle: the code above, with Rn the restitution and Rt = 1, of the centre over the parallels of the ground."""
+    radius = 0.4
+    launch = State(1.0, 65.0, 0.0, 2.0, 0.0)
+    disc, slope = sledenv.disc(100.0, radius), Slope(0.0, gravity=GRAVITY, profile=VALLEY)
+    descent = simulate(disc, law(restitution, 0.0, 1e12), slope, launch)
+    expected = lumped(offset(VALLEY, radius), np.array([*launch[:2], *launch[3:5]]), restitution, 1.0, 8)
+    rebounds = descent.rebounds[:8]
+    found = np.column_stack([rebounds[name] for name in ("x", "u_after", "v_after")])
+    assert found == pytest.approx(expected[:, [0, 2, 3]], rel=1e-3, abs=1e-3)
+    assert descent.rebounds["omega_after"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.2, 0.6])
+@pytest.mark.parametrize("steep", [20.0, 45.0, 70.0])
+def test_friction_makes_a_tangential_ratio_that_depends_on_the_angle_of_impact(friction: float, steep: float) -> None:
+    """Oracle: 1 - min(f (1 + e) v / u, k / (1 + k)) at the first rebound of a disc without spin, k = I / (m r^2).
+
+    Once it rolls, the next rebound on the same piece takes nothing off it.
+    """
+    restitution, k, speed = 0.4, 0.5, 20.0
+    u, v = speed * math.cos(math.radians(steep)), speed * math.sin(math.radians(steep))
+    launch = State(0.0, 0.5 + 1e-9, 0.0, u, -v, 0.0)
+    descent = simulate(sledenv.disc(100.0, 0.5), law(restitution, friction, 1e14), Slope(0.0, 500.0), launch)
+    first, second = descent.rebounds[:2]
+    limit = k / (1.0 + k)  # what rolling takes off
+    ratio = 1.0 - min(friction * (1.0 + restitution) * v / u, limit)
+    assert first["u_after"] / u == pytest.approx(ratio, rel=1e-5)
+    if ratio == 1.0 - limit:
+        assert second["u_after"] / second["u_before"] == pytest.approx(1.0, abs=1e-6)
+
+
+# Without tuning: the rocks and the materials of the shipped study. Figures stand in docs/hillside.md.
+
+
+def between(low: float, high: float) -> dict[str, Any]:
+    return {"kind": "uniform", "low": low, "high": high}
+
+
+def shipped(section: list[list[Any]], length: dict[str, Any], start: float, launches: int = 1000) -> Study:
+    """The shipped study on another section, with rocks of another length."""
+    content = load_study("hillside").model_dump(mode="json")
+    materials = {point[2]: copy.deepcopy(content["materials"][point[2]]) for point in section}
+    content |= {"terrain": {"section": section}, "materials": materials, "start_m": start, "stations_m": []}
+    content["body"]["length_m"] = length
+    return Study.model_validate(content | {"launches": launches})
+
+
+def ends_of(study: Study) -> np.ndarray:
+    """Where rocks stop [m], none of which was given up."""
+    lanes = study.lanes(study.values(run.draws(study)))
+    outcomes = descend_over(lanes, study.stations[-1:], study.base.settings()).outcomes
+    status = np.array(sledenv.STATUS_OF_CODE)[outcomes["status"]]
+    assert (np.isin(status, ["finish", "jammed"])).mean() > 0.995
+    return outcomes["x"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("angle", "height"), [(a, h) for a in (65, 70, 75) for h in (12, 18, 24)])
+def test_the_catchment_rule(angle: int, height: int) -> None:
+    """Oracle: 90 % of rocks stay within 0.2 H - 0.1 (angle - 65) + 4.5 m of the toe of a planar face; here fewer do."""
+    toe = height / math.tan(math.radians(angle))
+    section = [[0.0, height, "rock"], [toe, 0.0, "scree"], [toe + 80.0, 0.0, "scree"]]
+    stop = ends_of(shipped(section, between(0.3, 0.9), 0.2)) - toe
+    rule = 0.2 * height - 0.1 * (angle - 65) + 4.5
+    assert 0.55 < (stop <= rule).mean() < 0.93, np.quantile(stop, 0.9)
+
+
+TSCHAMUT = [77.1, 67.9, 59.6, 51.9, 44.8, 38.1, 33.4, 31.3, 30.5, 30.1, 30.1, 29.9, 27.7, 23.1, 18.3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["meadow", "scree"])
+def test_the_field_test_of_tschamut(material: str) -> None:
+    """Oracle: 80 blocks of 40 to 79 kg, thrown in 2014: run-out 27.5 to 134.7 m, median 101.7 m, 95 % 118.1 m."""
+    section = [[10.0 * k, z, material] for k, z in enumerate(TSCHAMUT)] + [[160.0, TSCHAMUT[-1], material]]
+    study = shipped(section, between(0.37, 0.46), 0.5)
+    stop = ends_of(study)
+    low, middle, high = np.quantile(stop, [0.05, 0.5, 0.95])
+    assert stop.min() == pytest.approx(27.5, abs=15.0)
+    assert 65.0 < middle < 80.0  # and not 101.7 m
+    assert low < 55.0
+    assert high > 145.0

@@ -1,0 +1,208 @@
+"""Studies of hillsides: terrain, rocks, what is told by place, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+import sledenv
+from sledenv import Settings
+from sledenv.machine.files import replacing
+from sledenv.scenarios.rocks import RockBody
+from sledenv.simulation.checks import checked_lanes
+from sledenv.simulation.lanes import NO_LOGS
+from sledenv.simulation.records import FINISH, STATUS_OF_CODE
+from sledenv.simulation.scene import Tracks
+from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.uncertainty import Study, StudyError, load_study, run, summary
+from sledenv.uncertainty.passages import _follow, descend_over
+from sledenv.uncertainty.terrain import read_section
+
+UNIFORM = {"kind": "uniform", "low": 0.3, "high": 0.5}
+SECTION: list[list[Any]] = [[0, 40, "rock"], [10, 34, "rock"], [40, 12, "soil"], [60, 6, "soil"], [100, 4, "soil"]]
+HILL: dict[str, Any] = {
+    "id": "hill",
+    "title": "A hill",
+    "terrain": {"section": SECTION},
+    "materials": {
+        "rock": {"restitution": 0.4, "friction": UNIFORM, "rolling_arm_m": 0.01, "stiffness_n_m": 2e7},
+        "soil": {"restitution": 0.3, "friction": 0.6, "rolling_arm_m": 0.08, "stiffness_n_m": 1e7},
+    },
+    "start_m": {"kind": "uniform", "low": 1, "high": 4},
+    "heights_m": [0.5, 1],
+    "body": {"kind": "rock", "length_m": {"kind": "uniform", "low": 0.4, "high": 0.8}, "shape": 0.7},
+    "launch": {"speed_m_s": 1, "drop_m": 0.2, "orientation_deg": {"kind": "uniform", "low": -180, "high": 180}},
+    "limits": {"max_time_s": 100, "max_rebounds": 500},
+    "stations_m": [10, 25, 40, 55, 70, 85, 100],
+    "launches": 200,
+}
+
+
+def hill(**changes: Any) -> Study:
+    return Study.model_validate(HILL | changes)
+
+
+def test_passages_are_those_of_descents_that_end_there() -> None:
+    """Oracle: each descent simulated anew on a slope that ends at the place, in flight and in contact, bit by bit."""
+    study = hill()
+    lanes = study.lanes(study.values(run.draws(study)))
+    settings = study.base.settings()
+    found = descend_over(lanes, study.stations, settings)
+    rows = lanes.slopes.rows.copy()
+    rows[:, 1] = np.inf
+    given = checked_lanes(lanes.bodies, lanes.laws, lanes.slopes._replace(rows=rows), lanes.launches, settings)
+    swung = flown = touched = 0
+    for k, x in enumerate(study.stations[1:], 1):
+        there = _follow(given, np.full(len(lanes.launches), x), settings, NO_LOGS)
+        comes = there["status"] == FINISH
+        assert np.isnan(found.speed[~comes, k]).all()
+        both = comes & ~np.isnan(found.speed[:, k])
+        lowest = there["y"] - resting_heights(given.bodies, there["x"], within_a_turn(there["phi"]), given.tracks)
+        centre = there["y"] - np.interp(there["x"], *given.tracks.vertices[0].T)
+        for one, oracle in (
+            (found.speed, np.hypot(there["u"], there["v"])),
+            (found.kinetic, there["kinetic"]),
+            (found.bounce, np.maximum(lowest, 0.0)),
+            (found.centre, centre),
+        ):
+            same = np.isclose(one[both, k], oracle[both], rtol=1e-7, atol=1e-7)
+            swung += np.count_nonzero(~same)
+        swung += np.count_nonzero(comes & ~both)
+        flown += np.count_nonzero(lowest[both] > 0.0)
+        touched += np.count_nonzero(lowest[both] < 0.0)
+    assert swung <= 8  # over a place and back in one contact
+    assert flown > 500
+    assert touched > 50
+
+
+def test_whole_descents_are_those_of_a_plain_batch() -> None:
+    """Oracle: simulate_batch, bit for bit, on a ground that is level where it ends."""
+    study = hill(terrain={"section": [*SECTION, [120, 4, "soil"]]})
+    lanes = study.lanes(study.values(run.draws(study)[:60]))
+    outcomes = descend_over(lanes, study.stations, study.base.settings()).outcomes
+    assert outcomes.tobytes() == sledenv.simulate_batch(*lanes, study.base.settings()).outcomes.tobytes()
+
+
+def test_draws_of_a_hillside_go_where_their_keys_say() -> None:
+    """Oracle: the columns of zones, the place of the start, the clearance of the launch."""
+    study = hill()
+    values = study.values(np.full((2, len(study.parameters)), 0.5))
+    lanes = study.lanes(values)
+    zone = lanes.slopes.rows[0, 3:].reshape(2, 7)
+    assert zone[0] == pytest.approx([0.0, 40.0, 0.4, 0.01, 0.01, 0.4, 2e7])
+    assert zone[1] == pytest.approx([40.0, np.inf, 0.6, 0.08, 0.08, 0.3, 1e7])
+    x, y, phi = lanes.launches[0, :3]
+    lowest = resting_heights(lanes.bodies[:1], np.array([x]), np.array([phi]), Tracks.of(lanes.slopes.profiles))
+    assert (x, y - lowest[0]) == pytest.approx((2.5, 0.2))
+
+
+def test_a_rock_has_the_mass_of_its_ellipsoid() -> None:
+    """Oracle: density pi a b c / 6 and m (a^2 + b^2) / 20 of the axes, of a rock of many points."""
+    rock = RockBody(kind="rock", length_m=1.0, width_ratio=0.7, depth_ratio=0.6, points=12, rounding=0.6)
+    body = rock.build()
+    assert body.mass == pytest.approx(2700.0 * math.pi / 6.0 * 0.7 * 0.6, rel=0.05)
+    assert body.inertia == pytest.approx(body.mass * (1.0 + 0.49) / 20.0, rel=0.08)
+    assert 0.45 < body.size < 0.55
+    other = rock.model_copy(update={"shape": 0.1}).build()
+    assert other != body
+    assert rock.build() == body
+
+
+def test_a_hillside_is_a_study_like_others(tmp_path: Path) -> None:
+    """Oracle: the launches, counted; the file it was read from, with the points of its section in it."""
+    file, table = tmp_path / "hill.yaml", tmp_path / "hill.csv"
+    lines = [f"{x},{z},{material}" for x, z, material in SECTION]
+    table.write_text("\n".join(["x_m,z_m,material", *lines]) + "\n")
+    file.write_text(yaml.safe_dump(HILL | {"terrain": {"section": "hill.csv"}}))
+    result = sledenv.study(file, tmp_path / "out", workers=1, progress=False)
+    assert result.study.key == hill().key
+    assert load_study(tmp_path / "out" / "study.yaml").key == hill().key
+    launches = result.read()
+    row = result.envelopes.set_index("x_m").loc[55.0]
+    k = 1 + HILL["stations_m"].index(55)
+    passing = launches[launches[f"speed_m_s_{k}"].notna()]
+    assert row["moving"] == pytest.approx(len(passing) / len(launches))
+    assert row["bounce_m_most"] == passing[f"bounce_m_{k}"].max()
+    assert row["centre_m_q95"] == np.quantile(passing[f"centre_m_{k}"], 0.95)
+    assert row["over_0.5_m"] == pytest.approx((launches[f"bounce_m_{k}"] > 0.5).mean())
+    assert launches["status"].isin(list(map(str, STATUS_OF_CODE))).all()
+    assert result.shares["share"].sum() == pytest.approx(1.0)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out" / "envelopes.csv"), result.envelopes)
+    assert max(map(len, result.words.splitlines())) <= 120
+    assert "over_1_m" in (tmp_path / "out" / "study.html").read_text()
+
+
+def test_what_is_given_up_is_told_and_not_left_out(tmp_path: Path) -> None:
+    """Oracle: a limit of three rebounds, which every rock meets."""
+    study = hill(limits={"max_time_s": 100, "max_rebounds": 3}, launches=12)
+    result = sledenv.study(study, tmp_path / "out", workers=1, progress=False)
+    assert result.shares.set_index("status").loc["log_full", "share"] == 1.0
+    assert result.envelopes["other"].iloc[-1] == 1.0
+
+
+def test_intervals_of_run_out_cover_the_truth() -> None:
+    """Oracle: quantiles of a uniform distribution, 400 experiments."""
+    rng, covered = np.random.default_rng(1), np.zeros(8)
+    for _ in range(400):
+        table = summary.stops(pd.Series(rng.random(300)), 1).iloc[:-1]
+        covered += (table["low_m"] <= table["share"]) & (table["share"] <= table["high_m"])
+    assert (covered / 400 > 0.92).all()
+    assert (covered / 400 < 0.995).all()
+
+
+def with_point(k: int, point: list[Any]) -> dict[str, Any]:
+    return {"section": [*SECTION[:k], point, *SECTION[k + 1 :]]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"terrain": with_point(2, [9, 12, "soil"])}, "point 3 (line 4 of a CSV file), x_m = 9: must be above that of"),
+        ({"terrain": with_point(1, [1, 30, "rock"])}, "the piece before it is 84.3 degrees steep, must be at most 80"),
+        ({"terrain": with_point(0, [1, 40, "rock"])}, "x_m = 1: must be 0"),
+        ({"terrain": with_point(3, [60, "6", "soil"])}, "point 4 (line 5 of a CSV file) is [60, '6', 'soil']: must be"),
+        ({"terrain": with_point(1, [10, 34, "ice"])}, "materials = rock, soil: must be rock, ice, soil, those of"),
+        ({"solver": "rigid"}, "solver = 'rigid': must be 'compliant' on a terrain"),
+        ({"contact": {"friction": 0.1}, "slope": {"angle_deg": 3}}, "contact, slope.angle_deg: cannot be given beside"),
+        ({"terrain": None}, "materials: goes with terrain, and there is none"),
+        ({"start_m": {"kind": "uniform", "low": 1, "high": 200}}, "start_m: uniform, low 1, high 200: a share of 0.5"),
+        ({"stations_m": [3, 50]}, "stations_m = [3.0, 50.0]: must rise, from 4 m on"),
+        ({"materials": HILL["materials"] | {"soil": {}}}, "materials.soil.restitution: missing"),
+    ],
+)
+def test_a_wrong_hillside_is_refused_by_name_of_the_key(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(StudyError) as error:
+        hill(**changes)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x_m,z_m,material\n0,40,rock\n3,high,rock\n", "hill.csv: line 3: z_m = 'high'"),
+        ("x_m,height\n0,40\n", "hill.csv: line 1 = 'x_m,height': must name the columns"),
+    ],
+)
+def test_a_wrong_table_is_refused_by_its_line(text: str, message: str, tmp_path: Path) -> None:
+    with replacing(tmp_path / "hill.csv", ".csv") as part:
+        part.write_text(text)
+    with pytest.raises(ValueError, match="line") as error:
+        read_section(tmp_path / "hill.csv")
+    assert message in str(error.value)
+
+
+def test_a_start_behind_no_station_needs_no_rebound() -> None:
+    """Oracle: at the first station all are told where they begin."""
+    study = hill(start_m=2.0, launches=10)
+    lanes = study.lanes(study.values(run.draws(study)))
+    found = descend_over(lanes, study.stations, Settings(max_time=1e-3))
+    assert found.speed[:, 0] == pytest.approx(1.0)
+    assert found.bounce is not None
+    assert found.bounce[:, 0] == pytest.approx(0.2)
+    assert np.isnan(found.speed[:, 1:]).all()
