@@ -211,26 +211,44 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
   const each = (value) => rows.t.map((_, i) => value(i));
   const heights = each((i) => rows.y[i] * cosine - rows.x[i] * sine);
   const lowest = heights.reduce((low, one) => Math.min(low, one), Infinity);
-  const squeezed = (i) => rows.touches[i].reduce((sum, { depth }) => sum + depth ** 2, 0);
+  const springs = rows.touches.map((touches) => touches.map((one) => springOf(one, law, slope)));
+  const stored = springs.map((own) => own.reduce((sum, one) => sum + 0.5 * one.loading * one.compression ** 2, 0));
+  // Where a gap turns, the force of the second of two rows tells how far a spring is compressed that began inside.
+  for (let i = 0; i + 1 < rows.t.length; i++)
+    if (rows.t[i] === rows.t[i + 1]) stored[i] = Math.min(stored[i], stored[i + 1]);
   const layers = {
     translation: each((i) => 0.5 * mass * (rows.u[i] ** 2 + rows.v[i] ** 2)),
     rotation: each((i) => 0.5 * inertia * rows.omega[i] ** 2),
     potential: heights.map((height) => mass * slope.gravity * (height - lowest)),
-    "stored in the contact": each((i) => 0.5 * law.stiffness * (1 + law.asymmetry) * squeezed(i)),
+    "stored in the contact": stored,
   };
   const moving = each((i) => layers.translation[i] + layers.rotation[i]);
-  const lost = lossesOf(rows, rebounds, moving);
+  const lost = lossesOf(rows, springs, rebounds, moving);
   D.losses.forEach((name, c) => (layers[`lost by ${name}`] = lost[c]));
   for (const name of D.flight_losses) layers[`lost by ${name}`] = rows[name];
   return layers;
 }
 
+/* Compression of a contact and its stiffness while the gap closes and while it opens: _springs in plot/energy.py. */
+const STILL = 1e-9; // [m/s] rounding of the rate of a gap that turns
+function springOf({ x, normal, gap_rate: rate, depth }, law, slope) {
+  let { stiffness, asymmetry } = law;
+  for (const zone of slope.zones ?? []) {
+    if (!(x >= zone.begin && x < zone.end)) continue;
+    stiffness = zone.stiffness ?? stiffness;
+    if (Number.isFinite(zone.restitution)) asymmetry = (1 - zone.restitution ** 2) / (1 + zone.restitution ** 2);
+  }
+  const [loading, unloading] = [stiffness * (1 + asymmetry), stiffness * (1 - asymmetry)];
+  const pressed = rate > -STILL ? unloading : loading;
+  return { compression: pressed > 0 ? Math.min(normal / pressed, depth) : depth, loading, unloading };
+}
+
 /* The rebounds say how much each contact lost; the power of the contact forces says when. What had no force was lost in
    an impact of rigid surfaces, where the kinetic energy falls. */
-function lossesOf(rows, rebounds, moving) {
-  const sum = (i, power) => rows.touches[i].reduce((all, one) => all + power(one), 0);
+function lossesOf(rows, springs, rebounds, moving) {
+  const sum = (i, power) => rows.touches[i].reduce((all, one, k) => all + power(one, springs[i][k]), 0);
   const powers = [
-    (i) => sum(i, (one) => one.normal * Math.max(one.gap_rate, 0)), // lost while the gap opens
+    (i) => sum(i, (one, own) => (own.loading - own.unloading) * own.compression * Math.max(one.gap_rate, 0)),
     (i) => sum(i, (one) => Math.abs(one.tangential * one.slip_velocity)),
     (i) => Math.abs(rows.rolling[i] * rows.omega[i]),
   ];
