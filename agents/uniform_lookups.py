@@ -56,7 +56,7 @@ class Agent:
 
 
 class Model:
-    """A model of the descents of contexts that an agent sees, with draws of the tremble of its own.
+    """A model of the descents of contexts that an agent sees, with draws of the launch noise of its own.
 
     Half of the descents try candidates, all with the same few draws. The other half judges the best of these again,
     with new draws: who is best of many by few draws is so by luck in part. What is hidden is drawn too. Where nothing

@@ -90,7 +90,7 @@ SCENARIOS = [load_scenario(name).model_dump(mode="json", by_alias=True) for name
 @fuzzed(500)
 @given(content=altered(SCENARIOS), solver=st.sampled_from(["compliant", "rigid"]))
 def test_scenarios(content: dict[str, Any], solver: str, scratch: Path) -> None:
-    file = scratch / "pack.yaml"
+    file = scratch / "scenario.yaml"
     file.write_text(yaml.safe_dump(short(content), allow_unicode=True), encoding="utf-8")
     ends("simulate", str(file), "--solver", solver, "--json")
 

@@ -27,7 +27,7 @@ from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario, load_scenario
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and rich, which this project does not own
 
@@ -60,7 +60,7 @@ def quick(monkeypatch):
 
 
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
-    problem = Problem(own_pack("brake_mat"))
+    problem = Problem(own_scenario("brake_mat"))
     contexts = np.concatenate([problem.contexts(split, 200) for split in ("train", "validation", "test")])
     assert len(np.unique(contexts, axis=0)) == 600
     speeds = contexts[:, 3].reshape(3, 200) / np.ptp(contexts[:, 3])
@@ -82,10 +82,10 @@ EVERY_AGENT = [
 @pytest.mark.parametrize(("environment", "algo"), EVERY_AGENT)
 def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
-    folder = train(algo, Problem(own_pack("brake_mat"), environment), seed=3, folder=tmp_path)
+    folder = train(algo, Problem(own_scenario("brake_mat"), environment), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert config["agent"] == f"sledenv.agents.{algo}"
-    assert config["scenario_hash"] == Problem(own_pack("brake_mat")).task.scenario.hash
+    assert config["scenario_hash"] == Problem(own_scenario("brake_mat")).task.scenario.hash
     assert "numba" in config["versions"]
     assert list(tmp_path.iterdir()) == [folder]
     rewards = []
@@ -109,7 +109,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
 )
 def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_path):
     """Oracle: the box; what is chosen, in the middle or not, is what the descent is launched with."""
-    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
+    content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 5.0)
     problem = Problem(Scenario.model_validate(content), environment, control)
     _, agent, _ = load_run(train(algo, problem, seed=3, folder=tmp_path))
@@ -126,7 +126,7 @@ def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
     """Oracle: the validation contexts, judged again."""
-    folder = train("sac", Problem(own_pack("brake_mat")), seed=0, folder=tmp_path)
+    folder = train("sac", Problem(own_scenario("brake_mat")), seed=0, folder=tmp_path)
     checks = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
     assert checks[0, 0] == 0
     assert checks[-1, 0] >= 160
@@ -134,12 +134,15 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
     mean = problem.judge(agent, curve.validation(problem))[0].jam.reward.mean()
     assert mean == pytest.approx(checks[:, 2].max(), abs=1e-12)
     assert list((folder / "tensorboard").rglob("events*"))
-    assert Sac.load_untrained(Problem(own_pack("brake_mat")), folder).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
+    assert Sac.load_untrained(Problem(own_scenario("brake_mat")), folder).act(np.zeros((2, 11), np.float32)).shape == (
+        2,
+        2,
+    )
 
 
 def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):
     """Oracle: the same candidates, judged again one by one."""
-    folder = train("best_fixed", Problem(own_pack("brake_mat")), seed=1, folder=tmp_path)
+    folder = train("best_fixed", Problem(own_scenario("brake_mat")), seed=1, folder=tmp_path)
     problem, agent, _ = load_run(folder)
     contexts = problem.contexts("train", 20, 1)
     best = problem.judge(agent, contexts)[0].jam.reward.mean()
@@ -155,18 +158,18 @@ def test_an_interrupted_run_leaves_nothing_and_can_be_started_again(quick, tmp_p
     with monkeypatch.context() as patch:
         patch.setattr(Zero, "train", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
+            train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path)
     assert list(tmp_path.iterdir()) == []
-    folder = run_folder(tmp_path, "zero", Problem(own_pack("brake_mat")), 0)
-    assert train("zero", Problem(own_pack("brake_mat")), folder=tmp_path) == folder
+    folder = run_folder(tmp_path, "zero", Problem(own_scenario("brake_mat")), 0)
+    assert train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path) == folder
     with pytest.raises(FileExistsError, match="--overwrite"):
-        train("zero", Problem(own_pack("brake_mat")), folder=tmp_path)
-    train("zero", Problem(own_pack("brake_mat")), folder=tmp_path, overwrite=True)
+        train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path)
+    train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path, overwrite=True)
 
 
 def test_of_two_trainings_into_one_folder_the_later_stays_whole(quick, tmp_path, monkeypatch):
     """Oracle: the settings that each wrote beside what it learned; the second begins and ends within the first."""
-    problem, inner = Problem(own_pack("brake_mat")), []
+    problem, inner = Problem(own_scenario("brake_mat")), []
     real = Random.train.__func__
 
     def during(cls, problem, settings, seed, folder):
@@ -195,7 +198,7 @@ def test_a_run_that_was_killed_is_no_finished_run(tmp_path, capsys):
 @pytest.mark.parametrize("name", ["config.yaml", "action.yaml"])
 def test_a_run_that_refers_from_place_to_place_is_refused(name, tmp_path, quick):
     """A few lines of such references stand for gigabytes."""
-    folder = train("best_fixed", Problem(own_pack("brake_mat")), folder=tmp_path)
+    folder = train("best_fixed", Problem(own_scenario("brake_mat")), folder=tmp_path)
     bomb = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
     (folder / name).write_text((folder / name).read_text() + bomb)
     with pytest.raises((ValueError, GivenCodeError), match="refers to another place") as raised:
@@ -277,7 +280,7 @@ def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monk
 
 def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quick, tmp_path):
     """Oracle: a run keeps its own scenario, and is trained only if everything that is meant agrees."""
-    problem = Problem(own_pack("brake_mat"))
+    problem = Problem(own_scenario("brake_mat"))
     folder = train("zero", problem, folder=tmp_path)
     assert trained("zero", problem, folder=tmp_path)
     assert not trained("zero", problem, seed=1, folder=tmp_path)

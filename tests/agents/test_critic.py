@@ -14,7 +14,7 @@ from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.scenarios.scenario import scenario_names
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SMALL = {"n_timesteps": 2000, "n_contexts": 20, "n_tries": 20, "warmup": 1, "gradient_steps": 60, "checks": 2}
 
@@ -25,7 +25,7 @@ def settings(problem: Problem) -> dict:
 
 def test_a_target_is_the_reward_that_it_stands_for():
     """Oracle: the least cross-entropy of a critic that may answer anything is its target; its mean is the reward."""
-    critic = Critic(Touch(Problem(own_pack("brake_mat"))), [8], 41)
+    critic = Critic(Touch(Problem(own_scenario("brake_mat"))), [8], 41)
     rewards = torch.linspace(0.0, 1.0, 11)
     logits = torch.zeros(11, 41, requires_grad=True)
     critic.forward = lambda inputs: logits
@@ -71,7 +71,7 @@ def test_numbered_bodies_are_told_apart():
 
 
 def test_a_full_turn_has_no_seam():
-    problem = Problem(own_pack("brake_mat"))
+    problem = Problem(own_scenario("brake_mat"))
     assert problem.turns == (True, False)
     critic = Critic(Touch(problem), [8], 11)
     seen = np.zeros((1, 11), np.float32)
@@ -84,11 +84,11 @@ def test_a_full_turn_has_no_seam():
 @pytest.mark.parametrize(
     ("scenario", "noise"),
     [
-        (own_pack("brake_mat"), (0.0, 0.0)),
-        (own_pack("brake_mat"), (0.05, 0.5)),
+        (own_scenario("brake_mat"), (0.0, 0.0)),
+        (own_scenario("brake_mat"), (0.05, 0.5)),
         ("sled_tilt", (0.0, 0.0)),
         ("sled_brow", (0.0, 0.0)),
-        (own_pack("noisy_start"), None),
+        (own_scenario("noisy_start"), None),
     ],
 )
 def test_samples_are_what_the_landings_earn(scenario, noise):
@@ -113,7 +113,7 @@ def test_samples_are_what_the_landings_earn(scenario, noise):
 
 def test_a_search_finds_what_is_rated_best():
     """Oracle: many uniform landings, rated by the same critic."""
-    problem = Problem(own_pack("brake_mat"))
+    problem = Problem(own_scenario("brake_mat"))
     torch.manual_seed(3)
     critic = Critic(Touch(problem), [64, 64], 41)
     seen = problem.task.observe(problem.contexts("test", 5))
@@ -138,7 +138,7 @@ LESS = {"n_timesteps": 400, "n_contexts": 10, "gradient_steps": 30, "checks": 1}
 def test_it_learns_the_same_from_the_same_seed_and_better_than_random(scenario, checked, less, tmp_path, monkeypatch):
     """Oracle: random launches in the same contexts; a second run; the file read once more; contexts one by one."""
     monkeypatch.setattr(curve, "_CONTEXTS", checked)  # validating costs more than learning from so few descents
-    problem = Problem(own_pack(scenario))
+    problem = Problem(own_scenario(scenario))
     chosen, agents = settings(problem) | less, []
     for seed, name in [(0, "one"), (0, "same"), (1, "other")]:
         folder = tmp_path / name
@@ -183,8 +183,8 @@ def test_weights_that_are_no_numbers_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("scenario", [name for name in scenario_names() if name != "paper_impact"])
-def test_a_shipped_agent_is_of_its_pack_as_it_is_and_beats_the_zero_action(scenario):
-    """Oracle: the zero action and random launches, in contexts that no training has seen; the pack itself."""
+def test_a_shipped_agent_is_of_its_scenario_as_it_is_and_beats_the_zero_action(scenario):
+    """Oracle: the zero action and random launches, in contexts that no training has seen; the scenario itself."""
     problem, agent, config = load_run(run_folder(TRAINED, "critic", Problem(scenario), 0))
     assert config["scenario_hash"] == problem.scenario.hash == Problem(scenario).scenario.hash
     contexts = problem.contexts("test", 40)

@@ -11,7 +11,7 @@ from sledenv.agents import cma_es, land_flat, linear, no_trim, ppo, random_searc
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Task
 from sledenv.scenarios.scenario import Scenario
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 CONTROLS = ["both", "orientation", "spin"]
 SEARCHES = {
@@ -47,7 +47,7 @@ def turned(angle: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-@pytest.mark.parametrize("name", [own_pack("brake_mat"), own_pack("ice_drop")])
+@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop")])
 def test_contexts_come_back_from_what_is_seen_of_them(name, control):
     """Oracle: the contexts that were observed, up to the rounding of float32; a choice is not known."""
     task = Task(name, control)
@@ -62,7 +62,7 @@ def test_contexts_come_back_from_what_is_seen_of_them(name, control):
 
 def test_flights_come_back_from_what_is_seen_of_them():
     """Oracle: the rides themselves, at their rebounds; the height follows from touching."""
-    task = Task(own_pack("ice_drop"))
+    task = Task(own_scenario("ice_drop"))
     contexts = task.scenario.contexts(np.random.default_rng(1).random((40, 11)))
     rides = task.rides(contexts, task.launches(contexts, np.random.default_rng(2).uniform(-1, 1, (40, 2))))
     rides.hop(np.zeros(40))
@@ -81,7 +81,7 @@ def test_flights_come_back_from_what_is_seen_of_them():
 def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
     """Oracle: the slip u + (r - h) omega at the first touch of the simulator, where friction holds what slides."""
     launch, contact = {"speed_m_s": [0.5, 2.0], "drop_m": [0.1, 0.2]}, {"friction": [0.25, 0.6]}
-    problem = Problem(altered(own_pack("brake_mat"), launch=launch, contact=contact))
+    problem = Problem(altered(own_scenario("brake_mat"), launch=launch, contact=contact))
     contexts = problem.contexts("test", 60)
     agent = land_flat.Agent(problem)
     launches = problem.task.launches(contexts, agent.act(problem.task.observe(contexts)).astype(float))
@@ -96,7 +96,7 @@ def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
 def test_land_flat_touches_upright_at_the_middle_of_the_speeds(control):
     """Oracle: the first rebound of the simulator; the middle of the bounds by hand."""
     launch = {"orientation_deg": [-40, 40], "drop_m": [0.6, 1.5]}
-    scenario = altered(own_pack("ice_drop"), launch=launch, control={"spin_rad_s": [-8, 8], "speed_m_s": [2, 7]})
+    scenario = altered(own_scenario("ice_drop"), launch=launch, control={"spin_rad_s": [-8, 8], "speed_m_s": [2, 7]})
     problem = Problem(scenario, control=control)
     contexts = problem.contexts("test", 40)
     actions = land_flat.Agent(problem).act(problem.task.observe(contexts)).astype(float)
@@ -110,7 +110,7 @@ def test_land_flat_touches_upright_at_the_middle_of_the_speeds(control):
 
 def test_land_flat_mirrors_with_the_disturbance():
     """Oracle: symmetry of the flight; the mirrored spin needs the mirrored pose."""
-    problem = Problem(own_pack("ice_drop"), control="orientation")
+    problem = Problem(own_scenario("ice_drop"), control="orientation")
     contexts = problem.contexts("test", 30)
     mirrored = contexts.copy()
     mirrored[:, 7] *= -1.0
@@ -122,14 +122,14 @@ def test_land_flat_mirrors_with_the_disturbance():
 
 def test_land_flat_without_fall_or_gravity_still_acts():
     for control in CONTROLS:
-        problem = Problem(altered(own_pack("ice_drop"), slope={"gravity_m_s2": 0}), control=control)
+        problem = Problem(altered(own_scenario("ice_drop"), slope={"gravity_m_s2": 0}), control=control)
         actions = land_flat.Agent(problem).act(problem.task.observe(problem.contexts("test", 5)))
         assert problem.action_space.contains(actions[0])
 
 
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_linear_policy_reaches_all_orientations_and_stays_in_the_box(control):
-    task = Problem(own_pack("brake_mat"), control=control).task
+    task = Problem(own_scenario("brake_mat"), control=control).task
     weights = np.random.default_rng(0).normal(0.0, 3.0, (400, linear.size(task)))
     observations = np.random.default_rng(1).uniform(-1, 1, (20, 11)).astype(np.float32)
     actions = linear.actions(task, weights, observations)
@@ -144,7 +144,7 @@ def test_a_linear_policy_reaches_all_orientations_and_stays_in_the_box(control):
 def test_a_search_keeps_to_its_budget_repeats_by_seed_and_loads(algo, control, tmp_path, monkeypatch):
     """Oracle: the descents that the problem simulates, counted where it does so."""
     agent, settings = SEARCHES[algo]
-    problem = Problem(own_pack("ice_drop"), control=control)
+    problem = Problem(own_scenario("ice_drop"), control=control)
     descend, counted = Problem.descend, []
     monkeypatch.setattr(Problem, "descend", lambda self, c, a: counted.append(len(c)) or descend(self, c, a))
     first = agent.train(problem, settings, 3, tmp_path)
@@ -156,7 +156,7 @@ def test_a_search_keeps_to_its_budget_repeats_by_seed_and_loads(algo, control, t
 
 def test_cma_es_improves_on_where_it_starts(tmp_path):
     """Oracle: the policy without weights, upright and without spin, which a rough mat stops."""
-    problem = Problem(own_pack("brake_mat"))
+    problem = Problem(own_scenario("brake_mat"))
     settings = SEARCHES["cma_es"][1] | {"n_timesteps": 6000, "restarts": 1}
     agent = cma_es.Agent.train(problem, settings, 0, tmp_path)
     contexts = problem.contexts("test", 60)
@@ -167,11 +167,11 @@ def test_cma_es_improves_on_where_it_starts(tmp_path):
 
 def test_no_trim_earns_what_its_launch_earns_alone_and_random_trims_do_not(tmp_path):
     """Oracle: the same launch in the problem of one step, bit for bit."""
-    problem = Problem(own_pack("brake_mat"), "descent")
+    problem = Problem(own_scenario("brake_mat"), "descent")
     contexts = problem.contexts("test", 30)
     still, wild = (agent.train(problem, TRIMS, 0, tmp_path) for agent in (no_trim.Agent, random_trim.Agent))
     batch, launches = problem.judge(still, contexts)
-    alone = Problem(own_pack("brake_mat")).descend(contexts, launches).jam.reward
+    alone = Problem(own_scenario("brake_mat")).descend(contexts, launches).jam.reward
     assert np.array_equal(batch.jam.reward, alone)
     other, same = problem.judge(wild, contexts)
     assert np.array_equal(same, launches)
@@ -182,18 +182,18 @@ def test_no_trim_earns_what_its_launch_earns_alone_and_random_trims_do_not(tmp_p
 
 def test_replan_earns_more_with_trims_than_its_launches_do_without():
     """Oracle: the same launches without trims, on a rough mat where trims matter."""
-    problem = Problem(own_pack("brake_mat"), "descent")
+    problem = Problem(own_scenario("brake_mat"), "descent")
     contexts = problem.contexts("test", 30)
     agent = replan.Agent(problem, LOOKAHEAD)
     batch, launches = problem.judge(agent, contexts)
-    alone = Problem(own_pack("brake_mat")).descend(contexts, launches).jam.reward
+    alone = Problem(own_scenario("brake_mat")).descend(contexts, launches).jam.reward
     assert batch.jam.reward.mean() > alone.mean() + 0.02
 
 
 def test_the_lookahead_of_replan_predicts_what_its_model_earns():
     """Oracle: a ride, trimmed once, whose ledger knows everything; launched upright without spin."""
-    problem = Problem(own_pack("ice_drop"), "descent")
-    task = Task(own_pack("ice_drop"))
+    problem = Problem(own_scenario("ice_drop"), "descent")
+    task = Task(own_scenario("ice_drop"))
     agent = replan.Agent(problem, LOOKAHEAD)
     contexts = problem.contexts("test", 20)
     rides = task.rides(contexts, task.launches(contexts, np.zeros((20, 2))))
@@ -212,7 +212,7 @@ def test_the_lookahead_of_replan_predicts_what_its_model_earns():
 def test_the_likelihood_of_ppo_counts_only_what_acts(tmp_path):
     """Oracle: before the launch the trim, and afterwards the launch, may be anything."""
     settings = {"n_timesteps": 64, "policy": "MlpPolicy", "n_envs": 8, "n_steps": 8, "batch_size": 64, "n_epochs": 1}
-    agent = ppo.Agent.train(Problem(own_pack("brake_mat"), "descent"), settings, 0, tmp_path)
+    agent = ppo.Agent.train(Problem(own_scenario("brake_mat"), "descent"), settings, 0, tmp_path)
     before = torch.zeros(2, 20)
     after = before + torch.eye(20)[13]  # a cosine of 1
     launches, trims = torch.tensor([[0.5, 0.2, 0.1], [0.1, 0.3, 0.1]]), torch.tensor([[0.5, 0.2, 0.1], [0.5, 0.2, 0.6]])

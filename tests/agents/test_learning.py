@@ -19,12 +19,12 @@ from sledenv.agents.wrappers import Standardised as Standardised1
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.sb3 import make_vec_env
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, which this project does not own
 
 
-BRAKE_MAT = own_pack("brake_mat")
+BRAKE_MAT = own_scenario("brake_mat")
 
 
 def policy_of(algorithm, policy, scenario=BRAKE_MAT):
@@ -36,7 +36,7 @@ def policy_of(algorithm, policy, scenario=BRAKE_MAT):
     return problem, model
 
 
-@pytest.mark.parametrize("scenario", [BRAKE_MAT, own_pack("track_grade_20"), "bedrock"])
+@pytest.mark.parametrize("scenario", [BRAKE_MAT, own_scenario("track_grade_20"), "bedrock"])
 def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
     """Oracle: the environment itself, with launches of another stream."""
     problem = Problem(scenario)
@@ -50,7 +50,7 @@ def test_rewards_of_random_launches_have_mean_0_and_deviation_1(scenario):
 
 
 def test_rewards_that_are_all_alike_are_not_divided_by_zero():
-    lanes = make_vec_env("sledenv/SledLaunch-v0", 2, env_kwargs={"scenario": own_pack("ice_fast")})
+    lanes = make_vec_env("sledenv/SledLaunch-v0", 2, env_kwargs={"scenario": own_scenario("ice_fast")})
     env = Standardised(lanes, np.full(3, 0.5))
     env.reset()
     assert np.isfinite(env.step(np.zeros((2, 2), np.float32))[1]).all()
@@ -84,7 +84,7 @@ def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_o
 @pytest.mark.parametrize(("algorithm", "policy"), [(SAC, SearchingSAC), (TD3, SearchingTD3), (TQC, SearchingTQC)])
 def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(algorithm, policy, tmp_path):
     """Oracle: the same observations twice, alone or among others, before and after a file."""
-    problem, model = policy_of(algorithm, policy, own_pack("track_grade_20"))
+    problem, model = policy_of(algorithm, policy, own_scenario("track_grade_20"))
     seen = problem.task.observe(problem.contexts("test", 30))
     first, _ = model.predict(seen, deterministic=True)
     model.predict(seen, deterministic=False)
@@ -130,7 +130,7 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
         return make_vec_env(id, lanes, seed, **rest)
 
     monkeypatch.setattr(learning, "make_vec_env", made)
-    problem = Problem(own_pack("ice_fast"))
+    problem = Problem(own_scenario("ice_fast"))
     quick = {"n_timesteps": 512, "learning_starts": 256, "gradient_steps": 1, "checks": 1}
     for seed in range(3):
         folder = tmp_path / str(seed)
@@ -174,7 +174,7 @@ def test_the_noise_of_td3_is_normal():
     from sledenv.agents.td3 import Agent
 
     with pytest.raises(ValueError, match="noise_type = 'ornstein-uhlenbeck': must be 'normal'"):
-        Agent.prepared(Problem(own_pack("ice_drop")), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})
+        Agent.prepared(Problem(own_scenario("ice_drop")), {"noise_type": "ornstein-uhlenbeck", "noise_std": 0.1})
 
 
 def test_the_wrappers_of_one_environment_are_those_of_the_lanes():

@@ -20,21 +20,21 @@ from sledenv.command.cli import main
 from sledenv.pages.play import MOST_SEEDS, map_page
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
-PACK, SEEDS = "sled_patch", (3, 4)
+SCENARIO, SEEDS = "sled_patch", (3, 4)
 SHIPPED = Path("sled_patch-launch-orientation+speed-critic-s0")
 DEGREE = math.pi / 180.0
 
 
 @pytest.fixture(scope="module")
 def made() -> dict[int, Choices]:
-    return choices(load_scenario(PACK), SEEDS, [SHIPPED])
+    return choices(load_scenario(SCENARIO), SEEDS, [SHIPPED])
 
 
 @pytest.fixture(scope="module")
 def page(made: dict[int, Choices]) -> str:
-    return map_page(load_scenario(PACK), SEEDS, {seed: one.marks for seed, one in made.items()})
+    return map_page(load_scenario(SCENARIO), SEEDS, {seed: one.marks for seed, one in made.items()})
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -> None:
     """Oracle: the marked launches earn their rewards in the mean over the draws that judge launches."""
-    problem, data = Problem(PACK), data_of(page)
+    problem, data = Problem(SCENARIO), data_of(page)
     low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
     contexts = json.loads(data["exact"])["contexts"]
     assert [context["name"] for context in contexts] == [f"seed {seed}" for seed in SEEDS]
@@ -81,7 +81,7 @@ def test_contexts_of_several_bodies_have_theirs() -> None:
 @pytest.mark.jit_only
 def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the descent of the marked launch in Python, without errors."""
-    problem, file = Problem(PACK), tmp_path / "map.html"
+    problem, file = Problem(SCENARIO), tmp_path / "map.html"
     file.write_text(patient(page), encoding="utf-8")
     chromium.log()
     chromium.open(file, "context=seed+4")
@@ -103,7 +103,7 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
 
 @needs_chromium
 @pytest.mark.jit_only
-@pytest.mark.parametrize(("name", "seed"), [(PACK, 3), ("sled_snow", 3), ("bedrock", 3)])
+@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), ("sled_snow", 3), ("bedrock", 3)])
 def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the search of the benchmark, whose interval the expected reward of the best launch lies in."""
     problem, file = Problem(name), tmp_path / "map.html"
@@ -127,7 +127,7 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
         assert found["spin"] == pytest.approx(given[0, Context._fields.index("spin")], rel=1e-5)
     told = chromium.text("#map-words")
     assert told.startswith("Best of this map, white star: orientation")
-    assert "of 64 trembling launches" in told
+    assert "of 64 noisy launches" in told
     chromium.click("#best")
     wait_until(chromium, f"!asking && isChanged('{problem.task.controlled[0]}')")
     assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
@@ -139,18 +139,18 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
 @pytest.mark.parametrize("seeds", [[], [1, 1], list(range(MOST_SEEDS + 1))])
 def test_wrong_seeds_are_named(seeds: list[int]) -> None:
     with pytest.raises(ValueError, match=r"seeds = .*must be 1 to"):
-        map_page(load_scenario(PACK), seeds, {})
+        map_page(load_scenario(SCENARIO), seeds, {})
 
 
 def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "chosen", None)
-    scenario = load_scenario(PACK)
+    scenario = load_scenario(SCENARIO)
     with pytest.raises(FileNotFoundError, match="no finished run"):
         choices(scenario, [0], [tmp_path])
     other = train("sledenv.agents.zero", Problem("talus"), {}, 0, tmp_path / "other")
     with pytest.raises(ScenarioError, match="another scenario"):
         choices(scenario, [0], [other])
-    trims = train("sledenv.agents.zero", Problem(PACK, "descent"), {}, 0, tmp_path / "trims")
+    trims = train("sledenv.agents.zero", Problem(SCENARIO, "descent"), {}, 0, tmp_path / "trims")
     with pytest.raises(ScenarioError, match="trims every hop"):
         choices(scenario, [0], [trims])
 
@@ -190,7 +190,7 @@ def test_wrong_arguments_are_explained(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     try:
-        status: Any = main(["map", own_pack("ice_drop"), *arguments])
+        status: Any = main(["map", own_scenario("ice_drop"), *arguments])
     except SystemExit as stop:
         status = stop.code
     assert status == 2

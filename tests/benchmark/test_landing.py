@@ -6,14 +6,14 @@ import pytest
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
 from sledenv.scenarios.scenario import Scenario, load_scenario
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 TURN = 2.0 * np.pi
 
 
 def slab() -> Scenario:
     """A shipped scenario with a polygon for a body."""
-    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
+    content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     points = [[0.0, 0.0], [0.8, 0.0], [0.8, 0.6], [0.1, 0.7]]
     return Scenario.model_validate(content | {"body": {"kind": "polygon", "mass_kg": 100, "points_m": points}})
 
@@ -21,9 +21,9 @@ def slab() -> Scenario:
 @pytest.mark.parametrize(
     ("scenario", "control"),
     [
-        (own_pack("brake_mat"), "both"),
-        (own_pack("round_talus"), "both"),
-        (own_pack("spinning_entry"), "orientation"),
+        (own_scenario("brake_mat"), "both"),
+        (own_scenario("round_talus"), "both"),
+        (own_scenario("spinning_entry"), "orientation"),
         pytest.param(slab(), "both", id="slab-both"),
     ],
 )
@@ -47,12 +47,12 @@ def test_a_launch_lands_in_the_pose_that_told_it(scenario, control):
 
 
 def test_the_mirror_image_of_a_landing_is_that_of_its_launch():
-    problem = Problem(own_pack("ice_drop"))
+    problem = Problem(own_scenario("ice_drop"))
     contexts = problem.contexts("test", 50)
     landings = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 2))
     landings[:, 1] = 0.0  # a spin of 7.5 rad/s, in the middle of its bounds
     launches = Landing(problem).launches(contexts, landings)
-    turned = Problem(own_pack("brake_mat"))  # has the mirrored spin, and the same body and gravity
+    turned = Problem(own_scenario("brake_mat"))  # has the mirrored spin, and the same body and gravity
     spin = np.full(50, 7.5 / 8.0)
     here = Landing(turned).launches(contexts, np.stack([landings[:, 0], spin], axis=1))
     there = Landing(turned).launches(contexts, np.stack([-landings[:, 0], -spin], axis=1))
@@ -63,10 +63,10 @@ def test_the_mirror_image_of_a_landing_is_that_of_its_launch():
 @pytest.mark.parametrize("control", ["orientation+speed", "all"])
 def test_a_speed_along_the_slope_leaves_the_landing_as_it_is(control):
     """Oracle: the same launches without a choice of the speed."""
-    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
+    content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 8.0)
     problem = Problem(Scenario.model_validate(content), control=control)
-    without = Problem(own_pack("brake_mat"), control=control.removesuffix("+speed"))
+    without = Problem(own_scenario("brake_mat"), control=control.removesuffix("+speed"))
     contexts = problem.contexts("test", 50)
     landings = np.random.default_rng(2).uniform(-1.0, 1.0, (50, problem.actions))
     launches = Landing(problem).launches(contexts, landings)
@@ -76,7 +76,7 @@ def test_a_speed_along_the_slope_leaves_the_landing_as_it_is(control):
 
 @pytest.mark.parametrize("control", ["spin", "orientation"])
 def test_what_is_not_free_to_turn_is_told_by_its_launch(control):
-    problem = Problem(own_pack("ice_drop"), control=control)
+    problem = Problem(own_scenario("ice_drop"), control=control)
     if control == "orientation":
         narrow = problem.scenario.model_copy(
             update={"control": problem.scenario.control.model_copy(update={"orientation_deg": (-90.0, 90.0)})}

@@ -23,7 +23,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.machine.sealed import write_sealed
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SEEN = [name for name in Context.seen if name not in ("friction", "restitution")]
 
@@ -36,7 +36,7 @@ def found() -> tuple[Problem, pd.DataFrame]:
 
 
 def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_interval(found):
-    """Oracle: the simulator once more; a random search of the same box with ten times the draws of the tremble."""
+    """Oracle: the simulator once more; a random search of the same box with ten times the draws of the launch noise."""
     problem, table = found
     contexts = table[list(Context._fields)].to_numpy()
     assert np.array_equal(rewards_again(problem, table), table["reward"])
@@ -51,7 +51,7 @@ def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_
 
 
 def test_a_map_is_the_expected_reward(found):
-    """Oracle: launches at cells of the map under 512 draws of the tremble, and between cells."""
+    """Oracle: launches at cells of the map under 512 draws of the launch noise, and between cells."""
     problem, table = found
     contexts = table[list(Context._fields)].to_numpy()[:3]
     maps = jam_map(problem, contexts)
@@ -70,9 +70,9 @@ def test_a_map_is_the_expected_reward(found):
         assert expected_at(problem, one, between[:, np.newaxis]) == pytest.approx(mean, abs=1e-12)
 
 
-def test_a_map_of_two_is_a_convolution_with_the_tremble_that_turns_round():
+def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
     """Oracle: the mean over a product of quantiles of both errors, from launches beyond the bounds too."""
-    problem = Problem(own_pack("brake_mat"), launch_noise=(0.2, 1.0))
+    problem = Problem(own_scenario("brake_mat"), launch_noise=(0.2, 1.0))
     contexts = problem.contexts("test", 1)
     (one,) = jam_map(problem, contexts)
     quantiles = ndtri((np.arange(24) + 0.5) / 24)
@@ -130,7 +130,7 @@ def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated(count, sea
 @pytest.mark.parametrize("control", ["both", "orientation", "spin"])
 def test_no_cell_is_refined_twice(control):
     """Where a grid has few cells, neighbours are refined once there is nothing else."""
-    problem = Problem(own_pack("ice_drop"), control=control)
+    problem = Problem(own_scenario("ice_drop"), control=control)
     rewards = np.random.default_rng(0).random((40,) if problem.actions == 1 else (8, 7))
     starts = _maxima(problem, rewards, 24)
     assert len(set(starts.tolist())) == 24
@@ -156,7 +156,7 @@ def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
 
 
 def test_what_is_not_chosen_is_not_searched():
-    problem = Problem(own_pack("ice_drop"), control="spin")
+    problem = Problem(own_scenario("ice_drop"), control="spin")
     table = best_launches(problem, problem.contexts("test", 2))
     assert "action_1" not in table
     assert map_table(problem, problem.contexts("test", 1))["orientation"].isna().all()

@@ -13,7 +13,7 @@ from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
 from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 
 class Scripted:
@@ -29,7 +29,7 @@ class Scripted:
 @pytest.fixture(scope="module")
 def noisy() -> Scenario:
     """brake_mat with launch noise, and the orientation alone to choose."""
-    content = load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
+    content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     content["control"] |= {"chosen": "orientation", "noise_orientation_deg": 4.0, "noise_spin_rad_s": 0.5}
     return Scenario.model_validate(content)
 
@@ -37,9 +37,9 @@ def noisy() -> Scenario:
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
 def test_an_agent_is_judged_as_in_episodes_of_the_environment(environment):
     """Oracle: the scalar environment, episode by episode, bit for bit."""
-    problem = Problem(own_pack("brake_mat"), environment)
+    problem = Problem(own_scenario("brake_mat"), environment)
     contexts = problem.contexts("test", 6)
-    env = gym.make(problem.id, scenario=own_pack("brake_mat"))
+    env = gym.make(problem.id, scenario=own_scenario("brake_mat"))
     agent = Scripted(env.observation_space.shape[0], problem.actions)
     batch, actions = problem.judge(agent, contexts)
     for i, context in enumerate(contexts):
@@ -129,14 +129,14 @@ def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest(noi
     assert (
         problem.trials(contexts, "test")[..., :FIELDS] == contexts[:, np.newaxis]
     ).all()  # judged where it really is
-    still = problem.scenes(contexts, 8, (5,), tremble=(True, False))[0, :, FIELDS:]
+    still = problem.scenes(contexts, 8, (5,), noisy=(True, False))[0, :, FIELDS:]
     assert still[:, 0].all()
     assert not still[:, 1].any()
 
 
 def test_an_unknown_environment_is_refused():
     with pytest.raises(ValueError, match="environment = 'flight': must be one of 'launch', 'descent'"):
-        Problem(own_pack("ice_drop"), "flight")
+        Problem(own_scenario("ice_drop"), "flight")
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_an_unknown_environment_is_refused():
     ],
 )
 def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, message):
-    problem = Problem(own_pack("ice_drop"), environment)
+    problem = Problem(own_scenario("ice_drop"), environment)
     agent = Scripted(11 if environment == "launch" else 20, wide)
     with pytest.raises(ValueError, match=f"^agent {__name__}, scenario ice_drop: {message}$"):
         problem.judge(agent, problem.trials(problem.contexts("test", 3), "test"))

@@ -17,7 +17,7 @@ from sledenv.benchmark.problem import TRIALS, Problem
 from sledenv.benchmark.runner import TABLES, run_suite
 from sledenv.benchmark.runs import meant
 from sledenv.benchmark.suite import Suite, SuiteError
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 ROOT = Path(__file__).parents[2]
 TIMES = ["train_seconds", "train_cpu_seconds"]
@@ -28,7 +28,7 @@ SUITE = {
     "settings": str(ROOT / "configs" / "agents"),
     "steps": 240,
     "maps": 1,
-    "scenarios": ["bedrock", own_pack("spinning_entry")],
+    "scenarios": ["bedrock", own_scenario("spinning_entry")],
     "agents": {"launch": {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}},
 }
 
@@ -186,7 +186,7 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"contexts": 1}, "contexts = 1: must be a whole number in [2, 100000]"),
         ({"contexts": None}, "contexts: missing"),
         ({"scenarios": ["sled_snwo"]}, "did you mean 'sled_snow'"),
-        ({"scenarios": [own_pack("ice_drop"), own_pack("ice_drop")]}, "must not repeat a scenario"),
+        ({"scenarios": [own_scenario("ice_drop"), own_scenario("ice_drop")]}, "must not repeat a scenario"),
         ({"agents": {"flight": {"sledenv.agents.zero": 1}}}, "'launch' or 'descent'"),
         (
             {"agents": {"launch": {"sledenv.agents.zero": 0}}},
@@ -245,7 +245,7 @@ def test_an_agent_is_another_when_its_code_or_that_of_its_base_has_changed(tmp_p
             (tmp_path / f"{name}.py").write_text(text)
         for name in ("own_agent", "own_base"):
             sys.modules.pop(name, None)
-        return meant("own_agent", Problem(own_pack("ice_drop")), {}, 0)["code"]
+        return meant("own_agent", Problem(own_scenario("ice_drop")), {}, 0)["code"]
 
     agent, base = "from own_base import Base\n\n\nclass Agent(Base):\n    pass\n", "class Base:\n    spin = 1.0\n"
     before = code(own_agent=agent, own_base=base, own_other="")

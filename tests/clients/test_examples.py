@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from examples import cleanrl_ppo
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,7 @@ def actions(env, steps: int, lanes: int) -> np.ndarray:
 
 def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
     """Oracle: its own untrained policy on the same held-out contexts; a second run for the repetition."""
-    arguments = cleanrl_ppo.Arguments(scenario=own_pack("brake_mat"))
+    arguments = cleanrl_ppo.Arguments(scenario=own_scenario("brake_mat"))
     torch.manual_seed(arguments.seed)
     before = cleanrl_ppo.evaluate(cleanrl_ppo.Agent(11, 2), arguments)
     short = ["--scenario", arguments.scenario, "--total-timesteps", "6144"]
@@ -53,7 +53,7 @@ def test_the_single_file_ppo_learns_the_braking_mat_and_repeats(capsys):
 def test_spawned_workers_give_what_one_process_gives(name):
     """Oracle: SyncVectorEnv and DummyVecEnv, info included."""
     make = partial(
-        gym.make, f"sledenv:{name}", scenario=own_pack("ice_drop")
+        gym.make, f"sledenv:{name}", scenario=own_scenario("ice_drop")
     )  # importable in a process that knows no sledenv
     one, other = SyncVectorEnv([make] * 2), AsyncVectorEnv([make] * 2, context="spawn")
     try:
@@ -68,7 +68,7 @@ def test_spawned_workers_give_what_one_process_gives(name):
 @pytest.mark.parametrize("name", [LAUNCH_ID, DESCENT_ID])
 def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
     """Oracle: DummyVecEnv, info included."""
-    make = partial(gym.make, f"sledenv:{name}", scenario=own_pack("ice_drop"))
+    make = partial(gym.make, f"sledenv:{name}", scenario=own_scenario("ice_drop"))
     dummy, spawned = DummyVecEnv([make] * 2), SubprocVecEnv([make] * 2, start_method="spawn")
     try:
         for env in (dummy, spawned):
@@ -83,7 +83,7 @@ def test_spawned_workers_of_sb3_give_what_one_process_gives(name):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # Gymnasium logs the traceback of the worker as warnings
 def test_a_wrong_action_in_a_spawned_worker_is_gymnasiums_error_here():
-    make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario=own_pack("ice_drop"), disable_env_checker=True)
+    make = partial(gym.make, f"sledenv:{LAUNCH_ID}", scenario=own_scenario("ice_drop"), disable_env_checker=True)
     env = AsyncVectorEnv([make], context="spawn")
     env.reset(seed=0)
     with pytest.raises(InvalidAction, match=r"action = \[2.0, 0.0\]: must be within \[-1.0, 1.0\]"):
@@ -110,7 +110,7 @@ for name in ("SledLaunch", "SledDescent"):
 
 
 def rollout(**variables: str) -> list[list[str]]:
-    command = [sys.executable, "-W", "error", "-c", ROLLOUT, own_pack("ice_drop")]
+    command = [sys.executable, "-W", "error", "-c", ROLLOUT, own_scenario("ice_drop")]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=dict(os.environ) | variables)
     return [line.split() for line in done.stdout.splitlines()]
 

@@ -10,7 +10,7 @@ pytest.importorskip("minari")
 pytest.importorskip("h5py")
 
 from examples import minari_dataset
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of Minari, which this project does not own
 
@@ -25,7 +25,7 @@ def test_a_dataset_comes_back_as_it_was_played_and_its_environment_repeats_it(na
     given = ["--env-id", env_id, "--episodes", str(EPISODES), "--seed", "7", "--dataset", f"{name.lower()}/random-v0"]
     dataset = minari_dataset.main(given)
     assert dataset.total_episodes == EPISODES
-    played, recovered = gym.make(env_id, scenario=own_pack("ice_drop")), dataset.recover_environment()
+    played, recovered = gym.make(env_id, scenario=own_scenario("ice_drop")), dataset.recover_environment()
     played.action_space.seed(7)
     for i, episode in enumerate(dataset.iterate_episodes()):
         observation, info = played.reset(seed=7 + i)

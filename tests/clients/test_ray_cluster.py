@@ -12,7 +12,7 @@ import yaml
 from sledenv.benchmark.runner import TABLES, run_suite
 from sledenv.benchmark.suite import Suite
 from sledenv.uncertainty import run, study
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 from tests.uncertainty.make import PUSH, made
 
 pytest.importorskip("ray.cluster_utils")
@@ -41,7 +41,7 @@ def test_two_workers_of_a_cluster_give_the_numbers_of_one_process(cluster, tmp_p
     file = tmp_path / "tiny.yaml"
     settings = ROOT / "configs" / "agents"
     content = {"id": "tiny", "title": "A test", "contexts": 3, "settings": str(settings)}
-    content |= {"steps": 200, "scenarios": [own_pack("ice_drop")], "maps": 1}
+    content |= {"steps": 200, "scenarios": [own_scenario("ice_drop")], "maps": 1}
     agents = {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}
     content |= {"agents": {"launch": agents}}
     file.write_text(yaml.safe_dump(content))

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("ray.rllib")
 
 from examples import rllib_ppo
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of Ray, which this project does not own
 
@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of Ray,
 @pytest.mark.parametrize("env_runners", [0, 1])
 def test_rllib_runs_an_iteration_of_ppo(env_runners):
     """Oracle: every episode has one step, and a return is a reward in (0, 1); the learner has seen the batch."""
-    given = ["--scenario", own_pack("ice_drop"), "--batch", "256", "--env-runners", str(env_runners)]
+    given = ["--scenario", own_scenario("ice_drop"), "--batch", "256", "--env-runners", str(env_runners)]
     (result,) = rllib_ppo.main(given)
     sampled = result["env_runners"]
     assert sampled["num_env_steps_sampled"] >= 256

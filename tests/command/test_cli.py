@@ -21,7 +21,7 @@ from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
 from tests.browser import data_of
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -68,9 +68,12 @@ def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.Cap
 def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the same descent, simulated here; words for its codes, no number that JSON does not have."""
     file = tmp_path / "ride.csv"
-    assert main(["simulate", own_pack("bowl_snow"), "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"]) == 0
+    assert (
+        main(["simulate", own_scenario("bowl_snow"), "--seed", "3", "--spin", "-0.5", "--csv", str(file), "--json"])
+        == 0
+    )
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    scenario = load_scenario(own_pack("bowl_snow"))
+    scenario = load_scenario(own_scenario("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
     law, launch = scenario.law(context), scenario.launch(context, spin=-0.5)
     descent = simulate(
@@ -90,7 +93,7 @@ def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.
 
 def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: configs/scenarios/brake_mat.yaml, and h = 2 r sin^3(alpha)/(3 D) of its segment."""
-    assert main(["simulate", own_pack("brake_mat")]) == 0
+    assert main(["simulate", own_scenario("brake_mat")]) == 0
     out = capsys.readouterr().out
     assert "mass 100 kg, radius 0.5 m, eccentricity 0.1234 m, inertia 9.922 kg m^2, half-angle 110 deg" in out
     assert "stiffness 10 MN/m, restitution 0.500" in out
@@ -116,13 +119,13 @@ def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFi
 def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: sensitivity of the same descent, which finishes where the slope is long."""
     file = tmp_path / "growth.png"
-    arguments = ["sensitivity", own_pack("bowl_snow"), "--seed", "3", "--rebounds", "2", "--out", str(file)]
+    arguments = ["sensitivity", own_scenario("bowl_snow"), "--seed", "3", "--rebounds", "2", "--out", str(file)]
     assert main(arguments) == 0
     out = capsys.readouterr().out
     assert "bowl_snow, seed 3, solver compliant" in out
     assert file.read_bytes().startswith(b"\x89PNG")
     rows = {line.split()[0]: line.split() for line in out.splitlines() if line}
-    scenario = load_scenario(own_pack("bowl_snow"))
+    scenario = load_scenario(own_scenario("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
     given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
     found = sensitivity(*given, Settings(end_on_chord=True), rebounds=2)
@@ -141,7 +144,7 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
 
 def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "growth.pdf"
-    assert "must end in .png" in refused(capsys, "sensitivity", own_pack("bowl_snow"), "--out", str(file))
+    assert "must end in .png" in refused(capsys, "sensitivity", own_scenario("bowl_snow"), "--out", str(file))
 
 
 def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:
@@ -160,7 +163,7 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "simulate",
-        own_pack("ice_drop"),
+        own_scenario("ice_drop"),
         "--seed",
         "3",
         "--orientation-deg",
@@ -174,14 +177,14 @@ def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "ice_drop, seed 3, solver rigid" in out
     assert "orientation -20.00 deg, spin 1.500 rad/s" in out
-    main(["simulate", own_pack("ice_drop"), "--seed", "4"])
+    main(["simulate", own_scenario("ice_drop"), "--seed", "4"])
     assert capsys.readouterr().out != out
 
 
 def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "deep" / "out"
     for _ in range(2):  # the second time it is replaced
-        assert main(["simulate", own_pack("brake_mat"), "--out", str(folder)]) == 0
+        assert main(["simulate", own_scenario("brake_mat"), "--out", str(folder)]) == 0
         assert sorted(path.name for path in folder.iterdir()) == sorted(PICTURES)
         assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
         assert "wrote strobe.png and series.png" in capsys.readouterr().out
@@ -190,14 +193,14 @@ def test_simulate_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     for spin in ("1.5", "2.5"):  # the second time it is replaced
-        assert main(["replay", own_pack("ice_drop"), "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
+        assert main(["replay", own_scenario("ice_drop"), "--seed", "3", "--spin", spin, "--out", str(page)]) == 0
         assert capsys.readouterr().out == f"replay: wrote {page}\n"
         assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
         text = page.read_text(encoding="utf-8")
-        title = load_scenario(own_pack("ice_drop")).title
+        title = load_scenario(own_scenario("ice_drop")).title
         assert f'"title":"{title}, draw 3, compliant surfaces"' in text
         assert f"spin {spin}00 rad/s" in text
-    assert main(["replay", own_pack("ice_drop"), "--out", str(page), "--json"]) == 0
+    assert main(["replay", own_scenario("ice_drop"), "--out", str(page), "--json"]) == 0
     written = {"scenario": "ice_drop", "seed": 0, "solver": "compliant", "written": [str(page)]}
     assert json.loads(capsys.readouterr().out) == written
 
@@ -205,17 +208,19 @@ def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     assert "did you mean 'sled_brow'?" in refused(capsys, "replay", "sled_brw", "--out", str(page))
-    assert "must end in .html" in refused(capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path / "page.yaml"))
-    assert "must end in .html" in refused(capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path))
+    assert "must end in .html" in refused(
+        capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path / "page.yaml")
+    )
+    assert "must end in .html" in refused(capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path))
     assert "there is no folder" in refused(
-        capsys, "replay", own_pack("ice_drop"), "--out", str(tmp_path / "a" / "b.html")
+        capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path / "a" / "b.html")
     )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
-    page, which = tmp_path / "page.html", (own_pack("ice_drop"), "--seed", "3", "--speed", "2.5", "--spin", "-1.5")
+    page, which = tmp_path / "page.html", (own_scenario("ice_drop"), "--seed", "3", "--speed", "2.5", "--spin", "-1.5")
     assert main(["play", *which, "--solver", "rigid", "--html", str(page), "--json"]) == 0
     written = {"scenario": "ice_drop", "seed": 3, "solver": "rigid", "written": [str(page)]}
     assert json.loads(capsys.readouterr().out) == written
@@ -238,17 +243,17 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'sled_brow'?" in refused(capsys, "simulate", "sled_brw")
     assert "error: --seed: must be an integer >= 0: '-1'" in refused(
-        capsys, "simulate", own_pack("ice_drop"), "--seed", "-1"
+        capsys, "simulate", own_scenario("ice_drop"), "--seed", "-1"
     )
     assert "--spin: must be a finite number in [-1e+06, 1e+06] rad/s: 'inf'" in refused(
-        capsys, "simulate", own_pack("ice_drop"), "--spin", "inf"
+        capsys, "simulate", own_scenario("ice_drop"), "--spin", "inf"
     )
     bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
     for value in ("up", "-360.1"):
-        assert f"{bad}{value!r}" in refused(capsys, "simulate", own_pack("ice_drop"), f"--orientation-deg={value}")
+        assert f"{bad}{value!r}" in refused(capsys, "simulate", own_scenario("ice_drop"), f"--orientation-deg={value}")
     for command in ("simulate", "sensitivity", "replay", "play"):
         assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
-            capsys, command, own_pack("ice_drop"), "--solver", "euler"
+            capsys, command, own_scenario("ice_drop"), "--solver", "euler"
         )
     assert refused(capsys, "simulate") == "sledenv simulate: error: SCENARIO is required\n"
     unknown = refused(capsys, "identify", "x.csv", "--gyraton-radius", "3")
@@ -256,8 +261,8 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert refused(capsys, "simulate", "talus", "--seed") == "sledenv simulate: error: --seed needs a value\n"
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
-    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_pack("ice_drop"), "snow")
-    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", own_pack("ice_drop"), "--ori", "3")
+    assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_scenario("ice_drop"), "snow")
+    assert "Unknown option: --ori. Did you mean" in refused(capsys, "simulate", own_scenario("ice_drop"), "--ori", "3")
     (tmp_path / "broken.yaml").write_text("id: [")
     assert "broken.yaml: cannot be read" in refused(capsys, "simulate", str(tmp_path / "broken.yaml"))
 
@@ -330,9 +335,9 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     """Oracle: the launch that is told earns its reward when it is simulated."""
     content = load_scenario("talus").model_dump(mode="json", by_alias=True)
     content["control"] |= {"speed_m_s": [2, 8], "chosen": "all", "noise_orientation_deg": 0, "noise_spin_rad_s": 0}
-    pack, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
-    pack.write_text(json.dumps(content))  # JSON is YAML
-    assert main(["map", str(pack), "--out", str(picture), "--json"]) == 0
+    file, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
+    file.write_text(json.dumps(content))  # JSON is YAML
+    assert main(["map", str(file), "--out", str(picture), "--json"]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
     out, err = capsys.readouterr()
     where = "map: talus, context of seed 0"
@@ -344,14 +349,16 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     assert list(values) == ["orientation [deg]", "spin [rad/s]", "speed [m/s]"]
     options = "--orientation-deg", "--spin", "--speed"
     launch = [f"{option}={value}" for option, value in zip(options, values.values(), strict=True)]
-    assert main(["simulate", str(pack), *launch]) == 0
+    assert main(["simulate", str(file), *launch]) == 0
     told = capsys.readouterr().out.partition("reward ")[2].split(",")[0]
     assert float(told) == pytest.approx(context["best"]["reward"], abs=1e-4)
 
 
 def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no finished run" in refused(capsys, "map", own_pack("ice_drop"), "--run", str(tmp_path), "--out", "map.png")
-    assert "must end in .png" in refused(capsys, "map", own_pack("ice_drop"), "--out", str(tmp_path / "map.pdf"))
+    assert "no finished run" in refused(
+        capsys, "map", own_scenario("ice_drop"), "--run", str(tmp_path), "--out", "map.png"
+    )
+    assert "must end in .png" in refused(capsys, "map", own_scenario("ice_drop"), "--out", str(tmp_path / "map.pdf"))
 
 
 def interrupted(*given: object, **named: object) -> None:

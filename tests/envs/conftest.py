@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import sledenv
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 
 @pytest.fixture(autouse=True)
@@ -16,6 +16,6 @@ def _no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def short_scenario() -> sledenv.Scenario:
     """Ice_drop on a slope two or three hops long, so that thousands of episodes take seconds; one in 50 tumbles."""
-    content = sledenv.load_scenario(own_pack("ice_drop")).model_dump(mode="json")
+    content = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json")
     content["slope"]["length_m"] = 2.0
     return sledenv.Scenario.model_validate(content)

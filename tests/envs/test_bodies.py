@@ -17,11 +17,11 @@ from sledenv.envs.task import Task, highest_support
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.kernel.records import OUTCOME, RUNNING
 from sledenv.simulation.support import support_height
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [0.3, 0.4], [-0.4, 0.3]]}
 DISC = {"kind": "disc", "mass_kg": 90, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 9.0}
-CONTENT = sledenv.load_scenario(own_pack("ice_drop")).model_dump(mode="json", by_alias=True)
+CONTENT = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json", by_alias=True)
 BODIES = [CONTENT["body"], POLYGON, DISC]
 KINDS = [(SledLaunch, SledLaunchVector), (SledDescent, SledDescentVector)]
 SHAPE = sledenv.Context._fields.index("shape")
@@ -110,7 +110,7 @@ def test_a_body_that_the_scenario_does_not_have_is_refused_and_the_episode_goes_
         action = np.zeros(env.action_space.shape, np.float32)
         assert data_equivalence(env.step(action), twin.step(action), exact=True)
         with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
-            one(own_pack("ice_drop")).reset(options={"context": {"shape": 1}})
+            one(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
 
 
 def test_a_body_can_be_asked_for():

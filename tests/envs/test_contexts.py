@@ -14,11 +14,11 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.simulation.support import support_heights
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SPLITS = ("train", "validation", "test")
 IDS = (LAUNCH_ID, DESCENT_ID)
-BRAKE = sledenv.load_scenario(own_pack("brake_mat"))
+BRAKE = sledenv.load_scenario(own_scenario("brake_mat"))
 LOW, HIGH = BRAKE.ranges
 VARIES = HIGH > LOW
 
@@ -51,12 +51,12 @@ def test_every_split_is_uniform_in_the_ranges(split):
 @pytest.mark.parametrize("name", IDS)
 def test_environments_draw_from_their_split_and_an_option_draws_from_another_once(name):
     """Oracle: Scenario.sample with the stream of the same seed."""
-    env = gym.make(name, scenario=own_pack("brake_mat"), split="train")
+    env = gym.make(name, scenario=own_scenario("brake_mat"), split="train")
     stream = np.random.default_rng(7)  # as Gymnasium seeds
     assert env.reset(seed=7)[1]["context"] == BRAKE.sample(stream, "train")._asdict()
     assert env.reset(options={"split": "test"})[1]["context"] == BRAKE.sample(stream, "test")._asdict()
     assert env.reset()[1]["context"] == BRAKE.sample(stream, "train")._asdict()
-    plain = gym.make(name, scenario=own_pack("brake_mat"))
+    plain = gym.make(name, scenario=own_scenario("brake_mat"))
     assert plain.reset(seed=7)[1]["context"] == BRAKE.sample(np.random.default_rng(7))._asdict()
 
 
@@ -100,7 +100,7 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
 @pytest.mark.parametrize("name", IDS)
 def test_no_noise_leaves_streams_and_episodes_as_they_are_and_noise_changes_the_descent_alone(name):
     """Oracle: environments without the argument."""
-    given = {"scenario": own_pack("ice_drop")}  # whose launch does not tremble
+    given = {"scenario": own_scenario("ice_drop")}  # whose launch is exact
     env, none, noisy = (
         gym.make(name, **given, **more) for more in ({}, {"launch_noise": (0, 0)}, {"launch_noise": (0.3, 0)})
     )

@@ -21,7 +21,7 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.scenarios.sections import CONTROLS, control_words
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
 NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
@@ -32,7 +32,7 @@ COLUMN = {"orientation": 2, "spin": 5, "speed": 3}  # of State
 every_word = pytest.mark.parametrize("control", WORDS)
 
 
-def with_bounds(name: str = own_pack("brake_mat"), length: float = 10.0) -> Scenario:
+def with_bounds(name: str = own_scenario("brake_mat"), length: float = 10.0) -> Scenario:
     """A shipped scenario in which the speed may be chosen too, all within ``BOUNDS``."""
     content = sledenv.load_scenario(name).model_dump(mode="json", by_alias=True)
     keys = {"orientation_deg": "orientation", "spin_rad_s": "spin", "speed_m_s": "speed"}
@@ -41,7 +41,7 @@ def with_bounds(name: str = own_pack("brake_mat"), length: float = 10.0) -> Scen
     return Scenario.model_validate(content)
 
 
-PACK = with_bounds()
+SCENARIO = with_bounds()
 SHORT = with_bounds(length=2.0)
 
 
@@ -75,9 +75,9 @@ def test_a_word_is_a_combination_in_the_order_of_the_actions():
 @settings(max_examples=200, deadline=None)
 def test_an_action_scales_to_the_bounds_and_leaves_the_rest_to_the_context(control, draws, action):
     """Oracle: the bounds by hand; -1 and 1 are the bounds themselves."""
-    task = Task(PACK, control)
-    contexts = PACK.contexts(np.array([draws]))
-    drawn = PACK.launches(contexts)[0]
+    task = Task(SCENARIO, control)
+    contexts = SCENARIO.contexts(np.array([draws]))
+    drawn = SCENARIO.launches(contexts)[0]
     count = len(task.controlled)
     for values in (action[:count], [-1.0] * count, [1.0] * count):
         state = task.launches(contexts, np.array([values]))[0]
@@ -96,7 +96,7 @@ def test_an_action_scales_to_the_bounds_and_leaves_the_rest_to_the_context(contr
 @settings(max_examples=40, deadline=None)
 def test_a_step_is_the_simulated_descent_with_the_chosen_speed_bit_for_bit(control, seed, rng):
     """Oracle: simulate() of Scenario.launch, by name; retention and energy supplied by hand from that launch."""
-    env = SledLaunch(PACK, control)
+    env = SledLaunch(SCENARIO, control)
     _, info = env.reset(seed=seed)
     context = Context(**info["context"])
     action = np.random.default_rng(rng).uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
@@ -104,10 +104,11 @@ def test_a_step_is_the_simulated_descent_with_the_chosen_speed_bit_for_bit(contr
     for name, value in zip(env.task.controlled, action.astype(float), strict=True):
         low, high = in_context_units(name)
         given[name] = low + 0.5 * (value + 1.0) * (high - low)
-    body, launch = PACK.body(), PACK.launch(context, **given)
+    body, launch = SCENARIO.body(), SCENARIO.launch(context, **given)
     descent = sledenv.simulate(
-        body, PACK.law(context), PACK.slope(context), launch,
-        max_time=PACK.limits.max_time_s, max_rebounds=PACK.limits.max_rebounds, end_on_chord=PACK.ends.on_chord,
+        body, SCENARIO.law(context), SCENARIO.slope(context), launch,
+        max_time=SCENARIO.limits.max_time_s, max_rebounds=SCENARIO.limits.max_rebounds,
+        end_on_chord=SCENARIO.ends.on_chord,
     )  # fmt: skip
     _, reward, _, _, after = env.step(action)
     assert reward == descent.jam.reward
@@ -122,7 +123,7 @@ def test_a_step_is_the_simulated_descent_with_the_chosen_speed_bit_for_bit(contr
 @every_word
 def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
     """Oracle: m (u1^2 - u0^2)/2, for two contexts that differ in nothing but the speed, on a level floor."""
-    content = PACK.model_dump(mode="json", by_alias=True)
+    content = SCENARIO.model_dump(mode="json", by_alias=True)
     content["slope"]["angle_deg"] = 0.0
     task = Task(Scenario.model_validate(content), control)
     contexts = task.scenario.contexts(np.full((2, 11), 0.5))
@@ -141,7 +142,7 @@ def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
 @every_word
 def test_what_is_chosen_is_not_observed_and_contexts_are_drawn_as_ever(control):
     """Oracle: an environment that chooses both, from the same seed; the fields of the context by hand."""
-    env, twin = SledLaunch(PACK, control), SledLaunch(PACK)
+    env, twin = SledLaunch(SCENARIO, control), SledLaunch(SCENARIO)
     for seed in (5, None):
         observation, info = env.reset(seed=seed)
         assert info == twin.reset(seed=seed)[1]
@@ -165,8 +166,8 @@ def test_a_scenario_without_bounds_of_the_speed_has_no_control_of_it(control):
     """Oracle: the message; "all" is what there is."""
     allowed = "must be one of 'both', 'orientation', 'spin', 'orientation[+]spin', 'all'$"
     with pytest.raises(ValueError, match=f"control = '{control.replace('+', '[+]')}': {allowed}"):
-        gym.make(LAUNCH_ID, scenario=own_pack("brake_mat"), control=control)
-    assert Task(own_pack("brake_mat"), "all").controlled == ("orientation", "spin")
+        gym.make(LAUNCH_ID, scenario=own_scenario("brake_mat"), control=control)
+    assert Task(own_scenario("brake_mat"), "all").controlled == ("orientation", "spin")
 
 
 @pytest.mark.parametrize("control", ["trim", "spin+orientation", "speed+speed", "orientation+", "", "Both"])
@@ -175,13 +176,13 @@ def test_a_wrong_word_is_answered_with_the_known_ones(control):
         with pytest.raises(
             ValueError, match=r"^control = '.*': must be one of 'both', .*'orientation\+speed', .*'all'$"
         ):
-            kind(PACK, control)
+            kind(SCENARIO, control)
 
 
 def test_words_for_the_same_choice_make_the_same_task():
     """Oracle: the first word; a snapshot of one is a snapshot of the other."""
-    assert Task(PACK, "orientation+spin").control == Task(own_pack("brake_mat"), "all").control == "both"
-    env, twin = SledLaunch(PACK, "all"), SledLaunch(PACK, "orientation+spin+speed")
+    assert Task(SCENARIO, "orientation+spin").control == Task(own_scenario("brake_mat"), "all").control == "both"
+    env, twin = SledLaunch(SCENARIO, "all"), SledLaunch(SCENARIO, "orientation+spin+speed")
     env.reset(seed=0)
     twin.restore(pickle.loads(pickle.dumps(env.snapshot())))
     action = np.full(3, 0.25, np.float32)
@@ -190,7 +191,7 @@ def test_words_for_the_same_choice_make_the_same_task():
 
 def test_the_spec_survives_json_with_any_word(tmp_path):
     path = tmp_path / "fast.yaml"
-    path.write_text(PACK.model_dump_json(by_alias=True))  # JSON is YAML
+    path.write_text(SCENARIO.model_dump_json(by_alias=True))  # JSON is YAML
     env = gym.make(LAUNCH_ID, scenario=str(path), control="spin+speed")
     again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert again.unwrapped.task.controlled == ("spin", "speed")

@@ -25,9 +25,9 @@ from sledenv.envs.inputs import SEEN
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT
 from sledenv.simulation.support import support_height
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
-SLED_SCENARIOS = (own_pack("brake_mat"), own_pack("ice_drop"), own_pack("ice_fast"))
+SLED_SCENARIOS = (own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("ice_fast"))
 CONTROLS = ("both", "orientation", "spin")
 SOLVERS = ("compliant", "rigid")
 TURN = 2.0 * np.pi
@@ -53,17 +53,17 @@ def play(env, rng) -> list:
 def test_both_checkers_pass_without_a_warning(scenario, control):
     """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
     env = gym.make(DESCENT_ID, scenario=scenario, control=control)
-    check_env(env.unwrapped, skip_render_check=scenario != own_pack("brake_mat"))
+    check_env(env.unwrapped, skip_render_check=scenario != own_scenario("brake_mat"))
     check_env_sb3(env.unwrapped)
 
 
 @pytest.mark.parametrize(
     ("scenario", "solver"),
     [
-        (own_pack("brake_mat"), "compliant"),
-        (own_pack("brake_mat"), "rigid"),
-        (own_pack("ice_drop"), "rigid"),
-        (own_pack("ice_fast"), "compliant"),
+        (own_scenario("brake_mat"), "compliant"),
+        (own_scenario("brake_mat"), "rigid"),
+        (own_scenario("ice_drop"), "rigid"),
+        (own_scenario("ice_fast"), "compliant"),
     ],
 )
 def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenario, solver):
@@ -101,7 +101,11 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_bit_for_bit(scenar
 
 @pytest.mark.parametrize(
     ("scenario", "solver"),
-    [(own_pack("brake_mat"), "compliant"), (own_pack("ice_drop"), "rigid"), (own_pack("ice_fast"), "compliant")],
+    [
+        (own_scenario("brake_mat"), "compliant"),
+        (own_scenario("ice_drop"), "rigid"),
+        (own_scenario("ice_fast"), "compliant"),
+    ],
 )
 def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(scenario, solver):
     """Oracle: conservation of energy; supply, work and reward by hand."""
@@ -140,7 +144,7 @@ def test_the_ledger_closes_in_every_step_and_the_work_of_the_trims_is_charged(sc
 
 def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
     """Oracle: the last rebound of the info, scaled by hand as docs/environments.md says."""
-    env = SledDescent(own_pack("brake_mat"))
+    env = SledDescent(own_scenario("brake_mat"))
     env.reset(seed=8)
     rng = np.random.default_rng(1)
     scenario = env.task.scenario
@@ -174,7 +178,7 @@ def test_the_observation_of_the_flight_is_the_state_at_the_rebound():
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_polygon_is_seen_as_it_flies(solver):
     """Oracle: conservation of energy, by which no velocity leaves (-1, 1); the rebounds of the info."""
-    content = sledenv.load_scenario(own_pack("brake_mat")).model_dump(by_alias=True)
+    content = sledenv.load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     points = [[0.0, 0.0], [1.0, 0.0], [0.9, 0.5], [0.1, 0.6]]
     content["body"] = {"kind": "polygon", "mass_kg": 100, "points_m": points}
     env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
@@ -200,7 +204,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
 def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
     """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
     for seed in range(3):
-        env, twin = (SledDescent(own_pack("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
+        env, twin = (SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
         env.reset(seed=seed)
         snapshots, steps = [env.snapshot()], []
         rng = np.random.default_rng(seed)
@@ -222,7 +226,7 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
                     twin.step(action)
                 assert equal(rollout, play(twin, np.random.default_rng([seed, k])))
                 returns.add(rollout[-1][1])
-            elsewhere = SledDescent(own_pack("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
+            elsewhere = SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
             for target in (env, elsewhere):
                 target.restore(pickle.loads(pickle.dumps(snapshots[i])))
                 assert equal([target.step(action) for action in actions[i : len(steps)]], steps[i:])
@@ -233,7 +237,7 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
 @pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
 def test_pickles_and_copies_made_at_any_time_go_on_identically(kind):
     for made in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
-        env = kind(own_pack("ice_drop"), launch_noise=(0.1, 0.2))
+        env = kind(own_scenario("ice_drop"), launch_noise=(0.1, 0.2))
         twin = made(env)
         assert equal(env.reset(seed=5), twin.reset(seed=5))
         for i in range(30):
@@ -258,7 +262,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
     assert (terminated, truncated) == (False, True)
     assert STATUS_OF_CODE[info["descent"]["status"]] == "timeout"
     assert reward == launch.step(action)[1]
-    content = sledenv.load_scenario(own_pack("ice_drop")).model_dump(mode="json")
+    content = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json")
     content["limits"]["max_rebounds"] = 2
     env = SledDescent(sledenv.Scenario.model_validate(content))
     ends = set()
@@ -274,7 +278,7 @@ def test_a_time_limit_truncates_with_the_reward_of_what_was_done():
 @pytest.mark.parametrize("action", [[2.0, 0.0, 0.0], [0.0, 0.0, np.nan], [0.0, 0.0], [[0.0, 0.0, 0.0]], 0.0, "left"])
 def test_a_wrong_action_is_refused_at_the_launch_and_at_a_rebound_and_the_episode_goes_on(action):
     """Oracle: a twin that was given right actions alone."""
-    env, twin = (SledDescent(own_pack("ice_drop")) for _ in range(2))
+    env, twin = (SledDescent(own_scenario("ice_drop")) for _ in range(2))
     env.reset(seed=0)
     twin.reset(seed=0)
     for i in range(3):
@@ -286,13 +290,13 @@ def test_a_wrong_action_is_refused_at_the_launch_and_at_a_rebound_and_the_episod
 
 def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
     """Oracle: a twin that was not misused."""
-    env, twin = (SledDescent(own_pack("ice_drop")) for _ in range(2))
+    env, twin = (SledDescent(own_scenario("ice_drop")) for _ in range(2))
     for call in (lambda: env.step(np.zeros(3, np.float32)), env.render, env.snapshot):
         with pytest.raises(ResetNeeded):
             call()
     env.reset(seed=4)
     twin.reset(seed=4)
-    other = SledDescent(own_pack("ice_drop"), "spin")
+    other = SledDescent(own_scenario("ice_drop"), "spin")
     other.reset(seed=0)
     for wrong, error, message in (
         (other.snapshot(), ValueError, "of another task"),
@@ -343,7 +347,7 @@ def test_a_render_mode_that_is_no_word_is_named_before_gymnasium_takes_it_for_on
 
 
 def test_the_spec_survives_json_and_a_second_registration_is_silent():
-    arguments = {"scenario": own_pack("ice_fast"), "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
+    arguments = {"scenario": own_scenario("ice_fast"), "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
     for name in (LAUNCH_ID, DESCENT_ID):
         env = gym.make(name, **arguments)
         again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
@@ -359,7 +363,7 @@ class Session(RuleBasedStateMachine):
 
     @initialize(split=st.sampled_from([None, "train", "test"]), noise=st.sampled_from([(0.0, 0.0), (0.2, 0.5)]))
     def make(self, split, noise):
-        arguments = {"scenario": own_pack("ice_fast"), "split": split, "launch_noise": noise, "solver": self.solver}
+        arguments = {"scenario": own_scenario("ice_fast"), "split": split, "launch_noise": noise, "solver": self.solver}
         self.env = self.kind(render_mode="rgb_array", **arguments)
         self.twin = self.kind(**arguments)
         self.history: list | None = None  # of calls since the last seeded reset, with what they gave

@@ -17,14 +17,14 @@ import sledenv
 from sledenv.envs import LAUNCH_ID
 from sledenv.envs.inputs import checked_actions
 from sledenv.envs.render import DescentRenderer
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SCENARIOS = sledenv.scenario_names()
 CONTROLS = ("both", "orientation", "spin")
 
 
 def make(**kwargs):
-    return gym.make(LAUNCH_ID, **{"scenario": own_pack("bowl_snow")} | kwargs)
+    return gym.make(LAUNCH_ID, **{"scenario": own_scenario("bowl_snow")} | kwargs)
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -32,7 +32,7 @@ def make(**kwargs):
 def test_both_checkers_pass_without_a_warning(scenario, control):
     """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
     env = make(scenario=scenario, control=control)
-    check_env(env.unwrapped, skip_render_check=scenario != own_pack("brake_mat"))
+    check_env(env.unwrapped, skip_render_check=scenario != own_scenario("brake_mat"))
     check_env_sb3(env.unwrapped)
 
 
@@ -50,16 +50,16 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
     _, reward, terminated, truncated, after = env.step(np.array(action, np.float32))
     assert terminated is True
     assert truncated is False
-    pack = sledenv.load_scenario(scenario)
+    own = sledenv.load_scenario(scenario)
     context = sledenv.Context(**info["context"])
-    low, high = np.radians(pack.control.orientation_deg[0]), np.radians(pack.control.orientation_deg[1])
+    low, high = np.radians(own.control.orientation_deg[0]), np.radians(own.control.orientation_deg[1])
     orientation = low + 0.5 * (float(np.float32(action[0])) + 1.0) * (high - low)
-    low, high = pack.control.spin_rad_s
+    low, high = own.control.spin_rad_s
     spin = low + 0.5 * (float(np.float32(action[1])) + 1.0) * (high - low)
     descent = sledenv.simulate(
-        pack.body(context), pack.law(context), pack.slope(context), pack.launch(context, orientation, spin),
-        max_time=pack.limits.max_time_s, max_rebounds=pack.limits.max_rebounds,
-        end_on_chord=pack.ends.on_chord, end_touching=pack.ends.touching, run_out=pack.slope_section.run_out_m,
+        own.body(context), own.law(context), own.slope(context), own.launch(context, orientation, spin),
+        max_time=own.limits.max_time_s, max_rebounds=own.limits.max_rebounds,
+        end_on_chord=own.ends.on_chord, end_touching=own.ends.touching, run_out=own.slope_section.run_out_m,
     )  # fmt: skip
     assert reward == descent.jam.reward
     assert 0.0 <= reward <= 1.0
@@ -73,7 +73,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, action, scenario):
 
 def test_what_is_returned_is_not_kept():
     """A caller that writes into what it got must not change what the next one gets."""
-    env = make(scenario=own_pack("brake_mat")).unwrapped
+    env = make(scenario=own_scenario("brake_mat")).unwrapped
     observation, info = env.reset(seed=0)
     observation[:] = 9.0
     info["context"]["speed"] = -1.0
@@ -84,7 +84,7 @@ def test_what_is_returned_is_not_kept():
 
 @pytest.mark.parametrize("action", [[2.0, 0.0], [np.nan, 0.0], [0.0], [[0.0, 0.0]], 0.0])
 def test_a_wrong_action_is_refused_and_the_episode_goes_on(action):
-    env = make(scenario=own_pack("brake_mat"), disable_env_checker=True)
+    env = make(scenario=own_scenario("brake_mat"), disable_env_checker=True)
     env.reset(seed=0)
     with pytest.raises(InvalidAction, match="action"):
         env.step(np.array(action, np.float32))
@@ -92,7 +92,7 @@ def test_a_wrong_action_is_refused_and_the_episode_goes_on(action):
 
 
 def test_a_step_needs_a_reset_before_and_after_each_episode():
-    env = make(scenario=own_pack("brake_mat"), disable_env_checker=True).unwrapped
+    env = make(scenario=own_scenario("brake_mat"), disable_env_checker=True).unwrapped
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2, np.float32))
     with pytest.raises(ResetNeeded):
@@ -107,7 +107,7 @@ def test_a_step_needs_a_reset_before_and_after_each_episode():
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_the_picture_shows_the_launch_and_then_the_descent(name):
-    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array")
+    env = gym.make(name, scenario=own_scenario("ice_drop"), render_mode="rgb_array")
     env.reset(seed=0)
     launch = env.render()
     env.step(np.zeros(env.action_space.shape, np.float32))
@@ -132,7 +132,7 @@ def test_human_rendering_plays_the_descent_in_a_window(name):
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call(name):
     """Oracle: the film of the whole descent, simulated beside the environment."""
-    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array_list")
+    env = gym.make(name, scenario=own_scenario("ice_drop"), render_mode="rgb_array_list")
     plain = env.unwrapped
     env.reset(seed=3)
     shown = env.render()
@@ -160,7 +160,7 @@ def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_ansi_tells_the_launch_and_then_the_rebounds(name):
-    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="ansi")
+    env = gym.make(name, scenario=own_scenario("ice_drop"), render_mode="ansi")
     env.reset(seed=3)
     launch = env.render()
     assert launch.startswith("body: ")
@@ -176,7 +176,7 @@ def test_ansi_tells_the_launch_and_then_the_rebounds(name):
 
 @pytest.mark.parametrize("name", ["sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"])
 def test_a_snapshot_restores_what_was_shown(name):
-    env = gym.make(name, scenario=own_pack("ice_drop"), render_mode="rgb_array_list").unwrapped
+    env = gym.make(name, scenario=own_scenario("ice_drop"), render_mode="rgb_array_list").unwrapped
     env.reset(seed=3)
     env.render()
     before = env.snapshot()
@@ -214,8 +214,8 @@ def test_a_snapshot_that_has_been_changed_is_refused_and_the_episode_goes_on(cha
 def test_info_holds_what_was_asked_for(name):
     """Oracle: the info of an environment that gives all."""
     whole, chosen = (
-        gym.make(name, scenario=own_pack("ice_drop")),
-        gym.make(name, scenario=own_pack("ice_drop"), info=("jam", "is_success")),
+        gym.make(name, scenario=own_scenario("ice_drop")),
+        gym.make(name, scenario=own_scenario("ice_drop"), info=("jam", "is_success")),
     )
     assert chosen.reset(seed=1)[1] == {}
     whole.reset(seed=1)
@@ -271,8 +271,8 @@ def test_the_limit_of_the_spec_is_known_and_ends_no_episode(name):
     spec = gym.spec(name)
     assert spec.max_episode_steps == 2 or spec.max_episode_steps > most + 1
     limited, free = (
-        gym.make(name, scenario=own_pack("ice_drop")),
-        gym.make(name, scenario=own_pack("ice_drop"), max_episode_steps=-1),
+        gym.make(name, scenario=own_scenario("ice_drop")),
+        gym.make(name, scenario=own_scenario("ice_drop"), max_episode_steps=-1),
     )
     timed = gym.wrappers.TimeAwareObservation(limited)
     timed.reset(seed=0)
@@ -298,7 +298,7 @@ def test_entries_of_observations_and_actions_have_names():
 
 
 def test_info_can_be_logged_as_json():
-    env = make(scenario=own_pack("brake_mat"))
+    env = make(scenario=own_scenario("brake_mat"))
     env.reset(seed=0)
     info = env.step(np.zeros(2, np.float32))[4]
     assert json.loads(json.dumps(info)) == info
@@ -318,7 +318,7 @@ def test_a_context_that_cannot_be_simulated_is_refused_and_the_episode_goes_on(c
     env, twin = make(), make()
     env.reset(seed=4)
     twin.reset(seed=4)
-    context = sledenv.load_scenario(own_pack("brake_mat")).sample(np.random.default_rng(0))
+    context = sledenv.load_scenario(own_scenario("brake_mat")).sample(np.random.default_rng(0))
     with pytest.raises(ValueError, match=message):
         env.reset(seed=9, options={"context": context._replace(**change)})
     with pytest.raises(ValueError, match=r"context has shape \(3,\): must be \(12,\)"):

@@ -20,7 +20,7 @@ from sledenv.envs.descent import SledDescent
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.vector import CHEAP_INFO, SledDescentVector, SledLaunchVector, SledVectorEnv
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 MODES = list(AutoresetMode)
 NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
@@ -34,7 +34,7 @@ def native(
     lanes: int, mode: AutoresetMode = AutoresetMode.SAME_STEP, env_id: str = LAUNCH_ID, **options
 ) -> SledVectorEnv:
     return NATIVE[env_id](
-        lanes, autoreset_mode=mode, **{"scenario": own_pack("brake_mat"), "info": INFO_KEYS} | options
+        lanes, autoreset_mode=mode, **{"scenario": own_scenario("brake_mat"), "info": INFO_KEYS} | options
     )
 
 
@@ -47,7 +47,7 @@ equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and valu
 
 @both_ids
 def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(env_id):
-    env = gym.make_vec(env_id, num_envs=3, scenario=own_pack("ice_drop"), control="spin")
+    env = gym.make_vec(env_id, num_envs=3, scenario=own_scenario("ice_drop"), control="spin")
     assert isinstance(env, NATIVE[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     one = SCALAR[env_id](control="spin")
@@ -63,10 +63,10 @@ def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(
 
 
 TASKS = [
-    {"scenario": own_pack("brake_mat")},
+    {"scenario": own_scenario("brake_mat")},
     {"scenario": "paper_impact"},
     {
-        "scenario": own_pack("ice_fast"),
+        "scenario": own_scenario("ice_fast"),
         "control": "spin",
         "solver": "rigid",
         "split": "train",
@@ -127,12 +127,12 @@ def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_al
     env, twin = native(3), native(3)
     env.reset(seed=3)
     twin.reset(seed=3)
-    pack = sledenv.load_scenario(own_pack("brake_mat"))
-    contexts = [pack.sample(np.random.default_rng(i)) for i in range(3)]
+    own = sledenv.load_scenario(own_scenario("brake_mat"))
+    contexts = [own.sample(np.random.default_rng(i)) for i in range(3)]
     _, info = env.reset(options={"context": contexts})
     assert info["context"]["friction"].tolist() == [context.friction for context in contexts]
     action = actions(np.random.default_rng(0), 3)
-    scalar = SledLaunch(own_pack("brake_mat"))
+    scalar = SledLaunch(own_scenario("brake_mat"))
     rewards = []
     for context, chosen in zip(contexts, action, strict=True):
         scalar.reset(options={"context": context})
@@ -332,7 +332,7 @@ def test_bad_arguments_name_the_argument_and_what_is_allowed(given, error, messa
 @pytest.mark.parametrize(("env_id", "mode"), list(zip([LAUNCH_ID, DESCENT_ID, DESCENT_ID], MODES, strict=True)))
 def test_pictures_are_those_of_syncvectorenv(env_id, mode):
     """Oracle: those of Gymnasium's SyncVectorEnv."""
-    given = {"scenario": own_pack("ice_drop"), "launch_noise": (0.1, 0.3), "render_mode": "ansi"}
+    given = {"scenario": own_scenario("ice_drop"), "launch_noise": (0.1, 0.3), "render_mode": "ansi"}
     env = gym.make_vec(env_id, 3, autoreset_mode=mode, **given)
     sync = gym.make_vec(env_id, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
     env.reset(seed=5)
@@ -348,7 +348,7 @@ def test_pictures_are_those_of_syncvectorenv(env_id, mode):
             for one in (env, sync):
                 one.reset(options={"reset_mask": ended.copy()})
     env.close()
-    env = gym.make_vec(env_id, 2, scenario=own_pack("ice_drop"), render_mode="rgb_array")
+    env = gym.make_vec(env_id, 2, scenario=own_scenario("ice_drop"), render_mode="rgb_array")
     env.reset(seed=0)
     assert env.render()[0].shape == (540, 960, 3)
     env.close()
@@ -386,7 +386,7 @@ def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
 @pytest.mark.parametrize("mode", MODES[:2])
 def test_a_limit_of_steps_truncates_as_gymnasiums_timelimit_does(mode):
     """Oracle: SyncVectorEnv of scalar environments in TimeLimit."""
-    given = {"scenario": own_pack("ice_drop"), "max_episode_steps": 3}
+    given = {"scenario": own_scenario("ice_drop"), "max_episode_steps": 3}
     env = gym.make_vec(DESCENT_ID, 4, autoreset_mode=mode, info=INFO_KEYS, **given)
     sync = gym.make_vec(DESCENT_ID, 4, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
     assert equal(env.reset(seed=3), sync.reset(seed=3))

@@ -24,11 +24,11 @@ from sledenv.scenarios.scenario import load_scenario
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 
 def given() -> tuple:  # type: ignore[type-arg]
-    scenario = load_scenario(own_pack("ice_drop"))
+    scenario = load_scenario(own_scenario("ice_drop"))
     context = scenario.sample(np.random.default_rng(0))
     return scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
 
@@ -150,7 +150,7 @@ def test_what_makes_no_table_is_named() -> None:
 def test_identify_reads_what_simulate_writes(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the same descent, simulated here; a trajectory has event times twice."""
     files = tmp_path / f"poses{suffix}", tmp_path / f"rebounds{suffix}"
-    words = ["simulate", own_pack("ice_drop"), "--csv", str(files[0]), "--rebounds-csv", str(files[1])]
+    words = ["simulate", own_scenario("ice_drop"), "--csv", str(files[0]), "--rebounds-csv", str(files[1])]
     assert main(words) == 0
     out = capsys.readouterr().out
     one = simulate(*given(), record="trajectory", end_on_chord=True)
@@ -173,7 +173,7 @@ def test_identify_reads_what_simulate_writes(tmp_path: Path, suffix: str, capsys
 def test_a_compliant_trajectory_gives_its_law_and_its_launch_back(tmp_path: Path) -> None:
     """Oracle: what was simulated; the file is that of the command, with contacts of 13 ms in hundreds of rows."""
     file = tmp_path / "poses.csv"
-    assert main(["simulate", own_pack("ice_drop"), "--csv", str(file)]) == 0
+    assert main(["simulate", own_scenario("ice_drop"), "--csv", str(file)]) == 0
     body, law, slope, launch = given()
     found = sledenv.identify(file, body, slope, solver="compliant")
     assert found.used.loc["0", "whole"]

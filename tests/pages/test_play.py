@@ -31,7 +31,7 @@ from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.browser import Browser, at_speed, browser, data_of, needs_chromium, patient, wait_until
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 SEED: Final = 3
 MOST_BYTES: Final = 700_000
@@ -184,7 +184,7 @@ def told_result(page: Browser) -> list[str]:
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize(
-    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", own_pack("ice_drop")]
+    "name", ["sled_snow", "sled_patch", "sled_any", "bedrock", "disc", "paper_impact", own_scenario("ice_drop")]
 )
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""
@@ -472,7 +472,7 @@ def rewards_of(page: Browser) -> np.ndarray:
 @pytest.mark.jit_only
 @pytest.mark.parametrize("name", ["sled_snow", "bedrock"])
 def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name: str) -> None:
-    """Oracle: ``simulate_batch``, bit for bit; the axes end where the hand may still tremble to."""
+    """Oracle: ``simulate_batch``, bit for bit; the axes end as far as the launch noise reaches."""
     scenario, context = drawn(name)
     place = tmp_path / "play.html"
     place.write_text(patient(play_page(scenario, [Played("drawn", context)])), encoding="utf-8")
@@ -502,7 +502,7 @@ def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name
 
 @needs_chromium
 @pytest.mark.jit_only
-def test_a_map_under_the_tremble_is_the_mean_of_the_map(page: Browser) -> None:
+def test_a_map_under_launch_noise_is_the_mean_of_the_map(page: Browser) -> None:
     """Oracle: the mean of what is linear between the cells, by a quadrature of many points along each axis."""
     put(page, "error_orientation", 2.5)
     put(page, "error_spin", 0.21)

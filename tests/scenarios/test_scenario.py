@@ -21,7 +21,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.stem for path in (ROOT / "configs" / "scenarios").glob("*.yaml"))
@@ -219,7 +219,7 @@ def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_g
     assert line.startswith("scenario example: control.speed_m_s = [5, 2]: low must be below high")
 
 
-@pytest.mark.parametrize("content", [None, [], 3, own_pack("ice_drop")])
+@pytest.mark.parametrize("content", [None, [], 3, own_scenario("ice_drop")])
 def test_what_is_no_mapping_is_no_scenario(content: Any) -> None:
     """Oracle: the message."""
     assert problems(content) == ["scenario without id: must be a mapping of keys to values"]

@@ -16,7 +16,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height
 from sledenv.simulation.words import summary
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 BODY = circular_segment(100.0, 0.5, math.radians(110.0))
 SLOPE = Slope(0.15, 10.0)
@@ -104,7 +104,7 @@ def test_the_shipped_sleds_have_a_rider_who_falls_and_nothing_else_does() -> Non
 
 
 def test_a_rule_counts_in_the_hash_where_it_is_on() -> None:
-    scenario = load_scenario(own_pack("brake_mat"))
+    scenario = load_scenario(own_scenario("brake_mat"))
     content = scenario.model_dump(mode="json")
     off = [content | {"ends": {"on_chord": False}}, content | {"ends": {}}]
     off.append({key: value for key, value in content.items() if key != "ends"})
@@ -116,5 +116,5 @@ def test_a_rule_counts_in_the_hash_where_it_is_on() -> None:
 def test_a_wrong_rule_is_named(wrong: object) -> None:
     with pytest.raises(ScenarioError, match=f"ends.on_chord = {wrong!r}: must be true or false"):
         Scenario.model_validate(
-            load_scenario(own_pack("brake_mat")).model_dump(mode="json") | {"ends": {"on_chord": wrong}}
+            load_scenario(own_scenario("brake_mat")).model_dump(mode="json") | {"ends": {"on_chord": wrong}}
         )

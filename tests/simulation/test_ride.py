@@ -29,9 +29,9 @@ from sledenv import (
 )
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.support import support_height
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
-SLED_SCENARIOS = (own_pack("brake_mat"), own_pack("ice_drop"), own_pack("ice_fast"))
+SLED_SCENARIOS = (own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("ice_fast"))
 SOLVERS = ("compliant", "rigid")
 ROTOR = 3.0  # kg m^2
 
@@ -56,8 +56,8 @@ def assert_same(one, other) -> None:
 @pytest.mark.parametrize(
     ("name", "solver", "record"),
     [
-        *((own_pack("brake_mat"), "compliant", "rebounds"), (own_pack("brake_mat"), "rigid", "trajectory")),
-        *((own_pack("ice_drop"), "compliant", "trajectory"), (own_pack("ice_drop"), "rigid", "rebounds")),
+        *((own_scenario("brake_mat"), "compliant", "rebounds"), (own_scenario("brake_mat"), "rigid", "trajectory")),
+        *((own_scenario("ice_drop"), "compliant", "trajectory"), (own_scenario("ice_drop"), "rigid", "rebounds")),
     ],
 )
 def test_a_ride_without_trims_is_the_descent_bit_for_bit_whatever_it_is_interrupted_by(name, solver, record):
@@ -78,7 +78,7 @@ def test_a_ride_without_trims_is_the_descent_bit_for_bit_whatever_it_is_interrup
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", [own_pack("brake_mat"), own_pack("ice_drop")])
+@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop")])
 def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
     """Oracle: conservation of energy with the rotor's in it, and that of the angular momentum that a trim exchanges."""
     rng = np.random.default_rng(1)
@@ -119,7 +119,7 @@ def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
 
 def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
     """Oracle: by hand. Lending s costs J s (omega + s/2) + (J s)^2 / (2 Jr); giving it back absorbs the same."""
-    body, law, slope, _ = problem(own_pack("brake_mat"), 0)
+    body, law, slope, _ = problem(own_scenario("brake_mat"), 0)
     ride = Ride(body, law, slope, State(0.0, 3.0, 0.0, 1.0, 0.0, 0.5), rotor_inertia=ROTOR)
     ride.trim(2.0)
     assert ride.state.omega == 2.5
@@ -136,7 +136,7 @@ def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
 
 @pytest.mark.parametrize("omega", [0.0, -0.0, 1.5])
 def test_no_trim_changes_no_bit(omega):
-    body, law, slope, launch = problem(own_pack("brake_mat"), 3)
+    body, law, slope, launch = problem(own_scenario("brake_mat"), 3)
     ride = Ride(body, law, slope, launch._replace(omega=omega), rotor_inertia=ROTOR)
     before = ride.descent().outcome.tobytes()
     ride.trim(0.0)
@@ -145,7 +145,7 @@ def test_no_trim_changes_no_bit(omega):
 
 
 def test_a_descent_under_way_is_a_snapshot_that_later_hops_do_not_change():
-    ride = Ride(*problem(own_pack("ice_drop"), 1), record="trajectory", rotor_inertia=ROTOR)
+    ride = Ride(*problem(own_scenario("ice_drop"), 1), record="trajectory", rotor_inertia=ROTOR)
     ride.hop()
     descent = ride.descent()
     kept = descent.outcome.copy(), descent.rebounds.copy(), descent.trajectory.copy()
@@ -164,8 +164,8 @@ def test_hops_find_an_end_in_flight_and_limits_where_they_are():
     """Oracle: simulate() of the same limits."""
     for seed in range(20):
         for limits in ({"max_time": 0.05}, {"max_time": 0.9}, {"max_rebounds": 1}, {"max_rebounds": 3}):
-            ride = Ride(*problem(own_pack("brake_mat"), seed), Settings(**limits))
-            assert_same(ride.run(), simulate(*problem(own_pack("brake_mat"), seed), **limits))
+            ride = Ride(*problem(own_scenario("brake_mat"), seed), Settings(**limits))
+            assert_same(ride.run(), simulate(*problem(own_scenario("brake_mat"), seed), **limits))
 
 
 def columns(problems: list[tuple]) -> list[list]:
@@ -178,7 +178,7 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", [own_pack("brake_mat"), "talus"])  # the contacts of a disc are followed abreast
+@pytest.mark.parametrize("name", [own_scenario("brake_mat"), "talus"])  # the contacts of a disc are followed abreast
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
     problems = [problem(name, seed) for seed in range(200)]
@@ -218,7 +218,9 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
     """Oracle: batches of their own; a pickle made on the way."""
-    first, second = ([problem(own_pack("ice_drop"), seed) for seed in seeds] for seeds in (range(20), range(100, 120)))
+    first, second = (
+        [problem(own_scenario("ice_drop"), seed) for seed in seeds] for seeds in (range(20), range(100, 120))
+    )
     options = {"settings": Settings(solver), "keep_rebounds": True}
     rides, one, other = batch(first, **options), batch(first, **options), batch(second, **options)
     still = np.zeros(20)
@@ -239,7 +241,7 @@ def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
 
 
 BODIES = (
-    load_scenario(own_pack("ice_drop")).body(),
+    load_scenario(own_scenario("ice_drop")).body(),
     polygon(40.0, [(-0.6, 0.0), (0.6, 0.0), (0.3, 0.4), (-0.4, 0.3)]),
     segment(90.0, 0.5, 0.1, 9.0),
 )
@@ -247,7 +249,7 @@ BODIES = (
 
 def lifted(bodies, seeds) -> list[tuple]:
     """Problems of several bodies, all launched from a height at which none touches."""
-    problems = [problem(own_pack("ice_drop"), seed) for seed in seeds]
+    problems = [problem(own_scenario("ice_drop"), seed) for seed in seeds]
     return [
         (body, law, slope, launch._replace(y=2.0))
         for body, (_, law, slope, launch) in zip(bodies, problems, strict=True)
@@ -289,7 +291,7 @@ def test_lanes_have_bodies_of_their_own_and_get_others_with_a_launch(shared, lan
 def test_bodies_that_end_at_a_part_have_it_at_the_same_place():
     """Oracle: the message; a batch that was not misused."""
     settings, (first, other) = Settings(end_touching="chord"), (segment(1, 1, 0.95, 0.3, alpha) for alpha in (0.4, 0.5))
-    (_, law, slope, launch), bodies = problem(own_pack("ice_drop"), 0), (first, other)
+    (_, law, slope, launch), bodies = problem(own_scenario("ice_drop"), 0), (first, other)
     launches = [launch._replace(y=2.0)] * 2
     rides, twin = (RideBatch(bodies, law, slope, launches, settings) for _ in range(2))
     with pytest.raises(ValueError, match=r"end_touching = 'chord': must be a part of the body"):
@@ -304,7 +306,7 @@ def test_bodies_that_end_at_a_part_have_it_at_the_same_place():
 
 def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
     """Oracle: a batch that was not misused."""
-    problems = [problem(own_pack("ice_drop"), seed) for seed in range(3)]
+    problems = [problem(own_scenario("ice_drop"), seed) for seed in range(3)]
     rides, twin = batch(problems, rotor_inertia=ROTOR), batch(problems, rotor_inertia=ROTOR)
     laws, slopes, launches = columns(problems)
     buried = [launches[0], launches[1]._replace(y=0.0)]
@@ -357,7 +359,7 @@ def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, 
 
 def test_a_lane_that_is_not_there_is_named():
     """Oracle: the message."""
-    problems = [problem(own_pack("ice_drop"), seed) for seed in range(3)]
+    problems = [problem(own_scenario("ice_drop"), seed) for seed in range(3)]
     rides, (laws, slopes, launches) = batch(problems), columns(problems)
     for call in (rides.outcomes, rides.descents):
         with pytest.raises(IndexError, match=r"lanes = \[5\]: must be among 3 lanes"):
@@ -369,7 +371,7 @@ def test_a_lane_that_is_not_there_is_named():
 
 def test_misuse_is_named_and_leaves_the_ride_as_it_is():
     """Oracle: a copy that was not misused."""
-    ride = Ride(*problem(own_pack("ice_drop"), 2), rotor_inertia=ROTOR)
+    ride = Ride(*problem(own_scenario("ice_drop"), 2), rotor_inertia=ROTOR)
     ride.hop()
     twin = ride.copy()
     for spin, error in ((math.nan, ValueError), (math.inf, ValueError), ("fast", TypeError)):
@@ -380,8 +382,8 @@ def test_misuse_is_named_and_leaves_the_ride_as_it_is():
         with pytest.raises(RuntimeError, match="the descent has ended with status 'finish'"):
             call()
     with pytest.raises(RuntimeError, match="no rotor"):
-        Ride(*problem(own_pack("ice_drop"), 2)).trim(1.0)
-    body, law, slope, launch = problem(own_pack("ice_drop"), 2)
+        Ride(*problem(own_scenario("ice_drop"), 2)).trim(1.0)
+    body, law, slope, launch = problem(own_scenario("ice_drop"), 2)
     for bad, error, message in (
         ({"rotor_inertia": 0.0}, ValueError, r"Ride.rotor_inertia = 0.0: must be in \(0, inf\)"),
         ({"record": "all"}, ValueError, "record = 'all'"),
@@ -395,7 +397,7 @@ def test_misuse_is_named_and_leaves_the_ride_as_it_is():
 
 
 def test_a_rider_in_a_scenario_is_checked_and_counts_in_its_hash():
-    scenario = load_scenario(own_pack("brake_mat"))
+    scenario = load_scenario(own_scenario("brake_mat"))
     content = scenario.model_dump(mode="json")
     without = content | {"rider": None}
     hashes = {type(scenario).model_validate(c).hash for c in (content, without)}

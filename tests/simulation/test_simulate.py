@@ -30,7 +30,7 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 from tests.bodies import rod, segment_by_share
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
@@ -1056,7 +1056,7 @@ def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces(
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", [own_pack("brake_mat"), own_pack("ice_drop"), own_pack("snow_patch")])
+@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("snow_patch")])
 def test_the_times_of_a_trajectory_never_decrease(name, solver):
     """Bodies with corners and long contacts, and rows closer than the steps of a contact."""
     task = Task(name, "both")

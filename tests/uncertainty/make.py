@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sledenv.uncertainty import Study
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 
 # A disc that falls onto level ground and is stopped there, at its first rebound.
 DROP: dict[str, Any] = {
@@ -23,7 +23,7 @@ DROP: dict[str, Any] = {
 PUSH: dict[str, Any] = {
     "id": "push",
     "title": "A push-off",
-    "scenario": own_pack("bowl_snow"),
+    "scenario": own_scenario("bowl_snow"),
     "slope": {"angle_deg": 8},
     "contact": {"friction": {"kind": "uniform", "low": 0.1, "high": 0.6}, "restitution": 0.1},
     "launch": {

@@ -22,7 +22,7 @@ from sledenv.uncertainty import StudyError, load_study, study_names
 from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE
 from tests.bodies import same_bits
-from tests.packs import own_pack
+from tests.own_scenarios import own_scenario
 from tests.uncertainty.make import DROP, PUSH, ZONED, made, mapping
 
 UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
@@ -162,7 +162,7 @@ def test_a_study_stands_in_for_the_numbers_of_its_scenario() -> None:
     """Oracle: the shipped scenario for all else; what tells one study from another is not its words."""
     study = made(PUSH)
     lanes = study.lanes(study.values(np.full((2, 3), 0.5)))
-    assert lanes.bodies == study.base.body() == sledenv.load_scenario(own_pack("bowl_snow")).body()
+    assert lanes.bodies == study.base.body() == sledenv.load_scenario(own_scenario("bowl_snow")).body()
     assert lanes.launches[0, 3] == pytest.approx(5.0)
     assert study.base.ends.on_chord
     assert made(PUSH, title="Another", launches=7, seed=3).key == study.key
@@ -173,7 +173,7 @@ def test_a_study_stands_in_for_the_numbers_of_its_scenario() -> None:
 
 
 def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = sledenv.load_scenario(own_pack("bowl_snow")).model_dump(by_alias=True, mode="json")
+    own = sledenv.load_scenario(own_scenario("bowl_snow")).model_dump(by_alias=True, mode="json")
     (tmp_path / "own.yaml").write_text(yaml.safe_dump({key: value for key, value in own.items() if value is not None}))
     path = written(tmp_path, mapping(PUSH, scenario="own.yaml"))
     monkeypatch.chdir("/")
@@ -251,7 +251,7 @@ def test_a_wrong_study_is_refused_by_name_of_the_key(changes: dict[str, Any], me
 
 def test_ranges_of_a_scenario_are_not_drawn_from_unasked(tmp_path: Path) -> None:
     """Oracle: bowl_snow has ranges of slope, friction, restitution, speed, drop, orientation and spin."""
-    content = {"id": "one", "title": "One", "scenario": own_pack("bowl_snow"), "launch": {"speed_m_s": UNIFORM}}
+    content = {"id": "one", "title": "One", "scenario": own_scenario("bowl_snow"), "launch": {"speed_m_s": UNIFORM}}
     with pytest.raises(StudyError) as error:
         load_study(written(tmp_path, content))
     lines = str(error.value).splitlines()

@@ -1,4 +1,4 @@
-"""The best launch of each context under the tremble of the hand, and an interval for what the best there is earns."""
+"""The best launch of each context under the launch noise, and an interval for what the best there is earns."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ Floats = NDArray[np.float64]
 
 CELLS: Final = 12_000  # descents of a map of a context, at most
 SHOWN: Final = 3_000  # of one that is kept to be drawn
-STEP: Final = 0.75  # of a map, in standard deviations of the tremble
-COARSE: Final = 16  # steps of a map along what does not tremble
-REACH: Final = 3.0  # standard deviations to which the tremble is followed
-NODES: Final = (8, 32)  # scenes at each cell, for what trembles and is not chosen; with hidden fields
+STEP: Final = 0.75  # of a map, in standard deviations of the launch noise
+COARSE: Final = 16  # steps of a map along what is exact
+REACH: Final = 3.0  # standard deviations to which the launch noise is followed
+NODES: Final = (8, 32)  # scenes at each cell, for what is noisy and not chosen; with hidden fields
 STARTS: Final = 24  # maxima of a map that are tried
 KEPT: Final = 6  # of these, to be refined
 NEIGHBOURS: Final = 8  # launches tried around each at each level, times draws
-DRAWS: Final = 64  # of the tremble, with which launches are compared
-LEVELS: Final = (3, 10)  # of refinement, each with half the width; without a tremble
+DRAWS: Final = 64  # of the launch noise, with which launches are compared
+LEVELS: Final = (3, 10)  # of refinement, each with half the width; without launch noise
 FINALISTS: Final = 2  # of each search
 JUDGED: Final = (8, 256)  # samples of draws that judge the best launch, independent of each other and of the search
 SEARCHES: Final = 2
@@ -52,18 +52,18 @@ class JamMap(NamedTuple):
 
 
 class _Axis(NamedTuple):
-    values: Floats  # beyond [-1, 1] as far as the tremble reaches
+    values: Floats  # beyond [-1, 1] as far as the launch noise reaches
     step: float
-    sigma: float  # standard deviation of the tremble, 0 without
+    sigma: float  # standard deviation of the launch noise, 0 without
     beyond: int  # how many values lie outside on each side
 
 
 def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: int = 0) -> list[JamMap]:
     """Return maps of the expected reward of launches in contexts of shape (n, 12).
 
-    The reward without errors is simulated on a grid, and the tremble of what is chosen is a convolution of it with a
-    normal distribution. What trembles but is not chosen, and what is hidden, differs from scene to scene, and every
-    cell is the mean of some. Where a grid of ``cells`` descents is coarser than the tremble, the map is, too.
+    The reward without errors is simulated on a grid, and the noise of what is chosen is a convolution of it with a
+    normal distribution. What is noisy but not chosen, and what is hidden, differs from scene to scene, and every
+    cell is the mean of some. Where a grid of ``cells`` descents is coarser than the launch noise, the map is, too.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: in
     nodes = NODES[hidden] if hidden or problem.noise[free].any() else 1
     axes = _axes(problem, cells // nodes, number)
     points = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1).reshape(-1, len(axes))
-    scenes = problem.scenes(contexts, nodes, (1, number), tremble=free)
+    scenes = problem.scenes(contexts, nodes, (1, number), noisy=free)
     rewards = _mean_rewards(problem, scenes, np.broadcast_to(points, (len(contexts), *points.shape)))
     rewards = rewards.reshape(len(contexts), *(len(axis.values) for axis in axes))
     for i, axis in enumerate(axes):
@@ -117,7 +117,7 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     Notes
     -----
     Two searches begin at the highest cells of a :func:`jam_map` of their own, compare launches by the same draws of the
-    tremble and refine the best of them. The best of what both find is judged anew by 8 samples of 256 draws, so that
+    noise and refine the best of them. The best of what both find is judged anew by 8 samples of 256 draws, so that
     it owes nothing to luck: their mean, 2.4 of its standard errors (95 %, 7 degrees of freedom) and a loss that 2,048
     draws may have missed make the interval. Above, it is wider by how far the searches are apart.
     """
@@ -233,15 +233,15 @@ def _search(problem: Problem, contexts: Contexts, number: int) -> Floats:
     axes = maps[0].launches
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
     points = cells[np.array([_maxima(problem, one.rewards, STARTS) for one in maps])]
-    trembles = problem.noise.any() or problem.task.hidden.any()
-    earned = partial(problem.expect, problem.scenes(contexts, DRAWS if trembles else 1, (2, number)))
+    noisy = problem.noise.any() or problem.task.hidden.any()
+    earned = partial(problem.expect, problem.scenes(contexts, DRAWS if noisy else 1, (2, number)))
     points, values = _highest(points, earned(points), KEPT)
     step = np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in axes])
-    count = NEIGHBOURS if trembles else NEIGHBOURS * DRAWS // LEVELS[1]
+    count = NEIGHBOURS if noisy else NEIGHBOURS * DRAWS // LEVELS[1]
     # In pairs that mirror each other, so that a mirror image has a mirror-image optimum.
     half = qmc.Sobol(len(axes), rng=np.random.default_rng(number)).random_base2(9)[: count // 2]
     cloud = np.concatenate([2.0 * half - 1.0, 1.0 - 2.0 * half])
-    for level in range(LEVELS[0 if trembles else 1]):
+    for level in range(LEVELS[0 if noisy else 1]):
         tried = problem.inside(points[:, :, np.newaxis] + 0.5**level * step * cloud)
         found = earned(tried.reshape(len(points), -1, len(axes))).reshape(*values.shape, -1)
         best = found.argmax(axis=2)[..., np.newaxis]
@@ -253,7 +253,7 @@ def _search(problem: Problem, contexts: Contexts, number: int) -> Floats:
 
 
 def _axes(problem: Problem, cells: int, number: int) -> list[_Axis]:
-    """Return the axes of a map of so many cells, with steps that suit the tremble, or as fine as there are cells."""
+    """Return the axes of a map of so many cells, with steps that suit the launch noise, if there are cells enough."""
     names = problem.task.controlled
     sigma = []
     for name in names:
@@ -261,10 +261,10 @@ def _axes(problem: Problem, cells: int, number: int) -> list[_Axis]:
         sigma.append(float(problem.noise[NOISY.index(name)]) / half if name in NOISY and half > 0.0 else 0.0)
     wanted = [2.0 / (STEP * one) if one else COARSE for one in sigma]
     share = cells / math.prod(wanted)
-    trembling = sum(one > 0.0 for one in sigma)
-    if share < 1.0 or not trembling:  # too many, or all alike
-        fewer = share ** (1.0 / (trembling or len(names)))
-        wanted = [count * fewer if one or not trembling else count for count, one in zip(wanted, sigma, strict=True)]
+    noisy = sum(one > 0.0 for one in sigma)
+    if share < 1.0 or not noisy:  # too many, or all alike
+        fewer = share ** (1.0 / (noisy or len(names)))
+        wanted = [count * fewer if one or not noisy else count for count, one in zip(wanted, sigma, strict=True)]
     axes = []
     for count, one, turning in zip(wanted, sigma, problem.turns, strict=True):
         steps = max(math.ceil(count), 2) + number  # another grid for another search

@@ -26,7 +26,7 @@ from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
-TRIALS: Final = 64  # draws of the tremble with which a launch is judged in each context
+TRIALS: Final = 64  # draws of the launch noise with which a launch is judged in each context
 _BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
 
@@ -80,7 +80,7 @@ class Problem:
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
     launch_noise : pair of float, optional
-        Standard deviations of the errors of orientation [rad] and spin [rad/s] at launch, the tremble; those of the
+        Standard deviations of the errors of orientation [rad] and spin [rad/s] at launch; those of the
         scenario by default.
     observe : "all" or sequence of str
         Fields of the context that the agent sees, as for :class:`sledenv.envs.task.Task`.
@@ -88,7 +88,7 @@ class Problem:
     Attributes
     ----------
     noise : ndarray, shape (2,)
-        The standard deviations of the tremble [rad], [rad/s].
+        The standard deviations of the launch noise [rad], [rad/s].
     turns : tuple of bool
         For each thing that is chosen whether its bounds are a full turn apart, so that both are the same launch.
 
@@ -142,16 +142,16 @@ class Problem:
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
 
     def trials(self, contexts: Contexts, split: Split, count: int = TRIALS) -> Contexts:
-        """Repeat contexts of shape (n, 12) with draws of the tremble, shape (n, t, 14).
+        """Repeat contexts of shape (n, 12) with draws of the launch noise, shape (n, t, 14).
 
-        Every context gets the same t = ``count`` quasi-random normal errors, one if there is no tremble, so that a mean
+        Every context gets the same t = ``count`` quasi-random normal errors, one without launch noise, so that a mean
         over the trials is the expected reward, of agents and of the oracle alike. Each split has errors of its own: an
         agent that searches with those of "train" or "validation" knows nothing of those with which it is judged.
         """
         return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
 
     def scenes(
-        self, contexts: Contexts, count: int, seed: Sequence[int], *, tremble: Sequence[bool] = (True, True)
+        self, contexts: Contexts, count: int, seed: Sequence[int], *, noisy: Sequence[bool] = (True, True)
     ) -> Contexts:
         """Repeat contexts of shape (n, 12) with draws of all that one who chooses does not know, shape (n, count, 14).
 
@@ -164,7 +164,7 @@ class Problem:
         count : int
         seed : sequence of int
             Of the scrambling; other seeds give independent draws.
-        tremble : pair of bool
+        noisy : pair of bool
             Which of the two errors there are.
         """
         task = self.task
@@ -173,7 +173,7 @@ class Problem:
         uniform = np.clip(sequence.random(1 << (count - 1).bit_length())[:count], 1e-12, 1.0 - 1e-12)
         scenes = np.zeros((len(contexts), count, FIELDS + len(NOISY)))
         scenes[..., :FIELDS] = contexts[:, np.newaxis]
-        scenes[..., FIELDS:] = np.where(tremble, self.noise, 0.0) * ndtri(uniform[:, : len(NOISY)])
+        scenes[..., FIELDS:] = np.where(noisy, self.noise, 0.0) * ndtri(uniform[:, : len(NOISY)])
         if hidden.size:
             draws = np.full((count, FIELDS), 0.5)
             draws[:, hidden] = uniform[:, len(NOISY) :]
@@ -181,7 +181,7 @@ class Problem:
         return scenes
 
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
-        """Give each of contexts of shape (n, 12) one draw of the tremble of a split, shape (n, 14).
+        """Give each of contexts of shape (n, 12) one draw of the launch noise of a split, shape (n, 14).
 
         These are the trials of :meth:`trials` in turn, one a context.
         """

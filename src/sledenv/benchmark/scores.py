@@ -156,7 +156,7 @@ def lost(rewards: Floats, best: Floats) -> Floats:
 
 
 def regrets(results: Results) -> pd.DataFrame:
-    """Compare trained agents with the best launch of each context, both under the tremble.
+    """Compare trained agents with the best launch of each context, both under launch noise.
 
     Returns
     -------
@@ -269,12 +269,12 @@ def summary(results: Results) -> pd.DataFrame:
     for (environment, _, agent), one in _judged(results).items():
         groups.setdefault((environment, agent), []).append(one)
     rows = []
-    for (environment, agent), packs in groups.items():
-        row = {"environment": environment, "agent": agent, "scenarios": len(packs)}
-        row |= {"seeds": sum(len(one.values["regret"]) for one in packs)}
-        found = {name: _over([mean(one.values[name]) for one in packs]) for name in MEASURES}
-        found["score"] = _over([score for one in packs if not np.isnan((score := one.score()).value)])
-        rows.append(row | _columns(found, sum(len(one.contexts) for one in packs)))
+    for (environment, agent), scenarios in groups.items():
+        row = {"environment": environment, "agent": agent, "scenarios": len(scenarios)}
+        row |= {"seeds": sum(len(one.values["regret"]) for one in scenarios)}
+        found = {name: _over([mean(one.values[name]) for one in scenarios]) for name in MEASURES}
+        found["score"] = _over([score for one in scenarios if not np.isnan((score := one.score()).value)])
+        rows.append(row | _columns(found, sum(len(one.contexts) for one in scenarios)))
     return ordered(pd.DataFrame(rows).assign(scenario="")).drop(columns="scenario")
 
 

@@ -84,7 +84,7 @@ class Suite(Document):
     settings: str = str(SETTINGS)  # folder of the hyperparameters, as seen from the file
     steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
     observe: Literal["all"] | tuple[str, ...] = "all"  # fields of the context that agents see
-    exact: bool = False  # whether launches do not tremble, which is a track of its own
+    exact: bool = False  # whether launches are hit exactly, which is a track of its own
     maps: Annotated[int, Whole("[0, inf)")] = 2  # contexts of each scenario whose jam map is kept
 
     @field_validator("scenarios")

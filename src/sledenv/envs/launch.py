@@ -56,8 +56,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     split : {"train", "validation", "test"}, optional
         Draw contexts of this split alone; no two splits have one in common, whatever the seeds.
     launch_noise : pair of float, optional
-        Standard deviations of normal errors of the orientation [rad] and the spin [rad/s] at launch, the tremble of a
-        hand; those of the scenario by default. (0, 0) launches exactly.
+        Standard deviations of normal errors of the orientation [rad] and the spin [rad/s] at launch; those of
+        the scenario by default. (0, 0) launches exactly.
     observe : "all" or sequence of str
         Fields of the context that the agent sees; the others vary as before, but read 0.
     info : sequence of str

@@ -99,7 +99,7 @@ class Mark(NamedTuple):
     sign: str  # a letter
     colour: str  # "#rrggbb"
     launch: dict[str, float]  # what is chosen of orientation [rad], spin [rad/s] and speed [m/s]
-    expected: float  # reward under the tremble of the hand
+    expected: float  # reward under the launch noise
 
 
 class Played(NamedTuple):
@@ -125,7 +125,7 @@ def play_page(
     Parameters
     ----------
     scenario : Scenario
-        Bounds of the launch, tremble of the hand, limits and ends are its own, and its bodies are the first to choose.
+        Bounds of the launch, launch noise, limits and ends are its own, and its bodies are the first to choose.
     contexts : sequence of Played
         Draws of it, at least one.
     solver : {"compliant", "rigid"}

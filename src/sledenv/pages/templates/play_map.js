@@ -1,21 +1,21 @@
 "use strict";
-/* The reward of every launch of a grid, computed by workers: as it is, and under the tremble of the hand. */
+/* The reward of every launch of a grid, computed by workers: as it is, and under the launch noise. */
 const CELLS = 50; // along each axis
 const COARSE = 5; // cells of which one is computed first, along each axis
 const CHUNK = 40; // launches that a worker is asked for at once
-const DRAWS = 64; // of a trembling hand
+const DRAWS = 64; // of a noisy hand
 const STARTS = 6; // cells from which the best launch is refined
 const HALVINGS = 3;
 const AXES = D.axes;
-const TREMBLE = ["orientation", "spin"];
+const NOISY = ["orientation", "spin"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
 let crew = null; // workers of maps and clouds
 let map = null;
 let cloud = null;
 
-const errorOf = (name) => (TREMBLE.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
+const errorOf = (name) => (NOISY.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
 
-/* Values of an axis. Beyond the bounds it goes on as far as the hand trembles, unless it goes all around. */
+/* Values of an axis. Beyond the bounds it goes on as far as the launch noise reaches, unless it goes all around. */
 function axisOf(name) {
   const own = chosen.body < D.own;
   const [low, high] = own ? D.bounds[name] : { orientation: [-180, 180], spin: [-10, 10], speed: [0, 20] }[name];
@@ -124,10 +124,10 @@ const within = ({ low, high, step }, value) => value >= low - 1e-9 * step && val
 const placesOf = (k) => [Math.floor(k / CELLS), k % CELLS];
 const valuesOf = (one, k) => placesOf(k).map((place, i) => one.axes[i].values[place]);
 const stepOf = (name) => (name === "orientation" ? 0.01 : 0.001); // in which a launch is chosen on a map
-const trembles = () => TREMBLE.some((name) => errorOf(name) > 0);
+const noisy = () => NOISY.some((name) => errorOf(name) > 0);
 
 /* The best launch of a map, in the unit that a reader sees: of its highest cells that are no neighbours the best, and then
-   thrice the best of some launches around it, half as far each time. All are tried with the same draws of the tremble.
+   thrice the best of some launches around it, half as far each time. All are tried with the same draws of the launch noise.
    What an agent does not choose stays as it is set. */
 async function seekBest(one) {
   const held = AXES.map((name) => (D.free.includes(name) ? null : shownOf(name)));
@@ -185,14 +185,14 @@ function inside({ axes }, launch, held) {
   });
 }
 
-/* Of a launch with its tremble; nothing is earned where it takes too long. */
+/* Of a launch with its noise; nothing is earned where it takes too long. */
 async function meanReward(one, values) {
   const launch = { ...one.launch };
   AXES.forEach((name, i) => {
     launch[name] = D.free.includes(name) ? values[i] * PARAMETERS[name].factor : valueOf(name);
   });
   try {
-    const rewards = await crew.ask({ task: "rewards", scene: one.scene, launches: tremblingOf(launch) }, 5);
+    const rewards = await crew.ask({ task: "rewards", scene: one.scene, launches: noisyOf(launch) }, 5);
     return rewards.reduce((sum, reward) => sum + reward, 0) / rewards.length;
   } catch {
     return 0;
@@ -332,9 +332,9 @@ function drawMarks() {
 function drawMaps() {
   if (!map) return;
   drawMarks();
-  $("trembling").hidden = !trembles();
+  $("noisy").hidden = !noisy();
   drawChart($("map"), map.rewards);
-  if (trembles()) drawChart($("map-trembling"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
+  if (noisy()) drawChart($("map-noisy"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
   $("best").disabled = !map.best?.refined;
   $("map-words").textContent = mapWords();
 }
@@ -345,8 +345,8 @@ function mapWords() {
   const { launch, reward } = map.best;
   const words = AXES.map((name, i) => `${name} ${fixed(launch[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
-  const how = trembles()
-    ? `mean reward ${fixed(reward, 3)} of ${DRAWS} trembling launches`
+  const how = noisy()
+    ? `mean reward ${fixed(reward, 3)} of ${DRAWS} noisy launches`
     : `reward ${fixed(reward, 3)}`;
   return `Best of this map, white star: ${words}, ${how}${given}.`;
 }
@@ -389,7 +389,7 @@ function onArrow(event) {
   event.preventDefault();
 }
 
-for (const id of ["map", "map-trembling"]) {
+for (const id of ["map", "map-noisy"]) {
   $(id).addEventListener("pointerdown", pick);
   $(id).addEventListener("pointermove", pick);
   $(id).addEventListener("keydown", onArrow);
@@ -401,7 +401,7 @@ $("marks").addEventListener("click", onMark);
 $("best").addEventListener("click", () => choose(map.best.launch, D.free));
 $("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
 
-/* The descents of a trembling hand: the same draws each time. */
+/* The descents of a noisy hand: the same draws each time. */
 const NORMAL = Array.from({ length: DRAWS }, (_, k) => {
   // Box and Muller, of points that fill the square evenly: multiples of the plastic number's powers
   const [a, b] = [0.7548776662466927, 0.5698402909980532].map((rate) => (0.5 + rate * (k + 1)) % 1);
@@ -409,9 +409,9 @@ const NORMAL = Array.from({ length: DRAWS }, (_, k) => {
   return [size * Math.cos(2 * Math.PI * b), size * Math.sin(2 * Math.PI * b)];
 });
 
-/* A launch with each of these errors; itself, if the hand does not tremble. */
-function tremblingOf(launch) {
-  if (!trembles()) return [launch];
+/* A launch with each of these errors; itself, if there is no launch noise. */
+function noisyOf(launch) {
+  if (!noisy()) return [launch];
   return NORMAL.map(([one, other]) => ({
     ...launch,
     orientation: launch.orientation + one * valueOf("error_orientation"),
@@ -423,10 +423,10 @@ async function refreshCloud() {
   crew.forget("paths");
   cloud = null;
   drawCloud();
-  if (problem() || !trembles()) return;
+  if (problem() || !noisy()) return;
   const own = {};
   cloud = own;
-  const launches = tremblingOf(launchOf());
+  const launches = noisyOf(launchOf());
   const setting = sceneOf();
   try {
     const parts = Array.from({ length: 8 }, (_, i) => launches.filter((_launch, k) => k % 8 === i));
@@ -452,7 +452,7 @@ function drawCloud() {
     })
     .join("");
   $("cloud-words").textContent = cloud?.error
-    ? `A trembling hand: ${cloud.error}.`
+    ? `A noisy hand: ${cloud.error}.`
     : paths.length
       ? cloudWords(paths)
       : "";
@@ -464,5 +464,5 @@ function cloudWords(paths) {
   for (const { status } of paths) counts[status] = (counts[status] ?? 0) + 1;
   const ends = Object.entries(counts).sort((a, b) => b[1] - a[1]);
   const words = ends.map(([status, count]) => `${count} ${status.replace("_", " ")}`).join(", ");
-  return `${paths.length} launches with the errors of a trembling hand: mean reward ${fixed(mean, 3)}; ${words}.`;
+  return `${paths.length} launches with the errors of a noisy hand: mean reward ${fixed(mean, 3)}; ${words}.`;
 }

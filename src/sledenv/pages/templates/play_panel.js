@@ -6,7 +6,7 @@ const GROUPS = {
   surface: "Surface",
   slope: "Slope",
   body: "Body",
-  hand: "Errors of a trembling hand (standard deviations)",
+  hand: "Errors of a noisy hand (standard deviations)",
 };
 const HIGHEST = 1000; // of a slider whose steps are factors
 

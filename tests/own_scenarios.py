@@ -7,7 +7,7 @@ from pathlib import Path
 _FOLDER = Path(__file__).parent / "data" / "scenarios"
 
 
-def own_pack(name: str) -> str:
+def own_scenario(name: str) -> str:
     """Return the path of a scenario of the tests."""
     file = _FOLDER / f"{name}.yaml"
     assert file.is_file(), file
