@@ -146,6 +146,22 @@ def test_a_pit_elsewhere_supplies_no_energy(kind: str) -> None:
     assert supplied[0] == supplied[1]
 
 
+@pytest.mark.parametrize("fall", [-0.2, 0.5, 2.0])
+def test_ground_that_ends_lower_supplies_as_much_more(fall: float) -> None:
+    """Oracle: conservation. A disc without losses keeps all that is supplied, as motion or height."""
+    disc, law = sledenv.disc(2.0, 0.3), sledenv.ContactLaw(1e7, 0.0, 0.0, 0.0)
+    slope = sledenv.Slope(0.2, 20.0, profile=[(2.0, 0.0), (8.0, -fall), (9.0, -fall)])
+    launch = sledenv.State(0.0, 0.7, 0.0, 6.0)
+    descent = sledenv.simulate(disc, law, slope, launch)
+    assert descent.status == "finish"
+    weight = 2.0 * 9.81
+    given = 36.0 + weight * ((0.7 - 0.3 + fall) * math.cos(0.2) + 20.0 * math.sin(0.2))
+    assert descent.energy.supplied == pytest.approx(given, rel=1e-12)
+    u, v, high = descent.state.u, descent.state.v, descent.state.y + fall - 0.3
+    kept = u * u + v * v + weight * high * math.cos(0.2) + descent.energy.stored
+    assert kept == pytest.approx(given, rel=1e-9)
+
+
 # Dips.
 
 

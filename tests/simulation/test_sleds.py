@@ -78,11 +78,27 @@ def test_a_flat_landing_touches_with_the_side_and_with_both_its_ends(solver: Any
     assert len(descent.rebounds) == 1
 
 
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_descent_ends_at_the_first_of_several_parts(solver: Any) -> None:
+    """Oracle: the descents that end at each of them."""
+    settings, ends = Settings(solver, max_time=20.0), set()
+    for phi in (-2.5, -0.8, 0.0, 0.3, 0.8, 2.0, 3.1):
+        launch = launched(phi, 0.3)
+        alone = [simulate(RIDDEN, ICE, TRACK, launch, settings, end_touching=part) for part in ("rider", "legs")]
+        both = simulate(RIDDEN, ICE, TRACK, launch, settings, end_touching=["rider", "legs"])
+        assert both.outcome == min(alone, key=lambda one: one.time).outcome
+        ends.add(both.status)
+    assert ends == {"tumbled", "jammed"} or ends == {"tumbled", "finish"}
+
+
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
         ({"end_touching": "wing"}, ValueError, r"end_touching = 'wing': must be a part of the body, one of \("),
+        ({"end_touching": ["rider", "wing"]}, ValueError, r"end_touching = 'wing': must be a part of the body, one of"),
         ({"end_touching": 1}, TypeError, "end_touching = 1: must be the name of a part"),
+        ({"end_touching": []}, TypeError, r"end_touching = \[\]: must be the name of a part of the body, or several"),
+        ({"end_touching": ["rider", 1]}, TypeError, "end_touching = .*: must be the name of a part of the body, or"),
     ],
 )
 def test_wrong_parts_are_named(given: dict[str, Any], error: type[Exception], message: str) -> None:

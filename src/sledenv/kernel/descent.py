@@ -199,14 +199,14 @@ def _move(body: np.void, space: np.void) -> bool:
 
 @kernel
 def _touches_end(body: np.void, limits: Limits, space: np.void) -> bool:
-    """Whether the part of the body touches whose touch ends the descent."""
-    contacts, part = space["contacts"], limits.end_part
-    if part == 0.0:
+    """Whether a part of the body touches whose touch ends the descent."""
+    contacts, parts = space["contacts"], int(limits.end_parts)
+    if parts == 0:
         return False
     for c in range(contacts["count"]):
-        if part_of(body, contacts["at"][c]) == part:
+        if (parts >> int(part_of(body, contacts["at"][c]))) & 1 != 0:
             return True
-    return bool(side_that_lies(body, contacts) == part)
+    return bool((parts >> int(side_that_lies(body, contacts))) & 1 != 0)
 
 
 @kernel

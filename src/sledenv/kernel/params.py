@@ -92,7 +92,7 @@ class Limits(NamedTuple):
     sample_interval: float  # [s] longest time between two rows of a trajectory
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
-    end_part: float  # code of a part of the body whose touch ends a descent, 0: none does
+    end_parts: float  # the sum of 2^code of the parts of the body whose touch ends a descent
     run_out: float  # [m] behind the end of the slope, which the body still descends once it has passed the line there
     most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
     shortest_flight: float  # [s] a hop goes on through shorter flights

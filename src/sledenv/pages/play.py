@@ -317,8 +317,8 @@ def _own_bodies(scenario: Scenario) -> list[NamedBody]:
 def _body(law: AnyLaw, slope: Slope, settings: Settings, named: NamedBody) -> dict[str, Any]:
     """What the page must know of a body, all digits of its numbers, and how its descents end."""
     name, python, body = named
-    if settings.end_touching not in body.parts:
-        settings = replace(settings, end_touching=None)
+    ending = [name for name in settings.end_parts if name in body.parts]
+    settings = replace(settings, end_touching=ending or None)
     anyhow, plane = State(0.0, support_height(body, 0.0), 0.0), Slope(slope.angle, slope.length, slope.gravity)
     given = descent_input(body, law, plane, anyhow, settings)
     rigid = descent_input(body, law, plane, anyhow, replace(settings, solver="rigid"))

@@ -149,14 +149,13 @@ class Scenario(Document):
 
     @model_validator(mode="after")
     def _ends_at_a_part_of_the_body(self) -> Self:
-        name = self.ends.touching
-        if name is None:
-            return self
-        for body in self.all_bodies():
-            if name not in body.parts:
-                raise ValueError(f"ends.touching = {name!r}: must be a part of the body: {', '.join(body.parts)}")
-        if len({body.parts.index(name) for body in self.all_bodies()}) > 1:
-            raise ValueError(f"ends.touching = {name!r}: must have the same place in the parts of all bodies")
+        given = self.ends.touching
+        for name in () if given is None else (given,) if isinstance(given, str) else given:
+            for body in self.all_bodies():
+                if name not in body.parts:
+                    raise ValueError(f"ends.touching = {name!r}: must be a part of the body: {', '.join(body.parts)}")
+            if len({body.parts.index(name) for body in self.all_bodies()}) > 1:
+                raise ValueError(f"ends.touching = {name!r}: must have the same place in the parts of all bodies")
         return self
 
     @model_validator(mode="after")

@@ -387,4 +387,4 @@ class EndsSection(Section):
     """What ends a descent beyond the mechanics: a rider who has fallen does not go on."""
 
     on_chord: StrictBool = False  # lying on the chord, both ends settled
-    touching: StrictStr | None = None  # a part of the body that touches the slope
+    touching: StrictStr | tuple[StrictStr, ...] | None = None  # a part of the body that touches the slope, or several

@@ -128,19 +128,18 @@ def limits_of(body: Bodies, settings: Settings) -> Limits:
     ValueError
         If ``end_touching`` names a part that a body does not have, or that bodies do not have at the same place.
     """
-    name = settings.end_touching
-    if name is None:
-        return settings.limits
-    bodies = [body] if isinstance(body, Body) else body
-    codes = set()
-    for one in bodies:
-        parts = one.parts if isinstance(one, Body) else ()
-        if name not in parts:
-            raise ValueError(f"Settings.end_touching = {name!r}: must be a part of the body, one of {parts}")
-        codes.add(parts.index(name) + 1)
-    if len(codes) > 1:
-        raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
-    return settings.limits._replace(end_part=float(max(codes, default=0)))
+    total = 0
+    for name in settings.end_parts:
+        codes = set()
+        for one in [body] if isinstance(body, Body) else body:
+            parts = one.parts if isinstance(one, Body) else ()
+            if name not in parts:
+                raise ValueError(f"Settings.end_touching = {name!r}: must be a part of the body, one of {parts}")
+            codes.add(parts.index(name) + 1)
+        if len(codes) > 1:
+            raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
+        total |= sum(1 << code for code in codes)
+    return settings.limits._replace(end_parts=float(total)) if total else settings.limits
 
 
 def _rows_of_laws(given: Any, lanes: int) -> np.ndarray:

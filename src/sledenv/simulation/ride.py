@@ -311,7 +311,7 @@ class RideBatch(_Lanes):
         numbers = self._checked_numbers(lanes, len(checked_table("launches", launches, State._fields)))
         if body is None:
             bodies: Bodies = self._bodies if len(self._bodies) == 1 else self._bodies.take(numbers)
-        elif limits_of(body, self.settings).end_part == self._limits.end_part:
+        elif limits_of(body, self.settings).end_parts == self._limits.end_parts:
             bodies = body
         else:
             name = self.settings.end_touching

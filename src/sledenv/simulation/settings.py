@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, TypedDict, Unpack, get_args
 
@@ -48,9 +49,9 @@ class Settings:
     end_on_chord : bool
         End a descent with status "tumbled" where the body first lies on its chord, both ends settled, and slides on.
         It goes on otherwise.
-    end_touching : str, optional
-        End a descent with status "tumbled" where a part of this name touches the slope, or a straight side of this name
-        lies on it: one of ``Body.parts``.
+    end_touching : str or sequence of str, optional
+        End a descent with status "tumbled" where a part of such a name touches the slope, or a straight side of such a
+        name lies on it: of ``Body.parts``.
     run_out : float
         How far behind the end of the slope the descent goes on [m], >= 0. It is judged where it passes the line there,
         but one that crashes in the run-out keeps nothing. The slope, and its last zone if that is endless, goes on too.
@@ -72,7 +73,7 @@ class Settings:
     max_time: float = 60.0
     max_rebounds: int = 1000
     end_on_chord: bool = False
-    end_touching: str | None = None
+    end_touching: str | Sequence[str] | None = None
     run_out: float = 0.0
     settle_speed: float | None = None
     tolerance: float = 1e-14
@@ -93,12 +94,23 @@ class Settings:
         for name, value in plain.items():
             if getattr(self, name) is not value:  # a number of another kind was given
                 object.__setattr__(self, name, value)
-        if self.end_touching is not None and not isinstance(self.end_touching, str):
-            raise TypeError(f"Settings.end_touching = {self.end_touching!r}: must be the name of a part of the body")
+        given = self.end_touching
+        if given is not None and not isinstance(given, str):
+            if not isinstance(given, Sequence) or not given or not all(isinstance(name, str) for name in given):
+                raise TypeError(
+                    f"Settings.end_touching = {given!r}: must be the name of a part of the body, or several"
+                )
+            object.__setattr__(self, "end_touching", tuple(given))
+
+    @property
+    def end_parts(self) -> tuple[str, ...]:
+        """Names of the parts of ``end_touching``."""
+        given = self.end_touching
+        return () if given is None else (given,) if isinstance(given, str) else tuple(given)
 
     @property
     def limits(self) -> Limits:
-        """What the kernel takes of them: numbers alone, and so without the part of ``end_touching``."""
+        """What the kernel takes of them: numbers alone, and so without the parts of ``end_touching``."""
         return Limits(
             max_time=self.max_time,
             max_steps=_MOST_STEPS,
@@ -106,7 +118,7 @@ class Settings:
             sample_interval=self.sample_interval,
             max_rebounds=float(self.max_rebounds),
             end_on_chord=1.0 if self.end_on_chord else 0.0,
-            end_part=0.0,
+            end_parts=0.0,
             run_out=self.run_out,
             most_work=WORK,
             shortest_flight=0.0,
@@ -120,7 +132,7 @@ class Fields(TypedDict, total=False):
     max_time: float | None
     max_rebounds: int | None
     end_on_chord: bool | None
-    end_touching: str | None
+    end_touching: str | Sequence[str] | None
     run_out: float | None
     settle_speed: float | None
     tolerance: float | None
