@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import FIELDS, Contexts
+from sledenv.envs.inputs import Contexts
 from sledenv.machine.extras import needs
 
 from .curve import Curve
@@ -137,7 +137,7 @@ class Sampler:
     def sample(self, critic: Critic, guided: bool) -> Samples:
         """Label ``n_contexts * n_tries`` landings."""
         problem, half = self._problem, self._tries // 2
-        contexts = problem.scenario.contexts(self._rng.random((self._contexts, FIELDS)), "train")
+        contexts = problem.scenario.contexts(self._rng.random((self._contexts, problem.scenario.draws)), "train")
         seen = problem.task.observe(contexts)
         first = self._anywhere(half)
         if guided:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import FIELDS
+from sledenv.envs.inputs import SEEN
 from sledenv.machine.extras import needs
 
 from .learning import Learned
@@ -37,7 +37,7 @@ class HopPolicy(ActorCriticPolicy):
     def _log_likelihood(self, obs: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         normal: Any = self.get_distribution(obs).distribution  # of each entry of the action by itself
         each: torch.Tensor = normal.log_prob(actions)
-        rides = obs[:, FIELDS:].any(dim=1)  # the flight is all zeros before the launch alone
+        rides = obs[:, SEEN:].any(dim=1)  # the flight is all zeros before the launch alone
         return torch.where(rides, each[:, -1], each[:, :-1].sum(dim=1))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.oracle import jam_map
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import FIELDS, Contexts
+from sledenv.envs.inputs import SEEN, Contexts
 from sledenv.envs.task import FLIGHT
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.simulation.jam import descent_jam
@@ -38,9 +38,9 @@ class Replanner(ABC):
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         actions = np.zeros((len(observations), self._model.actions + 1))
-        waits = ~observations[:, FIELDS:].any(axis=1)  # before the launch; afterwards sine or cosine is not 0
+        waits = ~observations[:, SEEN:].any(axis=1)  # before the launch; afterwards sine or cosine is not 0
         if waits.any():
-            actions[waits, :-1] = self._launches(observations[waits, :FIELDS])
+            actions[waits, :-1] = self._launches(observations[waits, :SEEN])
         if not waits.all():
             actions[~waits, -1] = self._best_trims(observations[~waits])
         return actions.astype(np.float32)
@@ -59,7 +59,7 @@ class Replanner(ABC):
         if ahead.any():
             rewards[ahead] = self._predicted(*(each[ahead] for each in (repeated, states, lent, spins)))
         best = self._trims[rewards.reshape(-1, tried).argmax(axis=1)]
-        return np.where(ahead[::tried], best, observations[:, FIELDS + FLIGHT.index("trim")])
+        return np.where(ahead[::tried], best, observations[:, SEEN + FLIGHT.index("trim")])
 
     def _predicted(self, contexts: Contexts, states: Floats, lent: Floats, spins: Floats) -> Floats:
         """Return the rewards of descents that go on from rebounds with other trims, shape (n,)."""

@@ -329,8 +329,8 @@ def test_the_hash_depends_on_what_is_simulated_alone(scenario: Scenario) -> None
 def test_ranges_are_aligned_with_the_context_and_in_si_units(scenario: Scenario) -> None:
     """Oracle: the numbers of ``GOOD`` by hand."""
     low, high = scenario.ranges
-    expected_low = Context(math.radians(6), 0.1, 0.4, 1, 0.2, 0, math.radians(-90), -2, 0, 0, 0)
-    expected_high = Context(math.radians(12), 0.3, 0.6, 3, 1.0, 2, math.radians(90), 2, 0, 0, 0)
+    expected_low = Context(math.radians(6), 0.1, 0.4, 1, 0.2, 0, math.radians(-90), -2, 0, 0, 0, 0)
+    expected_high = Context(math.radians(12), 0.3, 0.6, 3, 1.0, 2, math.radians(90), 2, 0, 0, 0, 0)
     np.testing.assert_array_equal(low, expected_low)
     np.testing.assert_array_equal(high, expected_high)
     low[:] = 0.0

@@ -234,7 +234,7 @@ class Problem:
         ----------
         agent : Policy
             It is asked for the launch of a context once, because it sees the same in all of its trials.
-        trials : ndarray, shape (n, t, 13), or (n, 11) or (n, 13)
+        trials : ndarray, shape (n, t, 14), or (n, 12) or (n, 14)
             Of :meth:`trials`, or contexts of which each is judged once.
 
         Returns

@@ -13,7 +13,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from sledenv.envs.info import checked_info, context_info, episode_info
-from sledenv.envs.inputs import FIELDS, Given, read_options
+from sledenv.envs.inputs import SEEN, Given, read_options
 from sledenv.envs.task import Task
 from sledenv.envs.viewer import Viewer, checked_render_mode
 from sledenv.simulation.outcomes import DescentBatch
@@ -112,7 +112,7 @@ class Episodes(ABC):
         self.begun = True
         self.contexts[lanes] = contexts
         self.seen[lanes] = 0.0
-        self.seen[lanes, :FIELDS] = self.task.observe(contexts)
+        self.seen[lanes, :SEEN] = self.task.observe(contexts)
         self.steps[lanes] = 0
         self.ended[lanes] = False
         for i in lanes.tolist() if self.viewers else ():
@@ -211,7 +211,7 @@ class DescentEpisodes(Episodes):
         self.trims[lanes] = np.where(fresh, 0.0, self.task.trims(actions[:, -1]))
         rides.hop(self.trims)  # the other lanes have ended
         batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
-        self.seen[lanes, FIELDS:] = self.task.observe_flights(batch.outcomes)
+        self.seen[lanes, SEEN:] = self.task.observe_flights(batch.outcomes)
         return batch
 
     def _launch(self, lanes: Lanes, actions: Floats) -> None:

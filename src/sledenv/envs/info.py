@@ -60,7 +60,7 @@ def episode_info(
 
     Parameters
     ----------
-    contexts : ndarray, shape (n, 11)
+    contexts : ndarray, shape (n, 12)
     launches : ndarray, shape (n, 6)
         Columns as in :class:`sledenv.State`, launch noise included.
     batch : DescentBatch

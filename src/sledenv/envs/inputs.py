@@ -13,17 +13,18 @@ from numpy.typing import NDArray
 from sledenv.scenarios.scenario import Context, Split, check_split
 from sledenv.simulation.rules import checked, checked_rows
 
-# (n, 11), columns as in Context; (n, 13) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
+# (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
 
 FIELDS: Final = len(Context._fields)
+SEEN: Final = Context._fields.index("track")  # fields that an agent may see, the first ones: a track is no number to it
 _SLACK = 1e-4  # by which an action may lie outside the box: what RescaleAction's float32 cancels, with much to spare
 
 
 class Given(NamedTuple):
     """What a user fixes of episodes that begin."""
 
-    fixed: NDArray[np.float64]  # (n, 11), columns as in Context; NaN where a field is to be drawn
+    fixed: NDArray[np.float64]  # (n, 12), columns as in Context; NaN where a field is to be drawn
     split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
 
     def of(self, rows: NDArray[np.intp]) -> Given:
@@ -80,7 +81,7 @@ def checked_actions(
 
 
 def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
-    """Fields of contexts that a user fixes, shape (lanes, 11), NaN where one is to be drawn."""
+    """Fields of contexts that a user fixes, shape (lanes, 12), NaN where one is to be drawn."""
     if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
         if len(context) != lanes:
             raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
@@ -128,7 +129,7 @@ def read_options(
     ----------
     options : mapping, optional
         ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-        an array of shape (lanes,), or a whole context or one a lane, shape (11,) or (lanes, 11); or a list of one a
+        an array of shape (lanes,), or a whole context or one a lane, shape (12,) or (lanes, 12); or a list of one a
         lane, each a mapping, a whole context or None.
         ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
     default : str, optional

@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sledenv.envs.inputs import FIELDS, Contexts, Given
+from sledenv.envs.inputs import FIELDS, SEEN, Contexts, Given
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.simulation.bodies import Body, Segment
@@ -97,8 +97,8 @@ class Task:
     observation_names, ride_observation_names, action_names, ride_action_names : tuple of str
         What their entries are.
     varies : ndarray of bool, shape (11,)
-        Which fields of a context an agent sees: those that vary, that it does not choose and that ``observe`` names.
-    hidden : ndarray of bool, shape (11,)
+        Which of the fields that agents may see vary, are not chosen, and are among those that ``observe`` names.
+    hidden : ndarray of bool, shape (12,)
         Which fields vary and are not chosen, but are not seen.
     observed : tuple of str
         The fields that ``observe`` names.
@@ -141,7 +141,7 @@ class Task:
         self.control = next(word for word, names in words.items() if names == self.controlled)
         self.solver = solver
         self.split = split
-        self.draws = FIELDS + 2 * bool(self.noise.any())
+        self.draws = self.scenario.draws + 2 * bool(self.noise.any())
         self.bodies = self.scenario.all_bodies()
         self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
@@ -150,17 +150,18 @@ class Task:
         self._width[self._chosen] = 0.0  # as if it did not vary
         self.observed = _observed(observe)
         shown = np.isin(Context._fields, self.observed)
-        self.varies: NDArray[np.bool_] = (self._width > 0.0) & shown
+        self.varies: NDArray[np.bool_] = ((self._width > 0.0) & shown)[:SEEN]
         self.hidden: NDArray[np.bool_] = (self._width > 0.0) & ~shown
-        self._divisor = np.where(self.varies, self._width, 1.0)
+        self._divisor = np.where(self.varies, self._width[:SEEN], 1.0)
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
         self._way = self.scenario.slope_section.length_m + self.settings.run_out  # [m]
         self._speed, self._spin = self._scales(bounds)
-        self.observation_space = spaces.Box(-1.0, 1.0, (FIELDS,), np.float32)
+        self.observation_space = spaces.Box(-1.0, 1.0, (SEEN,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
-        self.ride_observation_space = spaces.Box(-1.0, 1.0, (FIELDS + len(FLIGHT),), np.float32)
+        self.ride_observation_space = spaces.Box(-1.0, 1.0, (SEEN + len(FLIGHT),), np.float32)
         self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
-        self.observation_names, self.ride_observation_names = Context._fields, (*Context._fields, *FLIGHT)
+        self.observation_names = Context._fields[:SEEN]
+        self.ride_observation_names = (*self.observation_names, *FLIGHT)
         self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
 
     @property
@@ -187,16 +188,17 @@ class Task:
         """
         contexts = given.fixed.copy()
         left = np.isnan(contexts)
-        drawn = np.flatnonzero(left.any(axis=1) | (self.draws > FIELDS))
+        own = self.scenario.draws
+        drawn = np.flatnonzero(left.any(axis=1) | (self.draws > own))
         if not drawn.size:
             return contexts
         draws = draw(drawn)
-        contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :FIELDS], given.of(drawn).split), contexts[drawn])
-        if self.draws == FIELDS:
+        contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :own], given.of(drawn).split), contexts[drawn])
+        if self.draws == own:
             return contexts
         # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
-        length = np.sqrt([-2.0 * math.log1p(-draw) for draw in draws[:, FIELDS].tolist()])
-        cosine, sine = directions(2.0 * np.pi * draws[:, FIELDS + 1])
+        length = np.sqrt([-2.0 * math.log1p(-draw) for draw in draws[:, own].tolist()])
+        cosine, sine = directions(2.0 * np.pi * draws[:, own + 1])
         return np.column_stack([contexts, self.noise[0] * length * cosine, self.noise[1] * length * sine])
 
     def _drawn(self, draws: NDArray[np.float64], split: Split | tuple[Split | None, ...] | None) -> Contexts:
@@ -250,17 +252,19 @@ class Task:
     def observe(self, contexts: Contexts) -> NDArray[np.float32]:
         """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 11).
 
-        What does not vary, what is not observed and what the agent controls reads 0.
+        What does not vary, what is not observed and what the agent controls reads 0; the track is left out.
         """
-        centred = 2.0 * (contexts[:, :FIELDS] - self._context_low) / self._divisor - 1.0
+        centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
         return np.where(self.varies, np.minimum(np.maximum(centred, -1.0), 1.0), 0.0).astype(np.float32)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations of shape (n, 11) or (n, 20), up to the rounding of float32.
 
-        What the agent controls is NaN: it is nobody's choice yet. What is hidden is in the middle of its range.
+        What the agent controls is NaN: it is nobody's choice yet. What is hidden is in the middle of its range, and the
+        track number 0.
         """
-        scaled = 0.5 * (observations[:, :FIELDS].astype(np.float64) + 1.0)
+        scaled = np.zeros((len(observations), FIELDS))
+        scaled[:, :SEEN] = 0.5 * (observations[:, :SEEN].astype(np.float64) + 1.0)
         contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
         contexts[:, _SHAPE] = np.rint(contexts[:, _SHAPE])
         contexts[:, self._chosen] = np.nan
@@ -303,7 +307,7 @@ class Task:
         lent : ndarray, shape (n,)
             Spin [rad/s] that the rider's rotor lends to the body.
         """
-        progress, sine, cosine, u, v, omega, trim, _, _ = observations[:, FIELDS:].astype(np.float64).T
+        progress, sine, cosine, u, v, omega, trim, _, _ = observations[:, SEEN:].astype(np.float64).T
         phi = np.arctan2(sine, cosine)
         columns = (
             progress * self._way,
@@ -326,6 +330,9 @@ class Task:
             most[i] = max(most[i], *np.abs(pair))
         _, _, _, speed, drop, fall, _, spin, *_ = most.tolist()
         below, gravity = self._way * max(0.0, np.sin(self._context_high[0])), self.scenario.slope_section.gravity_m_s2
+        profile = self.scenario.slope_section.profile
+        if profile:
+            below += max(y for _, y in profile) - min(y for _, y in profile)
         scales = []
         for body in self.bodies:
             height = drop + highest_support(body) + below
@@ -340,7 +347,7 @@ class Task:
         return max(speeds), max(spins)
 
     def chosen(self, contexts: Contexts, actions: NDArray[np.float64]) -> Contexts:
-        """Return contexts, shape (n, 11), with what actions of shape (n, k) choose in its place, without noise."""
+        """Return contexts, shape (n, 12), with what actions of shape (n, k) choose in its place, without noise."""
         chosen = contexts[:, :FIELDS].copy()
         chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
         return chosen
@@ -350,7 +357,7 @@ class Task:
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 11) or (n, 13)
+        contexts : ndarray, shape (n, 12) or (n, 14)
         actions : ndarray, shape (n, k)
             Out of :func:`sledenv.envs.inputs.checked_actions`, scaled to the control bounds of the scenario: a column
             for each of ``controlled``.
@@ -388,16 +395,11 @@ class Task:
         """Simulate one descent a row, on all cores; row i equals :meth:`descend` of row i bit for bit."""
         if len(contexts) == 1:  # which is checked in half the time
             return self.descend(contexts, State.found(launches[0].tolist())).as_batch()
-        laws, slopes = self.scenario.laws(contexts), self.scenario.slopes(contexts)
-        parts = [
-            (
-                rows,
-                simulate_batch(
-                    body, laws[rows], slopes[rows], launches[rows], self.settings, keep_rebounds=keep_rebounds
-                ),
-            )
-            for body, rows in self.by_body(contexts)
-        ]
+        parts = []
+        for body, rows in self.by_body(contexts):
+            laws, slopes = self.scenario.laws(contexts[rows]), self.scenario.slopes(contexts[rows])
+            batch = simulate_batch(body, laws, slopes, launches[rows], self.settings, keep_rebounds=keep_rebounds)
+            parts.append((rows, batch))
         return parts[0][1] if len(parts) == 1 else _joined(parts, len(contexts))
 
     def rides(self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False) -> RideBatch:
@@ -444,7 +446,7 @@ def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], coun
 
 def _observed(observe: Literal["all"] | Sequence[str]) -> tuple[str, ...]:
     """Return the fields of a context that are named, in their order, or raise ValueError."""
-    fields = Context._fields
+    fields = Context._fields[:SEEN]
     if isinstance(observe, str) and observe == "all":
         return fields
     listed = not isinstance(observe, str) and isinstance(observe, Iterable)

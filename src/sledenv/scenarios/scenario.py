@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from sledenv.scenarios.configuration import Document, Pair
 from sledenv.scenarios.sections import (
     AnyBody,
+    BumpsSection,
     ChoiceBody,
     ContactSection,
     ControlSection,
@@ -27,12 +31,27 @@ from sledenv.scenarios.sections import (
     SlopeSection,
     ZoneSection,
 )
+from sledenv.scenarios.terrain import Ground, placed, read_ground
+from sledenv.scenarios.tracks import TRACKS, Bumps, profiles_of
 from sledenv.simulation.bodies import Body, records_of
+from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.records import MOST_ZONES, params
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, checked_choice, made
-from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
+from sledenv.simulation.scene import (
+    MOST_VERTICES,
+    ContactLaw,
+    Profile,
+    Slope,
+    SlopeTable,
+    State,
+    Tracks,
+    Zone,
+    asymmetry_of,
+    level_at,
+    vertices_of,
+)
 from sledenv.simulation.settings import Settings, Solver
-from sledenv.simulation.support import support_heights, within_a_turn
+from sledenv.simulation.support import resting_heights, within_a_turn
 
 Split = Literal["train", "validation", "test"]
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
@@ -64,12 +83,13 @@ class _ContextFields(NamedTuple):
     zone_begin: float  # [m] along the slope
     zone_friction: float  # [-] f
     shape: float  # [-] number of the body among those of the scenario, from 0 on
+    track: float  # [-] number that draws the bumps; 0 without them
 
 
 class Context(_ContextFields):
     """One draw from the ranges of a scenario: all that differs between two of its descents.
 
-    Many contexts are an array of shape (N, 11) with these fields as columns. ``rules`` says what can be simulated,
+    Many contexts are an array of shape (N, 12) with these fields as columns. ``rules`` says what can be simulated,
     whatever the ranges of a scenario are; a context is checked where it is used.
     """
 
@@ -77,11 +97,13 @@ class Context(_ContextFields):
     rules: ClassVar[tuple[Rule, ...]] = (
         *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
         *(_MOVING, _HIGH, _MOVING, FINITE, _MOVING),
-        *(NOT_NEGATIVE, NOT_NEGATIVE, (lambda v: (v >= 0.0) & (v == np.floor(v)), "a whole number >= 0")),
+        *(FINITE, NOT_NEGATIVE, (lambda v: (v >= 0.0) & (v == np.floor(v)), "a whole number >= 0")),
+        (lambda v: (v >= 0.0) & (v < TRACKS) & (v == np.floor(v)), f"a whole number in [0, {TRACKS})"),
     )
 
 
-_ZONE, _SHAPE = Context._fields.index("zone_begin"), Context._fields.index("shape")
+_LATER_KEYS: Final = "run_out_m", "profile_m", "profile_file", "tolerance_m", "bumps"  # of a slope
+_ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", "shape", "track"))
 
 
 class Scenario(Document):
@@ -110,6 +132,19 @@ class Scenario(Document):
     ends: EndsSection = EndsSection()
     rider: RiderSection | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_its_ground(cls, content: Any) -> Any:
+        return _laid_out(content)
+
+    @classmethod
+    def seen_from(cls, folder: Path, content: Any) -> Any:
+        """Return what a file in a folder holds, with the path of its profile as it is seen from here."""
+        slope = content.get("slope") if isinstance(content, dict) else None
+        if not isinstance(slope, dict) or not isinstance(slope.get("profile_file"), str):
+            return content
+        return content | {"slope": slope | {"profile_file": str(folder / slope["profile_file"])}}
+
     @model_validator(mode="after")
     def _ends_at_a_part_of_the_body(self) -> Self:
         name = self.ends.touching
@@ -124,7 +159,7 @@ class Scenario(Document):
 
     @model_validator(mode="after")
     def _zones_in_a_row(self) -> Self:
-        reached, length = 0.0, self.slope_section.length_m
+        reached, length = -math.inf, self.slope_section.length_m
         for k, zone in enumerate(self.zones):
             earliest, latest = zone.begin_m
             if earliest < reached:
@@ -142,9 +177,49 @@ class Scenario(Document):
             raise ValueError(f"zones.{drawn[1]}: begin_m and friction of one zone alone may be ranges, and {given}")
         return self
 
+    @model_validator(mode="after")
+    def _can_be_descended(self) -> Self:
+        slope, bodies = self.slope_section, self.all_bodies()
+        if slope.bumps is None and not slope.profile:
+            return self
+        size = max(body.size for body in bodies)
+        if any(has_sharp_corner(body.record).any() for body in bodies):
+            remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
+            raise ValueError(f"body: has a sharp corner, which must be rounded where the ground has crests; {remedy}")
+        if slope.bumps is not None:
+            return self._has_room_for_bumps(slope.bumps, size)
+        vertices = vertices_of(slope.profile)
+        at, level = level_at(np.array([slope.length_m]), np.array([size]), vertices)
+        if not level.all():
+            begin, end = vertices[at[0] : at[0] + 2, 0].tolist()
+            free = f"the ground slopes from {begin:g} to {end:g} m; behind its last vertex it is level"
+            last = float(vertices[-1, 0]) + size
+            raise ValueError(
+                f"slope.length_m = {slope.length_m:g}: must be as far from ground that is not level to the plane as "
+                f"the size of the body, {size:.4g} m, such as {last:.6g} m; {free}"
+            )
+        return self
+
+    def _has_room_for_bumps(self, section: BumpsSection, size: float) -> Self:
+        """Raise ValueError unless launch and finish are level and one bump at least is between them."""
+        bumps, length = self._bumps, self.slope_section.length_m
+        assert bumps is not None
+        if bumps.begin < size:
+            allowed = f"at least the size of the body, {size:.4g} m, so that it is launched over level ground"
+            raise ValueError(f"slope.bumps.start_m = {section.start_m:g}: must be {allowed}")
+        longest = bumps.gap[1] + bumps.face[1] + bumps.top[1] + (bumps.back or bumps.face)[1]
+        if not bumps.begin + longest <= bumps.end:
+            parts = f"start_m, the longest bump and the size of the body, {size:.4g} m: the finish must be level"
+            least = bumps.begin + longest + size
+            raise ValueError(f"slope.length_m = {length:g}: must be at least {least:.6g} m, the sum of {parts}")
+        if 4 * bumps.most() > MOST_VERTICES:
+            most = f"at most {MOST_VERTICES // 4}; make them or gap_m longer, or slope.length_m shorter"
+            raise ValueError(f"slope.bumps: there may be {bumps.most()} of the shortest: must be {most}")
+        return self
+
     @property
     def ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest value of each field of ``Context``: two new arrays of shape (11,), in its units."""
+        """Lowest and highest value of each field of ``Context``: two new arrays of shape (12,), in its units."""
         low, high = np.array(self._pairs()).T.copy()
         return low, high
 
@@ -152,21 +227,23 @@ class Scenario(Document):
     def hash(self) -> str:
         """Identity of what is simulated, 16 hex digits: words about it, such as title, sources and tags, do not count.
 
-        Neither does a section, a key of ``control``, or a restitution or stiffness of a zone that is not given, nor a
-        rule of ``ends`` that is off.
+        Neither does a section, a key of ``control`` or ``slope``, or a restitution or stiffness of a zone that is not
+        given, nor a rule of ``ends`` that is off. A file of the ground counts by what is in it.
         """
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
         content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
-        own = "restitution", "stiffness_n_m"
+        own = "restitution", "stiffness_n_m", "pieces", "material"
         zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
         content["zones"] = list(zones) or None
-        content["slope"] = {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
+        content["slope"] = _given(
+            {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
+        )
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def sample(self, rng: np.random.Generator, split: Split | None = None) -> Context:
-        """Draw a context, uniform in the ranges; every call takes eleven doubles from ``rng``.
+        """Draw a context, uniform in the ranges; every call takes as many doubles from ``rng`` as ``draws`` says.
 
         Parameters
         ----------
@@ -181,14 +258,20 @@ class Scenario(Document):
         """
         if not isinstance(rng, np.random.Generator):
             raise TypeError(f"rng = {rng!r}: must be a numpy.random.Generator, such as numpy.random.default_rng(0)")
-        return Context(*self.contexts(rng.random(len(Context._fields)), split).tolist())
+        return Context(*self.contexts(rng.random(self.draws), split).tolist())
+
+    @property
+    def draws(self) -> int:
+        """How many doubles a context is drawn from: one a field, without the track where there are no bumps."""
+        return len(Context._fields) - (self.slope_section.bumps is None)
 
     def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:
-        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, both of shape (..., 11).
+        """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, shape (..., 12).
 
         Parameters
         ----------
-        draws : ndarray, shape (..., 11)
+        draws : ndarray, shape (..., 11) or (..., 12)
+            In the order of the fields. Without the last one tracks are number 0.
         split : {"train", "validation", "test"}, optional
             Take a context of this split. Whatever the draws, two splits never share a value of a field that varies,
             ``shape`` apart, and equal draws give contexts that differ by at least 0.23 of every range. Each split is
@@ -200,9 +283,11 @@ class Scenario(Document):
             For an unknown split.
         """
         low, high = self.ranges
-        places = draws if split is None else _apart(draws, split)
+        places = np.zeros((*draws.shape[:-1], len(Context._fields)))
+        places[..., : draws.shape[-1]] = draws if split is None else _apart(draws, split)
         contexts = np.minimum(low + (high - low) * places, high)
         contexts[..., _SHAPE] = np.floor(len(self.all_bodies()) * places[..., _SHAPE])
+        contexts[..., _TRACK] = np.floor(contexts[..., _TRACK])
         return contexts
 
     def _pairs(self) -> tuple[Pair, ...]:
@@ -221,6 +306,7 @@ class Scenario(Document):
             (0.0, 0.0) if zone is None else zone.begin_m,
             (0.0, 0.0) if zone is None else zone.friction,
             (0.0, float(len(self.all_bodies()) - 1)),
+            (0.0, 0.0 if self.slope_section.bumps is None else TRACKS - 1.0),
         )
 
     @property
@@ -252,7 +338,7 @@ class Scenario(Document):
         return self.all_bodies()[int(number)]
 
     def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
-        """Return the body of all contexts of shape (N, 11), or records of kernel.outline.BODY, one a context."""
+        """Return the body of all contexts of shape (N, 12), or records of kernel.outline.BODY, one a context."""
         bodies = self.all_bodies()
         if len(bodies) == 1:
             return bodies[0]
@@ -278,7 +364,7 @@ class Scenario(Document):
         return ContactLaw(*self.laws(_alone(context))[0].tolist())
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact laws of contexts of shape (N, 11): columns are the fields of ContactLaw, shape (N, 5)."""
+        """Return the contact laws of contexts of shape (N, 12): columns are the fields of ContactLaw, shape (N, 5)."""
         law, (_, friction, restitution, *_) = self.contact, contexts.T
         fields = params.ContactLaw(
             stiffness=law.stiffness_n_m,
@@ -290,16 +376,65 @@ class Scenario(Document):
         return _rows(len(contexts), fields)
 
     def slope(self, context: Context) -> Slope:
-        """Return the slope of a context, with its zones."""
-        angle, length, gravity, *rest = self.slopes(_alone(context))[0].tolist()
+        """Return the slope of a context, with its zones and its profile."""
+        rows, (profile,) = self.slopes(_alone(context))
+        angle, length, gravity, *rest = rows[0].tolist()
         fields = iter(None if math.isnan(field) else field for field in rest)
-        return Slope(angle, length, gravity, [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)])
+        zones = [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)]
+        return Slope(angle, length, gravity, zones, profile)
 
-    def slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the slopes of contexts of shape (N, 11): columns are the fields of Slope, then those of each zone.
+    def slopes(self, contexts: NDArray[np.float64]) -> SlopeTable:
+        """Return the slopes of contexts of shape (N, 12), with one profile for all or one each.
 
-        NaN where a zone has no restitution or stiffness of its own.
+        Columns of rows are the fields of Slope, then those of each zone: NaN where it has no restitution or stiffness
+        of its own.
         """
+        return SlopeTable(self._rows_of_slopes(contexts), self.profiles(contexts))
+
+    def profiles(self, contexts: NDArray[np.float64]) -> list[Profile]:
+        """Return the profiles of contexts of shape (N, 12): N if they have bumps, else the one of all."""
+        if self.slope_section.bumps is None:
+            return [self.slope_section.profile]
+        tracks, places = np.unique(contexts[:, _TRACK], return_inverse=True)
+        drawn = profiles_of(self._vertices(tracks))
+        return [drawn[i] for i in places.tolist()]
+
+    def vertices(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vertices x, y [m] of the ground of contexts of shape (N, 12).
+
+        :func:`sledenv.scenarios.tracks.vertices_around` finds those next to a place.
+
+        Returns
+        -------
+        ndarray, shape (N, M, 2), or (1, M, 2) of all contexts where there are no bumps
+            inf behind the last vertex of a ground that has fewer than M.
+        """
+        if self.slope_section.bumps is None:
+            return vertices_of(self.slope_section.profile)[np.newaxis]
+        return self._vertices(contexts[:, _TRACK])
+
+    def _vertices(self, tracks: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Vertices of tracks with such numbers, shapes (N, M, 2) and (N,); raise ValueError if they are none."""
+        accepts, allowed = Context.rules[_TRACK]
+        fine = np.asarray(accepts(tracks))
+        if not fine.all():
+            raise ValueError(f"context.track = {float(tracks[~fine][0])!r}: must be {allowed}")
+        bumps = self._bumps
+        assert bumps is not None
+        return bumps.draw(tracks)
+
+    @property
+    def _bumps(self) -> Bumps | None:
+        """What the bumps of a track are drawn from; None without them."""
+        section = self.slope_section.bumps
+        if section is None:
+            return None
+        size = max(body.size for body in self.all_bodies())
+        begin = size if section.start_m is None else section.start_m
+        ranges = section.gap_m, section.face_m, section.top_m, section.back_m, section.height_m
+        return Bumps(*ranges, begin, self.slope_section.length_m - size)
+
+    def _rows_of_slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         section, contact = self.slope_section, self.contact
         fields: list[Any] = [contexts[:, 0], section.length_m, section.gravity_m_s2]
         for k, zone in enumerate(self.zones):
@@ -316,7 +451,15 @@ class Scenario(Document):
         return _rows(len(contexts), fields)
 
     def settings(self, solver: Solver = "compliant") -> Settings:
-        """Return how its descents are simulated."""
+        """Return how its descents are simulated.
+
+        Raises
+        ------
+        ValueError
+            If ``solver`` is "rigid" where there are vertices or bumps.
+        """
+        if solver != "compliant" and (self.slope_section.bumps or self.slope_section.profile):
+            raise ValueError(f"solver = {solver!r}: must be 'compliant' in scenario {self.id}, which has a profile")
         return Settings(
             solver=solver,
             max_time=self.limits.max_time_s,
@@ -333,7 +476,7 @@ class Scenario(Document):
         spin: float | None = None,
         speed: float | None = None,
     ) -> State:
-        """Return the state at launch: the lowest point of the body lies ``context.drop`` above the slope.
+        """Return the state at launch: the body would touch the ground if it were lower by ``context.drop``.
 
         Parameters
         ----------
@@ -365,14 +508,16 @@ class Scenario(Document):
     def launches(
         self, contexts: NDArray[np.float64], bodies: Body | Sequence[Body] | np.ndarray | None = None
     ) -> NDArray[np.float64]:
-        """Return the states at launch of contexts of shape (N, 11): fields of State, shape (N, 6).
+        """Return the states at launch of contexts of shape (N, 12): fields of State, shape (N, 6).
 
         ``bodies`` takes the place of the scenario's body: one, or bodies or
         records of kernel.outline.BODY, one a context.
         """
         _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
         records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))
-        y = drop + support_heights(records, within_a_turn(orientation))
+        # Bumps begin as far from the launch as bodies reach.
+        ground, phi = Tracks.of([self.slope_section.profile]), within_a_turn(orientation)
+        y = drop + resting_heights(records, np.zeros(len(contexts)), phi, ground)
         return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
 
@@ -427,6 +572,75 @@ def _rows(rows: int, fields: Sequence[Any]) -> NDArray[np.float64]:
     for i, field in enumerate(fields):
         table[:, i] = field
     return table
+
+
+def _laid_out(content: Any) -> Any:
+    """Return what a file holds with the vertices of its profile, and with zones at their places.
+
+    What is wrong otherwise is left to those who look at the keys.
+
+    Raises
+    ------
+    ValueError
+        Naming the file or the zone, the value and what is allowed.
+    """
+    if not isinstance(content, dict) or not isinstance(content.get("slope"), dict):
+        return content
+    slope = dict(content["slope"])
+    file, tolerance = slope.pop("profile_file", None), slope.pop("tolerance_m", None)
+    profile, zones = slope.get("profile_m"), content.get("zones", ())
+    if file is None:
+        if tolerance is not None:
+            raise ValueError(f"slope.tolerance_m = {tolerance!r}: must be left out without slope.profile_file")
+        try:
+            vertices = np.array(profile if profile else [], np.float64).reshape(-1, 2)
+        except (TypeError, ValueError):
+            return content
+        ground = Ground(vertices, np.ones(len(vertices), bool), 0.0, (), None)
+    else:
+        ground = _read(file, tolerance, slope)
+        slope["profile_m"] = ground.vertices[ground.kept].tolist()
+        if ground.angle_deg is not None:
+            slope["angle_deg"] = ground.angle_deg
+    if len(ground.vertices) and "length_m" not in slope:
+        with suppress(ValidationError):
+            bodies = _build(_BODY.validate_python(content.get("body")))
+            slope["length_m"] = float(ground.vertices[-1, 0]) + max(body.size for body in bodies)
+    length = slope.get("length_m")
+    placed_zones = placed(zones, ground, length if isinstance(length, int | float) else math.inf)
+    return content | {"slope": slope, "zones": placed_zones}
+
+
+_BODY: Final[TypeAdapter[Any]] = TypeAdapter(Annotated[AnyBody, Field(discriminator="kind")])
+
+
+def _read(file: Any, tolerance: Any, slope: dict[str, Any]) -> Ground:
+    """Read the file of a profile, given what else is said of the slope."""
+    name = f"slope.profile_file = {file!r}"
+    if not isinstance(file, str):
+        raise ValueError(f"{name}: must be the path of a CSV file")
+    for key in ("profile_m", "bumps"):
+        if slope.get(key) is not None:
+            raise ValueError(f"{name}: must be left out where there is slope.{key}")
+    if tolerance is not None:
+        tolerance = _checked("tolerance_m", tolerance)
+    angle = slope.get("angle_deg")
+    try:
+        ground = read_ground(file, None if angle is None else _checked("angle_deg", angle)[0], tolerance)
+    except (OSError, ValueError, csv.Error) as problem:
+        raise ValueError(f"{name}: {problem}") from problem
+    if ground.angle_deg is not None and isinstance(angle, list | tuple) and angle[0] != angle[1]:
+        why = "the plane over which terrain is measured; left out, it runs through the first and the last place"
+        raise ValueError(f"slope.angle_deg = {list(angle)}: must be one number with a section of terrain, {why}")
+    return ground
+
+
+def _checked(key: str, value: Any) -> Any:
+    """Return the value of a key of the slope as it is kept, or raise ValueError."""
+    try:
+        return SlopeSection.quantities()[key].read(value)
+    except ValueError as problem:
+        raise ValueError(f"slope.{key} = {value!r}: {problem}") from problem
 
 
 @lru_cache

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from functools import lru_cache
 from itertools import combinations
 from typing import Annotated, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
 from sledenv.simulation.records import MOST_ARCS
+from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, Profile, checked_profile
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 
@@ -181,20 +185,82 @@ class ChoiceBody(Section):
 AnyBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | ChoiceBody
 
 
+class BumpsSection(Section):
+    """Bumps one behind the other, drawn anew for each context: level ground, a face, a top, a back down again."""
+
+    height_m: Annotated[Pair, Range("[0.001, inf) m")]
+    face_m: Annotated[Pair, Range("[0.001, inf) m")]  # length along the slope on which it rises
+    top_m: Annotated[Pair, Range("[0, inf) m")]
+    gap_m: Annotated[Pair, Range("[0, inf) m")]  # level ground before each bump
+    back_m: Annotated[Pair | None, Range("[0.001, inf) m")] = (
+        None  # on which it falls; as long as its face unless given
+    )
+    start_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # of the first gap; the size of the body by default
+
+    @model_validator(mode="after")
+    def _not_too_steep(self) -> Self:
+        for key, (shortest, _) in (("face_m", self.face_m), ("back_m", self.back_m or self.face_m)):
+            least = self.height_m[1] / math.tan(STEEPEST)
+            if shortest < least:
+                steepest = f"a piece may be {math.degrees(STEEPEST):g} degrees steep at most"
+                allowed = f"at least {least:.4g} m, for bumps {self.height_m[1]:g} m high: {steepest}"
+                raise ValueError(f"{key} = {shortest:g}: must be {allowed}; make it longer or height_m lower")
+        return self
+
+
 class SlopeSection(Section):
-    """The incline."""
+    """The incline, and the ground over it: none, vertices or bumps."""
 
     angle_deg: Annotated[Pair, Range("(-90, 90) deg")]  # positive downhill
     length_m: Annotated[float, Quantity("(0, inf) m")]
     gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
     run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the line, where a crash still counts
+    profile_m: Annotated[tuple[Pair, ...] | None, Points("(-inf, inf) m", 2, MOST_VERTICES)] = None
+    # What ``Scenario`` reads before: it puts into ``profile_m`` what is in the file.
+    profile_file: StrictStr | None = None
+    tolerance_m: Annotated[float | None, Quantity("(0, inf) m")] = None
+    bumps: BumpsSection | None = None
+
+    @field_validator("profile_m")
+    @classmethod
+    def _goes_on(cls, profile: tuple[Pair, ...] | None) -> tuple[Pair, ...] | None:
+        if profile is None:
+            return None
+        x, _ = (vertices := np.array(profile)).T
+        falls = np.flatnonzero(np.diff(x) <= 0.0)
+        if falls.size:
+            k = int(falls[0]) + 1
+            raise ValueError(f"x of vertex {k} is {x[k]:g}: must be > that of the vertex before, {x[k - 1]:g} m")
+        if (problem := too_steep(vertices)) is not None:
+            raise ValueError(f"the piece from vertex {problem[0] - 1} to {problem[0]} {problem[1]}")
+        return profile
+
+    @field_validator("bumps")
+    @classmethod
+    def _or_a_profile(cls, bumps: BumpsSection | None, info: ValidationInfo) -> BumpsSection | None:
+        if bumps is not None and info.data.get("profile_m") is not None:
+            raise ValueError("must be left out where there is a profile, or the profile must")
+        return bumps
+
+    @property
+    def profile(self) -> Profile:
+        """Vertices of the ground that is the same in all contexts: see :class:`sledenv.Slope`."""
+        return _profile(self)
+
+
+@lru_cache
+def _profile(section: SlopeSection) -> Profile:
+    return checked_profile(section.profile_m or ())
 
 
 class ZoneSection(Section):
     """A part of the slope with a surface of its own, along the places of the contact point."""
 
-    begin_m: Annotated[Pair, Range("[0, inf) m")]
-    end_m: Annotated[float | None, Quantity("(0, inf) m")] = None  # without one it goes on in the run-out
+    begin_m: Annotated[Pair, Range("(-inf, inf) m")]
+    end_m: Annotated[float | None, Quantity("(-inf, inf) m")] = None  # without one it goes on in the run-out
+    # What ``Scenario`` reads before, in place of both.
+    pieces: tuple[int, int] | None = None  # first and last one of the profile
+    material: StrictStr | None = None  # a name in the file of the profile
     friction: Annotated[Pair, Range("[0, inf)")]
     rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # that of the contact by default
     corner_rolling_arm_m: Annotated[float | None, Quantity("[0, inf) m")] = None

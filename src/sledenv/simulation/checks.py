@@ -275,15 +275,14 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
         return
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
-    listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
-    # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
-    sharp = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
-    count = len(lanes.launches)
+    count, sharp = len(lanes.launches), has_sharp_corner(bodies)
     numbers, sharp, sizes, lengths = np.broadcast_arrays(
         *(np.broadcast_to(one, count) for one in (tracks.numbers, sharp, bodies["size"], lanes.slopes[:, 1]))
     )
-    for track, vertices in enumerate(tracks.vertices):
-        on = np.flatnonzero(numbers == track)
+    ends = np.array([vertices[-1, 0] if len(vertices) else -math.inf for vertices in tracks.vertices])
+    doubtful = sharp | (lengths - sizes < ends[numbers])  # behind the last vertex it is level
+    for track in np.unique(numbers[doubtful]).tolist():
+        vertices, on = tracks.vertices[track], np.flatnonzero(doubtful & (numbers == track))
         if sharp[on].any() and crests(vertices).any():
             raise ValueError(
                 f"{names.body.format(lane=int(on[np.argmax(sharp[on])]))} has a sharp corner: all arcs must have a "
@@ -299,6 +298,14 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
                 f"where the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
                 f"{float(sizes[lane])!r} m: the speed along the plane says little there"
             )
+
+
+def has_sharp_corner(bodies: np.ndarray) -> np.ndarray:
+    """Whether bodies, records of kernel.outline.BODY, have a corner without a radius: bools of the same shape."""
+    listed = np.arange(bodies["r"].shape[1]) < bodies["count"][:, np.newaxis]
+    # The end of a side that is listed as a corner, but lowest at one orientation alone, belongs to an arc.
+    sharp: np.ndarray = (listed & (bodies["r"] == 0.0) & (bodies["high"] > bodies["low"])).any(axis=1)
+    return sharp
 
 
 def _admit(names: _Names, lanes: CheckedLanes) -> None:

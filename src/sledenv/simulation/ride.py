@@ -58,15 +58,13 @@ class _Lanes:
         """Put other ground under some lanes."""
         if len(self._tracks) == len(tracks) == 1 and pieces.tobytes() == self._pieces.tobytes():
             return
-        count = len(self._flights)
-        own, new = (
-            [grounds[int(begin) : int(end)] for begin, end in np.broadcast_to(rows, (lanes_of, 2))]
-            for rows, grounds, lanes_of in ((self._tracks, self._pieces, count), (tracks, pieces, len(lanes)))
-        )
-        for lane, ground in zip(lanes.tolist(), new, strict=True):
-            own[lane] = ground
-        ends = np.cumsum([len(ground) for ground in own], dtype=float)
-        self._tracks, self._pieces = np.stack([np.r_[0.0, ends[:-1]], ends], axis=-1), np.concatenate(own)
+        spans = np.broadcast_to(self._tracks, (len(self._flights), 2)).copy()
+        spans[lanes] = tracks + float(len(self._pieces))  # they are put behind those that there are
+        begins, counts = spans[:, 0].astype(np.intp), np.diff(spans, axis=-1)[:, 0].astype(np.intp)
+        ends = np.cumsum(counts)
+        kept = np.arange(ends[-1]) + np.repeat(begins - (ends - counts), counts)
+        self._pieces = np.concatenate([self._pieces, pieces]).take(kept)
+        self._tracks = np.stack([ends - counts, ends], axis=-1).astype(float)
 
     def _followed(self, trims: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> np.ndarray:
         """Where the descents are after one hop; nothing but logs is changed, for an interrupt may come."""

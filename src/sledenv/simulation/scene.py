@@ -60,11 +60,15 @@ def _plane() -> np.ndarray:
 
 def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
     """Return what the kernel reads of the ground: which pieces a lane has, shape (1 or N, 2), and all pieces."""
-    parts = [_laid(vertices) if len(vertices) else _plane() for vertices in tracks.vertices]
-    if len(parts) == 1:
-        return np.array([[0.0, len(parts[0])]]), parts[0]
-    ends = np.cumsum([len(part) for part in parts], dtype=float)
-    return np.stack([np.r_[0.0, ends[:-1]], ends], axis=-1)[tracks.numbers], np.concatenate(parts)
+    if len(tracks.vertices) == 1:
+        (vertices,) = tracks.vertices
+        pieces = _laid(vertices) if len(vertices) else _plane()
+        return np.array([[0.0, len(pieces)]]), pieces
+    ends = np.cumsum([len(vertices) + 1 for vertices in tracks.vertices])
+    spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1), np.zeros(ends[-1], PIECE)
+    for vertices, (begin, end) in zip(tracks.vertices, spans.tolist(), strict=True):
+        run_lay(vertices, pieces[begin:end])
+    return spans[tracks.numbers].astype(float), pieces
 
 
 def checked_profile(given: Any) -> Profile:

@@ -117,19 +117,20 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) 
     ndarray, shape (N,)
         A body that is lower by some length is under the ground by as much, along the normal of the slope's plane.
     """
-    tracked = [track for track, vertices in enumerate(tracks.vertices) if len(vertices)]
-    heights = support_heights(bodies, phi) if len(tracked) < len(tracks.vertices) else np.empty(len(x))
-    if not tracked:
+    sizes, numbers = np.broadcast_to(bodies["size"], x.shape), np.broadcast_to(tracks.numbers, x.shape)
+    begins = np.array([vertices[0] if len(vertices) else (math.inf, 0.0) for vertices in tracks.vertices])
+    over = x + sizes >= begins[numbers, 0]  # before the first vertex the ground is level
+    heights = begins[numbers, 1] + support_heights(bodies, phi)
+    lanes = np.flatnonzero(over)
+    if not len(lanes):
         return heights
+    tracked = np.unique(numbers[lanes]).tolist()
     ground = _Ground.of([tracks.vertices[track] for track in tracked])
-    sizes, over = np.broadcast_to(bodies["size"], x.shape), np.zeros(len(x), bool)
     first, last = np.empty(len(x), np.intp), np.empty(len(x), np.intp)
     for track, start in zip(tracked, ground.starts, strict=True):
         on, places = tracks.lanes(track), tracks.vertices[track][:, 0]
         first[on] = start + np.searchsorted(places, x[on] - sizes[on])
         last[on] = start + np.searchsorted(places, x[on] + sizes[on], side="right")
-        over[on] = True
-    lanes = np.flatnonzero(over)
     ends, begin = np.cumsum(last[lanes] - first[lanes] + 1), 0
     while begin < len(lanes):
         done = ends[begin - 1] if begin else 0

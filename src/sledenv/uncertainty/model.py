@@ -207,7 +207,7 @@ class Study(Document):
         bodies = self.bodies(values)
         contexts = np.tile(base.ranges[0], (len(values), 1))
         _put(given, _CONTEXT, Context, contexts)
-        laws, slopes = base.laws(contexts), base.slopes(contexts)
+        laws, slopes = base.laws(contexts), base.slopes(contexts).rows
         _put(given, _LAW, ContactLaw, laws)
         _put(given, _SLOPE, Slope, slopes)
         return Lanes(bodies, laws, slopes, base.launches(contexts, bodies))

@@ -1,0 +1,128 @@
+"""The ground of many contexts at once: bumps that a whole number draws, and the vertices around places on it.
+
+The vertices of N grounds are an array of shape (N, M, 2), columns x and y [m]. Where a ground has fewer than M, the
+rest of its row is inf.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sledenv.scenarios.configuration import Pair
+from sledenv.simulation.scene import Profile
+
+Floats = NDArray[np.float64]
+
+
+TRACKS: Final = 2**32  # how many numbers there are, each of which draws a track
+LEAST: Final = 1e-3  # [m] shorter pieces are left out
+BEHIND: Final = 2  # vertices that are told of the ground behind a place
+AHEAD: Final = 8  # and ahead of it
+
+_GOLDEN = 0x9E3779B97F4A7C15
+_MIX = (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)
+
+
+class Bumps(NamedTuple):
+    """Lowest and highest numbers [m] of what each bump of a track is drawn from."""
+
+    gap: Pair  # level ground before the bump
+    face: Pair  # length along the slope on which it rises
+    top: Pair  # level ground on it
+    back: Pair | None  # length on which it falls; that of its face if None
+    height: Pair
+    begin: float  # where the first gap begins
+    end: float  # behind which there is no bump
+
+    def draw(self, tracks: NDArray[np.float64]) -> Floats:
+        """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 2).
+
+        The same number is the same track on every machine: SplitMix64 turns it into numbers in [0, 1), five a bump, and
+        all else is plain arithmetic. As many bumps follow each other as end before ``end``. A gap or a top of less than
+        a millimetre is none.
+        """
+        count = self.most()
+        ranges = np.array([self.gap, self.face, self.top, self.back or self.face, self.height])
+        low, high = ranges.T
+        drawn = np.minimum(low + (high - low) * _uniform(tracks, len(ranges) * count).reshape(-1, count, 5), high)
+        if self.back is None:
+            drawn[..., 3] = drawn[..., 1]
+        lengths = np.where(drawn[..., :4] < LEAST, 0.0, drawn[..., :4]).reshape(len(drawn), -1)
+        x = np.cumsum(np.column_stack([np.full(len(drawn), self.begin), lengths]), axis=1)
+        y = drawn[..., 4:] * (0.0, 1.0, 1.0, 0.0)
+        fits = np.repeat(x[:, 4::4] <= self.end, 4, axis=1)
+        # Without a gap or a top, two vertices are one.
+        return _packed(x[:, 1:], y.reshape(len(drawn), -1), fits & np.c_[np.ones(len(x), bool), x[:, 2:] > x[:, 1:-1]])
+
+    def most(self) -> int:
+        """Return how many bumps there can be."""
+        shortest = self.gap[0] + self.face[0] + self.top[0] + (self.back or self.face)[0]
+        return max(int((self.end - self.begin) / shortest) + 1, 0)
+
+
+def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the vertices next to places: two behind them, then eight ahead, in the order of x.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (N, M, 2) or (1, M, 2)
+        Of one ground for all places, or of one a place: ``Scenario.vertices``.
+    x : ndarray, shape (N,)
+        Places [m] along the slope. A vertex at the place itself is behind it.
+
+    Returns
+    -------
+    ndarray, shape (N, 10, 2)
+        x and y [m] less those of the ground at the place; 0 where there is no such vertex.
+    ndarray of bool, shape (N, 10)
+        Whether there is.
+    """
+    lanes, most = len(x), vertices.shape[1]
+    if not most:
+        return np.zeros((lanes, BEHIND + AHEAD, 2)), np.zeros((lanes, BEHIND + AHEAD), np.bool_)
+    if len(vertices) == 1:
+        reached, row = np.searchsorted(vertices[0, :, 0], x, side="right"), np.zeros((lanes, 1), np.intp)
+    else:
+        reached, row = (vertices[:, :, 0] <= x[:, np.newaxis]).sum(axis=1), np.arange(lanes)[:, np.newaxis]
+    places = reached[:, np.newaxis] + np.arange(-BEHIND, AHEAD)
+    found = vertices[row, np.clip(places, 0, most - 1)]
+    there = (places >= 0) & (places < most) & np.isfinite(found[..., 0])
+    found = np.where(there[..., np.newaxis], found, 0.0)
+    (x0, y0), (x1, y1) = found[:, BEHIND - 1].T, found[:, BEHIND].T
+    left, right = there[:, BEHIND - 1], there[:, BEHIND]
+    share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=left & right)
+    here = np.stack([x, np.where(left, y0, y1) + share * (y1 - y0)], axis=-1)
+    return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there
+
+
+def profiles_of(vertices: Floats) -> list[Profile]:
+    """Return the profiles of grounds, N of shape (N, M, 2)."""
+    counts = np.isfinite(vertices[..., 0]).sum(axis=1).tolist()
+    rows = zip(vertices.tolist(), counts, strict=True)
+    return [tuple((x, y) for x, y in row[:count]) for row, count in rows]
+
+
+def _packed(x: Floats, y: Floats, kept: NDArray[np.bool_]) -> Floats:
+    """Return the vertices that are kept, one behind the other: shapes (N, K) and (N, M, 2)."""
+    counts = np.cumsum(kept, axis=1)
+    rows, columns = np.nonzero(kept)
+    vertices = np.full((len(x), int(counts[:, -1].max(initial=0)) if kept.shape[1] else 0, 2), np.inf)
+    vertices[rows, counts[rows, columns] - 1] = np.column_stack([x[kept], y[kept]])
+    return vertices
+
+
+def _uniform(seeds: Floats, count: int) -> Floats:
+    """Return as many numbers in [0, 1) of each of N seeds, whole ones in [0, 2^64): SplitMix64, shape (N, count)."""
+    start = _mixed(seeds.astype(np.uint64) + np.uint64(_GOLDEN))  # so that neighbours are nothing alike
+    steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(_GOLDEN)
+    drawn: Floats = (_mixed(start[:, np.newaxis] + steps) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return drawn
+
+
+def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    for shift, factor in _MIX:
+        words = (words ^ (words >> np.uint64(shift))) * np.uint64(factor)
+    return words ^ (words >> np.uint64(31))

@@ -1,0 +1,234 @@
+"""Files of ground: what is read, what is refused and in which line, and how far simplified ground is off."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sledenv.scenarios.scenario import Scenario, ScenarioError, load_scenario
+from sledenv.scenarios.terrain import _significance, read_ground
+from sledenv.simulation.scene import MOST_VERTICES
+from tests.scenarios.test_scenario import DELETE, changed
+
+SECTION = "x_m,z_m\n0,77.1\n10,67.9\n20,59.6\n30,51.9\n40,44.8\n50,38.1\n60,33.4\n70,31.3\n80,30.5\n"
+
+
+@pytest.fixture
+def ground(tmp_path: Path) -> Any:
+    """Return what makes a scenario from the text of a file that lies beside it."""
+
+    def load(text: str, **changes: Any) -> Scenario:
+        (tmp_path / "ground.csv").write_text(text, encoding="utf-8")
+        content = changed(**{"slope__profile_file": "ground.csv"} | changes)
+        (tmp_path / "one.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+        return load_scenario(tmp_path / "one.yaml")
+
+    return load
+
+
+def refusal(ground: Any, text: str, **changes: Any) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        ground(text, **changes)
+    (line,) = str(caught.value).splitlines()
+    _, found, told = line.partition("ground.csv': ")
+    return told if found else line.partition("one.yaml: ")[2]
+
+
+def test_a_profile_lies_beside_its_scenario(ground: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the vertices in the scenario itself; columns in any order, comments, quotes."""
+    same = Scenario.model_validate(changed(slope__profile_m=[[-0.5, 0], [1, 0.25], [2, 0]]))
+    for text in (
+        "x_m,y_m\n-0.5,0\n1,0.25\n2,0\n",
+        "\ufeff# drawn by hand\n\ny_m, x_m\r\n0,-.5\r\n2.5e-1,1\r\n#0,1.5\r\n0,2\r\n\r\n",
+        '"x_m","y_m"\n"-0.5","0"\n1,0.25\n2,-0.0',
+    ):
+        scenario = ground(text)
+        assert scenario == same
+        assert scenario.hash == same.hash
+        assert Scenario.model_validate(scenario.model_dump()) == scenario
+    monkeypatch.chdir(tmp_path)
+    assert Scenario.model_validate(changed(slope__profile_file="ground.csv")) == same
+
+
+def test_a_section_of_terrain_is_measured_over_its_own_plane(ground: Any) -> None:
+    """Oracle: lengths and inclinations of the pieces of the file; both ends lie in the plane."""
+    scenario = ground(SECTION, slope__angle_deg=DELETE, slope__length_m=DELETE)
+    (angle, _) = scenario.slope_section.angle_deg
+    assert angle == round(math.degrees(math.atan2(77.1 - 30.5, 80)), 6)
+    vertices = np.array(scenario.slope_section.profile_m)
+    np.testing.assert_allclose(vertices[0], 0.0)
+    np.testing.assert_allclose(vertices[-1], [math.hypot(46.6, 80), 0.0], atol=1e-6)
+    assert scenario.slope_section.length_m == vertices[-1, 0] + 0.75
+    terrain = np.genfromtxt(SECTION.splitlines(), delimiter=",", skip_header=1)
+    for pieces, signs in ((vertices, 1.0), (terrain, 0.0)):
+        along, up = np.diff(pieces, axis=0).T
+        lengths, down = np.hypot(along, up), signs * math.radians(angle) - np.arctan2(up, along)
+        if signs:
+            expected = lengths, down
+    np.testing.assert_allclose(lengths, expected[0])
+    np.testing.assert_allclose(down, expected[1])
+
+
+def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
+    """Oracle: the level plane, over which heights are those of the file less that at x_m = 0."""
+    text = "x_m,z_m\n-10,12\n10,8\n20,8.5\n"
+    scenario = ground(text, slope__angle_deg=0, slope__length_m=DELETE)
+    assert scenario.slope_section.profile_m == ((-10.0, 2.0), (10.0, -2.0), (20.0, -1.5))
+    assert scenario.launches(scenario.contexts(np.full((1, 11), 0.5)))[0, 0] == 0.0
+    assert "slope.angle_deg = [6, 12]: must be one number with a section of terrain, the plane over which" in refusal(
+        ground, text, slope__angle_deg=[6, 12]
+    )
+    assert refusal(ground, text, slope__angle_deg="steep").startswith("slope.angle_deg = 'steep': must be a number, or")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty: must name the columns, x_m, y_m"),
+        ("# nothing\n", "the file is empty"),
+        ("x_m;y_m\n0;1\n", "line 1 = 'x_m;y_m': must name the columns"),
+        ("0,1\n1,2\n", "line 1 = '0,1': must name the columns"),
+        ("x_cm,y_m\n0,1\n", "line 1 = 'x_cm,y_m': must name the columns"),
+        ("x_m,y_m,z_m\n0,1,2\n", "line 1 = 'x_m,y_m,z_m': must name the columns"),
+        ("x_m,y_m,x_m\n0,1,2\n", "line 1 = 'x_m,y_m,x_m': must name the columns"),
+        ("x_m,y_m\n0,1\n", "holds 1 vertices: must hold at least 2"),
+        ("#\nx_m,y_m\n0,1\n\n1,2,3\n", "line 5: has 3 values: must have 2, x_m, y_m"),
+        ("x_m,y_m\n0,1\n1,2 m\n", "line 3: y_m = '2 m': must be a finite number of metres"),
+        ("x_m,y_m\n0,1\n1,nan\n", "line 3: y_m = 'nan': must be a finite number of metres"),
+        (
+            "x_m,y_m\n0,1\n1,\n2,0\n",
+            "line 3: y_m = '': must be a finite number of metres; leave out the line where nothing is known: the",
+        ),
+        (
+            "x_m,y_m\n0,0\n2,0\n1,0\n3,0\n",
+            "line 4: x_m = 1: must be > 2 m, that of line 3; put the lines in the order of x",
+        ),
+        (
+            "x_m,y_m\n3,0\n2,0\n1,0\n",
+            "line 3: x_m = 2: must be > 3 m, that of line 2; put the lines in the order of x: all of them run",
+        ),
+        ("x_m,y_m\n0,0\n#\n1,0\n1,0\n", "line 5: x_m = 1, y_m = 0: repeats line 4; leave one of them out"),
+        (
+            "x_m,y_m\n0,0\n1,0\n1,3\n",
+            "line 4: x_m = 1: is a vertical step from y_m = 0 in line 3 to 3 m; let it lean: x must increase, and no "
+            "piece may be steeper to the plane than 80 degrees",
+        ),
+        (
+            "x_m,y_m\n0,0\n1,0\n1.1,3\n",
+            "line 4: the piece from line 3 to here is 88.1 degrees steep to the plane: must be at most 80 degrees; "
+            "move a vertex, or tilt the plane",
+        ),
+        ("x_m,z_m\n5,90\n10,80\n", "x_m runs from 5 to 10 m: must hold 0, where descents start; shift it so that it"),
+        ('x_m,y_m\n0,"1\n', "holds 1 vertices: must hold at least 2"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told_by_its_line(ground: Any, text: str, message: str) -> None:
+    """Oracle: the message."""
+    assert refusal(ground, text, slope__angle_deg=45).startswith(message)
+
+
+def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(ground: Any) -> None:
+    """Oracle: a cliff of 85 degrees over planes of 0 and of 60 degrees."""
+    text = f"x_m,z_m\n0,0\n1,{-math.tan(math.radians(85))}\n30,-40\n"
+    told = refusal(ground, text, slope__angle_deg=0, slope__length_m=DELETE)
+    assert told == (
+        "line 3: the piece from line 2 to here is -85 degrees steep to the plane: must be at most 80 degrees; move a "
+        "vertex, or tilt the plane of 0 degrees"
+    )
+    assert ground(text, slope__angle_deg=60, slope__length_m=DELETE).slope_section.angle_deg == (60, 60)
+
+
+def test_a_file_that_is_not_there_or_stands_beside_other_ground_is_told(ground: Any, tmp_path: Path) -> None:
+    """Oracle: the message."""
+    content = changed(slope__profile_file="nothing.csv")
+    with pytest.raises(ScenarioError, match=r"slope\.profile_file = 'nothing\.csv': .*No such file"):
+        Scenario.model_validate(content)
+    with pytest.raises(ScenarioError, match=r"slope\.profile_file = 3: must be the path of a CSV file"):
+        Scenario.model_validate(changed(slope__profile_file=3))
+    for key, value in (("profile_m", [[0, 0], [1, 1]]), ("bumps", {"height_m": 1})):
+        with pytest.raises(ScenarioError, match=rf"must be left out where there is slope\.{key}"):
+            Scenario.model_validate(content | {"slope": content["slope"] | {key: value}})
+    assert refusal(ground, SECTION, slope__tolerance_m=0).startswith("slope.tolerance_m = 0: must be a number in (0, ")
+
+
+# Simplified ground.
+
+
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=60), st.floats(1e-3, 1))
+def test_a_simplified_ground_is_within_its_tolerance(heights: list[float], tolerance: float) -> None:
+    """Oracle: np.interp over what is left; the ends stay, and a lower tolerance keeps all that a higher one keeps."""
+    vertices = np.column_stack([np.arange(len(heights)), heights])
+    matters = _significance(vertices, 0.0)
+    kept = matters > tolerance
+    assert kept[0]
+    assert kept[-1]
+    away = np.interp(vertices[:, 0], *vertices[kept].T) - vertices[:, 1]
+    assert np.abs(away).max() <= tolerance + 1e-12
+    np.testing.assert_array_equal(_significance(vertices, tolerance) > tolerance, kept)
+
+
+def test_too_many_vertices_are_refused_with_a_tolerance_that_is_enough(tmp_path: Path) -> None:
+    """Oracle: the file read with that tolerance, and the deviation that it tells."""
+    rng = np.random.default_rng(0)
+    x = np.linspace(0.0, 100.0, MOST_VERTICES + 2000)
+    y = np.sin(x) + 1e-4 * rng.uniform(-1.0, 1.0, len(x))
+    path = tmp_path / "long.csv"
+    path.write_text("x_m,y_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(x.tolist(), y.tolist(), strict=True)))
+    with pytest.raises(
+        ValueError, match=f"holds {len(x)} vertices: must hold at most {MOST_VERTICES}; slope.tolerance_m = "
+    ) as caught:
+        read_ground(str(path))
+    enough = float(str(caught.value).partition("tolerance_m = ")[2].split()[0])
+    found = read_ground(str(path), tolerance=enough)
+    assert 0.5 * MOST_VERTICES < found.kept.sum() <= MOST_VERTICES
+    assert 0.0 < found.deviation <= enough
+    few = read_ground(str(path), tolerance=0.01)
+    assert few.kept.sum() < 2000
+    assert few.deviation <= 0.01
+    with pytest.raises(
+        ValueError, match=r"vertices with tolerance_m = 1e-09: must hold at most 16384; give more, the most"
+    ):
+        read_ground(str(path), tolerance=1e-9)
+
+
+# Materials.
+
+ROCKY = "x_m,y_m,material\n-1,0,rock\n1,0.1,rock\n2,0,\n3,0.1,grass\n4,0,rock\n5,0.1,\n6,0,\n"
+
+
+def test_materials_of_a_file_are_zones(ground: Any) -> None:
+    """Oracle: the places by hand; runs of one material are one zone each, and the finish cuts what is behind it."""
+    zones = [{"material": "rock", "friction": 0.5, "restitution": 0.3}, {"material": "grass", "friction": 0.8}]
+    scenario = ground(ROCKY, zones=zones)
+    found = [(zone.begin_m[0], zone.end_m, zone.friction[0], zone.restitution) for zone in scenario.zones]
+    assert found == [(-1, 2, 0.5, 0.3), (3, 4, 0.8, None), (4, 5, 0.5, 0.3)]
+    assert len(scenario.slope(scenario.sample(np.random.default_rng(0))).zones) == 3
+    last = "x_m,y_m,material\n0,0.1,rock\n1,0,\n7,0,grass\n8,0,rock\n11,0.1,rock\n"
+    found = [(zone.begin_m[0], zone.end_m) for zone in ground(last, slope__length_m=12, zones=zones).zones]
+    assert found == [(0, 1), (7, 8), (8, None)]
+    assert [zone.begin_m[0] for zone in ground(last, slope__length_m=7.2, zones=zones[:1]).zones] == [0]
+    simpler = ground(ROCKY.replace("1,0.1,rock", "1,0.001,rock", 1), zones=zones, slope__tolerance_m=0.05)
+    assert len(simpler.slope_section.profile_m) == 6
+    assert [zone.begin_m[0] for zone in simpler.zones] == [-1, 3, 4]
+    assert "zones.0.material = 'roc': must be one of grass, rock" in refusal(
+        ground, ROCKY, zones=[{"material": "roc", "friction": 0.5}]
+    )
+    told = refusal(ground, "x_m,y_m\n0,0\n1,0.1\n2,0\n", zones=zones[:1])
+    assert told == "zones.0.material = 'rock': must be left out: the profile has no column material"
+
+
+def test_more_zones_than_there_may_be_are_told(ground: Any) -> None:
+    """Oracle: the message."""
+    rows = "".join(f"{x},{0.1 * (x % 2)},{'rock' if x % 2 else ''}\n" for x in range(20))
+    told = refusal(ground, "x_m,y_m,material\n" + rows, zones=[{"material": "rock", "friction": 1}], slope__length_m=21)
+    assert told == (
+        "zones: the materials make 10 zones, one behind the other: must be at most 8; let the commonest be that of the "
+        "contact, without a zone, or join pieces"
+    )

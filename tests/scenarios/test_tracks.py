@@ -1,0 +1,346 @@
+"""Tracks of scenarios: vertices, and bumps that a number draws; what is refused, and what is seen from a place."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from sledenv.scenarios.scenario import Context, Scenario
+from sledenv.scenarios.tracks import AHEAD, BEHIND, TRACKS, profiles_of, vertices_around
+from sledenv.simulation.scene import Slope, Zone, checked_profile
+from sledenv.simulation.simulate import simulate, simulate_batch
+from tests.scenarios.test_scenario import DELETE, POLYGON, changed, problems
+
+BUMPS = {"height_m": [0.4, 0.9], "face_m": [2.5, 4], "top_m": [0.2, 1.5], "gap_m": [2, 8]}
+ROOF = [[0, 0], [1, 0.1], [2, 0]]
+SIZE = 0.75  # of the body [m]
+
+
+def bumpy(length: float = 40.0, **keys: Any) -> Scenario:
+    return Scenario.model_validate(changed(slope__length_m=length, slope__bumps=BUMPS | keys))
+
+
+def drawn(scenario: Scenario, count: int = 40, seed: int = 0) -> np.ndarray:
+    return scenario.contexts(np.random.default_rng(seed).random((count, scenario.draws)))
+
+
+# Vertices.
+
+
+def test_a_profile_is_that_of_every_slope() -> None:
+    """Oracle: the simulator's own slope; vertices without a turn are left out of it, but count in the hash."""
+    scenario = Scenario.model_validate(changed(slope__profile_m=ROOF))
+    context = scenario.sample(np.random.default_rng(0))
+    assert scenario.slope(context) == Slope(context.angle, 10.0, 9.81, (), ROOF)
+    assert scenario.vertices(drawn(scenario)).tolist() == [ROOF]
+    assert scenario.draws == 11
+    assert pickle.loads(pickle.dumps(scenario)) == Scenario.model_validate(scenario.model_dump()) == scenario
+    cut = Scenario.model_validate(changed(slope__profile_m=[[0, 0], [0.5, 0.05], [1, 0.1], [2, 0]]))
+    assert cut.slope(context) == scenario.slope(context)
+    plain = Scenario.model_validate(changed())
+    assert len({cut.hash, scenario.hash, plain.hash}) == 3
+    assert Scenario.model_validate(changed(slope__profile_m=None, slope__bumps=None)).hash == plain.hash
+
+
+def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
+    """Oracle: the least distance of 40 000 points of the outline of a disc from the ground below them."""
+    scenario = Scenario.model_validate(changed(slope__profile_m=[[-1, 0], [0, 0.5], [0.4, 0.1], [1, 0.8], [2, 0.8]]))
+    contexts = drawn(scenario)
+    around = np.linspace(0.0, 2.0 * math.pi, 40_001)
+    for context, launch in zip(contexts, scenario.launches(contexts), strict=True):
+        disc, slope = scenario.body(), scenario.slope(Context(*context))
+        x = -disc.eccentricity * math.sin(launch[2]) + 0.5 * np.cos(around)
+        y = launch[1] + disc.eccentricity * math.cos(launch[2]) + 0.5 * np.sin(around)
+        assert (y - slope.height_at(x)).min() == pytest.approx(context[4], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("slope", "message"),
+    [
+        ({"profile_m": [[0, 0]]}, "slope.profile_m = [[0, 0]]: must be a list of 2 to 16384 pairs [x, y] of numbers"),
+        (
+            {"profile_m": [[0, 0], [1, 0.1], [1, 3]]},
+            "slope.profile_m = [[0, 0], [1, 0.1], [1, 3]]: x of vertex 2 is 1: must be > that of the vertex before",
+        ),
+        (
+            {"profile_m": [[0, 0], [1, 0.1], [1.1, 3]]},
+            "slope.profile_m = [[0, 0], [1, 0.1], [1.1, 3]]: the piece from vertex 1 to 2 is 88 degrees steep to the "
+            "plane: must be at most 80 degrees; move a vertex, or tilt the plane",
+        ),
+        (
+            {"profile_m": ROOF, "length_m": 2.5},
+            "slope.length_m = 2.5: must be as far from ground that is not level to the plane as the size of the body, "
+            "0.75 m, such as 2.75 m; the ground slopes from 1 to 2 m; behind its last vertex it is level",
+        ),
+        ({"profile_m": ROOF, "bumps": BUMPS}, "slope.bumps: must be left out where there is a profile, or the profile"),
+        ({"tolerance_m": 1}, "slope.tolerance_m = 1: must be left out without slope.profile_file"),
+        (
+            {"bumps": BUMPS | {"face_m": 0.1}},
+            "slope.bumps: face_m = 0.1: must be at least 0.1587 m, for bumps 0.9 m high: a piece may be 80 degrees "
+            "steep at most; make it longer or height_m lower",
+        ),
+        ({"bumps": BUMPS | {"back_m": [0.1, 4]}}, "slope.bumps: back_m = 0.1: must be at least 0.1587 m, for bumps"),
+        ({"bumps": BUMPS | {"heigth_m": 3}}, "slope.bumps.heigth_m = 3: unknown key (did you mean 'height_m'?)"),
+        ({"bumps": 3}, "slope.bumps = 3: must be a mapping of keys to values"),
+        (
+            {"bumps": BUMPS, "length_m": 18.9},
+            "slope.length_m = 18.9: must be at least 19 m, the sum of start_m, the longest bump and the size of the "
+            "body, 0.75 m: the finish must be level",
+        ),
+        (
+            {"bumps": BUMPS | {"start_m": 0.1}},
+            "slope.bumps.start_m = 0.1: must be at least the size of the body, 0.75 m, so that it is launched over",
+        ),
+        (
+            {"bumps": {"height_m": 0.01, "face_m": [0.002, 4], "top_m": 0, "gap_m": 0}},
+            "slope.bumps: there may be 9626 of the shortest: must be at most 4096; make them or gap_m longer",
+        ),
+    ],
+)
+def test_what_no_body_can_ride_is_refused_with_the_remedy(slope: dict[str, Any], message: str) -> None:
+    """Oracle: the message."""
+    (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
+    assert line.startswith(f"scenario example: {message}")
+
+
+def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
+    """Oracle: the message."""
+    remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
+    message = f"scenario example: body: has a sharp corner, which must be rounded where the ground has crests; {remedy}"
+    for slope in ({"slope__profile_m": ROOF}, {"slope__bumps": BUMPS, "slope__length_m": 40}):
+        assert problems(changed(body=POLYGON, **slope)) == [message]
+        Scenario.model_validate(changed(body=POLYGON | {"rounding_m": 0.05}, **slope))
+
+
+def test_rigid_surfaces_are_refused() -> None:
+    """Oracle: the message; a profile in the plane is none."""
+    with pytest.raises(ValueError, match="solver = 'rigid': must be 'compliant' in scenario example, which has a prof"):
+        bumpy().settings("rigid")
+    flat = Scenario.model_validate(changed(slope__profile_m=[[0, 0], [1, 0], [2, 0]]))
+    assert flat.settings("rigid").solver == "rigid"
+
+
+def test_a_zone_may_be_given_by_pieces() -> None:
+    """Oracle: the places of the vertices; behind the finish a zone goes on."""
+    zones = [{"pieces": [1, 2], "friction": 0.5}, {"pieces": [0, 0], "friction": [0.1, 0.2]}]
+    profile = [[-1, 0], [1, 0.1], [2, 0], [3, 0], [30, 0.1]]
+    content = changed(slope__profile_m=profile, slope__length_m=31) | {"zones": zones}
+    scenario = Scenario.model_validate(content)
+    context = scenario.sample(np.random.default_rng(0))
+    assert (context.zone_begin, 0.1 < context.zone_friction < 0.2) == (-1.0, True)
+    first, second = scenario.slope(context).zones
+    assert first == Zone(-1, 1, context.zone_friction, 0.005)
+    assert second == Zone(1, 3, 0.5, 0.005)
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+    (last,) = Scenario.model_validate(content | {"zones": [{"pieces": [3, 3], "friction": 0.5}]}).zones
+    assert (last.begin_m, last.end_m) == ((3, 3), 30)
+    for wrong in ([2, 1], [0, 4], [-1, 0], [0.5, 1], [0], 3, "01"):
+        (line,) = problems(content | {"zones": [{"pieces": wrong, "friction": 0.5}]})
+        assert line == (
+            f"scenario example: zones.0.pieces = {wrong!r}: must be a pair [first, last] of whole numbers in [0, 3], "
+            "pieces of the profile"
+        )
+    (line,) = problems(changed() | {"zones": [{"pieces": [0, 0], "friction": 0.5}]})
+    assert line.endswith("zones.0.pieces = [0, 0]: must be left out: the slope has no profile")
+    (line,) = problems(content | {"zones": [{"pieces": [0, 0], "begin_m": 0, "friction": 0.5}]})
+    assert line.endswith("zones.0: must have either begin_m and end_m, pieces or material, not begin_m and pieces")
+
+
+def test_a_slope_ends_where_its_ground_is_level_unless_its_length_is_given() -> None:
+    """Oracle: the last vertex and the size of the body."""
+    scenario = Scenario.model_validate(changed(slope__profile_m=ROOF, slope__length_m=DELETE))
+    assert scenario.slope_section.length_m == 2.0 + SIZE
+    assert any("slope.length_m: missing" in line for line in problems(changed(slope__length_m=DELETE)))
+
+
+# Bumps.
+
+
+@st.composite
+def sections(draw: st.DrawFn) -> dict[str, Any]:
+    def pair(low: float, high: float) -> list[float]:
+        return sorted(draw(st.tuples(st.floats(low, high), st.floats(low, high))))
+
+    keys = {"height_m": pair(0.001, 2), "face_m": pair(0.5, 5), "top_m": pair(0, 3), "gap_m": pair(0, 5)}
+    if draw(st.booleans()):
+        keys["back_m"] = pair(0.5, 6)
+    if draw(st.booleans()):
+        keys["start_m"] = draw(st.floats(SIZE, 10))
+    return keys
+
+
+@settings(deadline=None)
+@given(sections(), st.floats(0, 60), st.lists(st.integers(0, TRACKS - 1), min_size=1, max_size=5))
+def test_bumps_are_valid_profiles_inside_their_ranges(keys: dict[str, Any], more: float, tracks: list[int]) -> None:
+    """Oracle: the checks of the simulator, and a walk along each track, bump by bump."""
+    start = keys.get("start_m", SIZE)
+    assume(keys["height_m"][1] / min(keys["face_m"][0], keys.get("back_m", keys["face_m"])[0]) < 5.6)
+    back = keys.get("back_m", keys["face_m"])
+    longest = sum(high for _, high in (keys["gap_m"], keys["face_m"], keys["top_m"], back))
+    length = start + longest + SIZE + 1e-6 + more
+    scenario = Scenario.model_validate(changed(slope__length_m=length, slope__bumps=keys))
+    contexts = drawn(scenario, len(tracks))
+    contexts[:, -1] = tracks
+    for profile, again in zip(scenario.profiles(contexts), scenario.profiles(contexts[::-1])[::-1], strict=True):
+        assert profile == again
+        assert checked_profile(profile) == profile
+        corners = [y == 0.0 for _, y in profile]
+        assert corners[0]
+        assert corners[-1]
+        x, tops, reached = profile[0][0], [vertex for vertex in profile if vertex[1] > 0.0], start
+        assert reached + keys["gap_m"][0] - 1e-3 <= x <= reached + keys["gap_m"][1] + 1e-9
+        for _, y in tops:
+            assert keys["height_m"][0] <= y <= keys["height_m"][1]
+        for (x0, y0), (x1, y1) in pairwise(profile):
+            low, high = (
+                keys["top_m"] if y0 == y1 > 0 else keys["gap_m"] if y0 == y1 else keys["face_m"] if y1 > y0 else back
+            )
+            assert low - 1e-9 <= x1 - x0 <= high + 1e-9
+            assert x1 - x0 >= 1e-3 - 1e-9
+        assert profile[-1][0] <= length - SIZE < profile[-1][0] + longest + 1e-9
+
+
+def test_the_faces_of_a_bump_are_as_long_as_each_other_unless_it_has_a_back() -> None:
+    """Oracle: the differences of the vertices."""
+    for keys, same in (({}, True), ({"back_m": [2.5, 4]}, False)):
+        scenario = bumpy(**keys)
+        x = scenario.vertices(drawn(scenario))[:, :4, 0]
+        equal = np.isclose(x[:, 1] - x[:, 0], x[:, 3] - x[:, 2])
+        assert equal.all() == equal.any() == same
+
+
+def test_a_track_is_drawn_alike_on_every_machine() -> None:
+    """Oracle: SplitMix64 in whole numbers of Python, and a recorded track."""
+    scenario, track = bumpy(), 2_309_737_967
+
+    def mixed(word: int) -> int:
+        word = (word ^ word >> 30) * 0xBF58476D1CE4E5B9 % 2**64
+        word = (word ^ word >> 27) * 0x94D049BB133111EB % 2**64
+        return word ^ word >> 31
+
+    golden, x, vertices = 0x9E3779B97F4A7C15, SIZE, []
+    state = mixed(track + golden)
+    for bump in range(100):
+        draws = [(mixed((state + (5 * bump + k + 1) * golden) % 2**64) >> 11) * 2.0**-53 for k in range(5)]
+        low_high = (BUMPS[key] for key in ("gap_m", "face_m", "top_m", "face_m", "height_m"))
+        gap, face, top, _, height = (low + (high - low) * u for (low, high), u in zip(low_high, draws, strict=True))
+        places = [x := x + step for step in (gap, face, top, face)]
+        if x > 40.0 - SIZE:
+            break
+        vertices += zip(places, (0.0, height, height, 0.0), strict=True)
+    context = scenario.sample(np.random.default_rng(0))._replace(track=float(track))
+    assert scenario.slope(context).profile == tuple(vertices)
+    assert scenario.slope(context).profile[1] == (12.047977060548822, 0.6394332391876765)
+
+
+def test_neighbouring_numbers_draw_tracks_that_are_nothing_alike() -> None:
+    """Oracle: no correlation of the first gap and height over neighbours, and means in the middle of the ranges."""
+    contexts = np.zeros((4000, 12))
+    contexts[:, -1] = np.arange(4000)
+    vertices = bumpy().vertices(contexts)
+    first = np.column_stack([vertices[:, 0, 0] - SIZE, vertices[:, 1, 1]])
+    np.testing.assert_allclose(first.mean(axis=0), [5.0, 0.65], rtol=0.03)
+    for column in first.T:
+        assert abs(np.corrcoef(column[1:], column[:-1])[0, 1]) < 6 / math.sqrt(4000)
+
+
+def test_a_context_draws_and_tells_the_number_of_its_track() -> None:
+    """Oracle: twelve doubles, the last of which is the number; two splits have none in common."""
+    scenario = bumpy()
+    rng, twin = np.random.default_rng(3), np.random.default_rng(3)
+    context = scenario.sample(rng)
+    assert context.track == np.floor(TRACKS * twin.random(12)[-1])
+    assert rng.random() == twin.random()
+    numbers = [set(drawn_in(scenario, split)) for split in ("train", "validation", "test")]
+    assert not numbers[0] & numbers[1] | numbers[0] & numbers[2] | numbers[1] & numbers[2]
+    assert scenario.slope(Context(*context)) == scenario.slope(context)
+    assert scenario.slope(context._replace(track=1.0)) != scenario.slope(context)
+    assert (scenario.contexts(np.full((2, 11), 0.5))[:, -1] == 0.0).all()
+    with pytest.raises(ValueError, match=r"track = 0\.5: must be a whole number in \[0, 4294967296\)"):
+        scenario.slope(context._replace(track=0.5))
+    with pytest.raises(ValueError, match=r"track = -1\.0: must be a whole number"):
+        scenario.vertices(np.array([context._replace(track=-1.0)]))
+
+
+def drawn_in(scenario: Scenario, split: Any) -> list[float]:
+    draws = np.random.default_rng(1).random((500, 12))
+    draws[:, -1] = np.repeat(draws[:50, -1], 10) + np.tile(np.arange(10), 50) * 2.0**-32  # as near as numbers are
+    tracks: list[float] = scenario.contexts(np.minimum(draws, 1 - 2.0**-53), split)[:, -1].tolist()
+    return tracks
+
+
+def test_a_batch_over_tracks_is_what_each_descent_is_alone() -> None:
+    """Oracle: simulate, bit for bit; contexts share tracks or not."""
+    scenario = bumpy()
+    contexts = drawn(scenario, 24)
+    contexts[5:9, -1] = contexts[4, -1]
+    launches, config = scenario.launches(contexts), scenario.settings()
+    slopes = scenario.slopes(contexts)
+    batch = simulate_batch(scenario.body(), scenario.laws(contexts), slopes, launches, config)
+    for i, row in enumerate(contexts):
+        context = Context(*row.tolist())
+        assert slopes.profiles[i] == scenario.slope(context).profile
+        alone = simulate(
+            scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context), config
+        )
+        assert alone.as_batch().outcomes[0] == batch.outcomes[i]
+
+
+# What is seen of the ground from a place.
+
+
+def slowly_around(profile: list[tuple[float, float]], x: float) -> tuple[list[list[float]], list[bool]]:
+    """Two vertices behind a place and eight ahead, one after the other."""
+    ground = float(np.interp(x, *np.array(profile).T)) if profile else 0.0
+    behind = [vertex for vertex in profile if vertex[0] <= x][-BEHIND:]
+    ahead = [vertex for vertex in profile if vertex[0] > x][:AHEAD]
+    slots = [None] * (BEHIND - len(behind)) + behind + ahead + [None] * (AHEAD - len(ahead))
+    relative = [[0.0, 0.0] if one is None else [one[0] - x, one[1] - ground] for one in slots]
+    return relative, [one is not None for one in slots]
+
+
+@given(
+    st.lists(st.integers(0, 14), min_size=1, max_size=6), st.integers(0, 2**32), st.booleans(), st.sampled_from([0, 1])
+)
+def test_vertices_around_places_are_those_that_a_slow_search_finds(
+    counts: list[int], seed: int, one: bool, exact: int
+) -> None:
+    """Oracle: a search vertex by vertex; of one ground for all or of one each, at vertices and between."""
+    rng = np.random.default_rng(seed)
+    profiles = []
+    for count in counts[:1] if one else counts:
+        x = np.cumsum(rng.uniform(0.2, 3.0, count))
+        profiles.append([(float(a), float(b)) for a, b in zip(x, rng.normal(size=count), strict=True)])
+    vertices = np.full((len(profiles), max(map(len, profiles)), 2), np.inf)
+    for row, profile in zip(vertices, profiles, strict=True):
+        row[: len(profile)] = np.array(profile).reshape(-1, 2)
+    assert profiles_of(vertices) == [tuple(profile) for profile in profiles]
+    places = rng.uniform(-2.0, 25.0, len(counts))
+    if exact and vertices.shape[1]:
+        at = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]
+        places = np.where(np.isfinite(at), at, places)
+    relative, there = vertices_around(vertices, places)
+    for i, place in enumerate(places.tolist()):
+        expected, mask = slowly_around(profiles[0 if one else i], place)
+        np.testing.assert_allclose(relative[i], expected, rtol=0.0, atol=1e-12)
+        assert there[i].tolist() == mask
+
+
+def test_ground_heights_are_those_of_the_slope() -> None:
+    """Oracle: Slope.height_at; the vertex behind a place lies below it by as much as the place is above it."""
+    scenario = bumpy()
+    contexts = drawn(scenario)
+    x = np.random.default_rng(5).uniform(0.0, 40.0, len(contexts))
+    relative, there = vertices_around(scenario.vertices(contexts), x)
+    for row, mask, place, context in zip(relative, there, x, contexts, strict=True):
+        slope = scenario.slope(Context(*context))
+        np.testing.assert_allclose(
+            row[mask, 1] + slope.height_at(place), slope.height_at(row[mask, 0] + place), atol=1e-12
+        )
