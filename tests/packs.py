@@ -1,4 +1,4 @@
-"""Scenarios that the tests have of their own, next to those that ship: round sleds, whose launches may be anything, and rides."""
+"""Scenarios that the tests have of their own: round sleds, whose launches may be anything, and rides over bumps."""
 
 from __future__ import annotations
 

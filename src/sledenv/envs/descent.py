@@ -9,7 +9,7 @@ from typing import Unpack
 from sledenv.envs.episodes import DescentEpisodes
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import TaskOptions
+from sledenv.envs.task import TaskOptions, check_options
 from sledenv.scenarios.scenario import Scenario
 
 
@@ -56,4 +56,5 @@ class SledDescent(SledLaunch):
         info: Sequence[str] = INFO_KEYS,
         **task: Unpack[TaskOptions],
     ) -> None:
+        check_options(type(self), task)
         super().__init__(scenario, None, render_mode, info=info, **task)

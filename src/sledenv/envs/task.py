@@ -336,8 +336,8 @@ class Task:
         return np.stack(columns, axis=-1)
 
     def _energies(self, contexts: Contexts) -> NDArray[np.float64]:
-        """Return the kinetic energy [J] of each body at the speed by which speeds are scaled, shape (n,)."""
-        return 0.5 * self._speed * self._speed * self.of_bodies(contexts, attrgetter("mass"))
+        """Return the energies [J] by which those supplied are scaled, twice those of launches: trims fit; shape (n,)."""
+        return self._speed * self._speed * self.of_bodies(contexts, attrgetter("mass"))
 
     def flights_seen(self, observations: NDArray[np.float32]) -> Seen:
         """Return where rides stand, from what is seen of them, up to the rounding of float32.

@@ -320,6 +320,7 @@ class SledDescentVector(SledVectorEnv, VectorEnv[NDArray[np.float32], NDArray[np
         max_episode_steps: int | None = None,
         **task: Unpack[TaskOptions],
     ) -> None:
+        check_options(type(self), task)
         super().__init__(num_envs, scenario, None, autoreset_mode, info, render_mode, max_episode_steps, **task)
 
 
