@@ -336,7 +336,7 @@ class Task:
         return np.stack(columns, axis=-1)
 
     def _energies(self, contexts: Contexts) -> NDArray[np.float64]:
-        """Return the energies [J] by which those supplied are scaled, shape (n,): twice those of launches, for trims."""
+        """Return the energies [J] by which those supplied are scaled, shape (n,): twice those of launches at most."""
         return self._speed * self._speed * self.of_bodies(contexts, attrgetter("mass"))
 
     def flights_seen(self, observations: NDArray[np.float32]) -> Seen:
