@@ -30,8 +30,8 @@ MAKE = "gym.make"
 def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Return runs of one step in the launches of as many contexts, one by one and as a batch."""
     scenario = sledenv.load_scenario(SCENARIO)
-    pitches = {} if kind == "SledLaunch" else {"orientation": np.radians(scenario.control.orientation_deg)}
-    drawn = contexts(SCENARIO, lanes, **pitches)
+    low, high = (0.0, 0.0) if kind == "SledLaunch" else np.radians(scenario.control.orientation_deg).tolist()
+    drawn = contexts(SCENARIO, lanes, orientation=(low, high))
     given, fields = problem(SCENARIO, drawn)
     each = [sledenv.Context(*row) for row in drawn.tolist()]
     problems: list[Any] = [(given[0], scenario.law(one), scenario.slope(one), scenario.launch(one)) for one in each]

@@ -76,10 +76,12 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
     assert trials.shape == (3, TRIALS, 14)
-    assert np.array_equal(trials[0, :, 11:], trials[2, :, 11:])
-    assert not np.isclose(trials[0, :, 11:], problem.trials(contexts, "test")[0, :, 11:]).any()  # nobody knows the test
-    assert trials[0, :, 11:].std(axis=0) == pytest.approx(problem.noise, rel=0.1)
-    assert trials[0, :, 11:].mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.1 * problem.noise.min())
+    assert np.array_equal(trials[0, :, FIELDS:], trials[2, :, 11:])
+    assert not np.isclose(
+        trials[0, :, FIELDS:], problem.trials(contexts, "test")[0, :, FIELDS:]
+    ).any()  # nobody knows the test
+    assert trials[0, :, FIELDS:].std(axis=0) == pytest.approx(problem.noise, rel=0.1)
+    assert trials[0, :, FIELDS:].mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.1 * problem.noise.min())
     slow = [
         [np.mean([problem.descend(trial[np.newaxis], [action]).jam.reward[0] for trial in trials[i]]) for action in row]
         for i, row in enumerate(actions)
@@ -87,8 +89,8 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     assert problem.expect(trials, actions) == pytest.approx(np.array(slow), abs=1e-14)
     assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 13)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
-    assert np.array_equal(drawn[:TRIALS, 11:], trials[0, :, 11:])
-    assert np.array_equal(drawn[TRIALS:, 11:], trials[0, :, 11:])
+    assert np.array_equal(drawn[:TRIALS, 11:], trials[0, :, FIELDS:])
+    assert np.array_equal(drawn[TRIALS:, 11:], trials[0, :, FIELDS:])
 
 
 def test_a_launch_is_chosen_once_and_judged_in_all_trials(noisy):

@@ -342,8 +342,8 @@ class Task:
     def flights_seen(self, observations: NDArray[np.float32]) -> Seen:
         """Return where rides stand, from what is seen of them, up to the rounding of float32.
 
-        Heights count from the ground under the mass centre, and the ground behind the last vertex that is seen is level
-        with the plane.
+        Heights count from the ground under the mass centre. The ground is level with the plane before the first vertex
+        that is seen and behind the last one, and a body that would not be clear of it is lifted.
         """
         block = observations[:, SEEN:].astype(np.float64)
         left, height, sine, cosine, u, v, omega, trim, supplied, *_ = block[:, : len(FLIGHT)].T
@@ -355,7 +355,7 @@ class Task:
             for at, row in zip(x.tolist(), around.tolist(), strict=True)
         ]
         profiles = [profile if len(profile) > 1 else () for profile in profiles]
-        # Rounding must not press a body into the ground from which it has just taken off.
+        # A body has just taken off: not even rounding must press it in.
         records = records_of(self.bodies_of(contexts), len(x))
         lowest = resting_heights(records, x, phi, Tracks.of(profiles))
         y = np.maximum(height * self._height, lowest)

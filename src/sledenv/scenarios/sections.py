@@ -374,7 +374,7 @@ class RiderSection(Section):
 
     trim_rad_s: Annotated[float, Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
     rotor_inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]
-    shortest_flight_s: Annotated[float, Quantity("[0, inf) s")] = 0.0  # shorter ones pass without a decision
+    shortest_flight_s: Annotated[float, Quantity("[0, inf) s")] = 0.0  # shorter ones are no decision of the rider's
     noise_rad_s: Annotated[float, Quantity("[0, inf) rad/s")] = 0.0  # standard deviation of what is lent
 
 
