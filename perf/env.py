@@ -56,7 +56,7 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
         batch.hop(still)
         ended = np.flatnonzero(batch.outcomes()["status"] != running)
         if ended.size:
-            batch.launch(ended, *(rows[ended] for rows in given[1:]))
+            batch.launch(ended, given[1][ended], scenario.slopes(drawn[ended]), given[3][ended])
 
     return hop_singly, hop
 

@@ -76,7 +76,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     actions = np.linspace(-1.0, 1.0, 5).reshape(1, 5, 1).repeat(3, axis=0)
     trials = problem.trials(contexts, "train")
     assert trials.shape == (3, TRIALS, 14)
-    assert np.array_equal(trials[0, :, FIELDS:], trials[2, :, 11:])
+    assert np.array_equal(trials[0, :, FIELDS:], trials[2, :, FIELDS:])
     assert not np.isclose(
         trials[0, :, FIELDS:], problem.trials(contexts, "test")[0, :, FIELDS:]
     ).any()  # nobody knows the test
@@ -87,7 +87,7 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
         for i, row in enumerate(actions)
     ]
     assert problem.expect(trials, actions) == pytest.approx(np.array(slow), abs=1e-14)
-    assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 13)
+    assert Problem(noisy, launch_noise=(0.0, 0.0)).trials(contexts, "test").shape == (3, 1, 14)
     drawn = problem.drawn(problem.contexts("train", 2 * TRIALS), "train")
     assert np.array_equal(drawn[:TRIALS, 11:], trials[0, :, FIELDS:])
     assert np.array_equal(drawn[TRIALS:, 11:], trials[0, :, FIELDS:])

@@ -75,7 +75,7 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
     problem = Problem("bedrock")
     chosen = results.query("scenario == 'bedrock' and agent == 'best_fixed' and seed == 1")
     trials = problem.trials(problem.contexts("test", 2), "test")
-    again = problem.descend(trials.reshape(-1, 13), chosen[["action_0"]].to_numpy().repeat(TRIALS, axis=0))
+    again = problem.descend(trials.reshape(-1, 14), chosen[["action_0"]].to_numpy().repeat(TRIALS, axis=0))
     assert np.array_equal(again.jam.reward.reshape(2, -1).mean(axis=1), chosen["reward"])
     assert np.array_equal(again.outcomes["sliding"].reshape(2, -1).mean(axis=1), chosen["loss_sliding"])
     best = found["oracle"].set_index(["scenario", "context"])["reward"]
