@@ -108,7 +108,7 @@ def choices(
     choosers = load_choosers(problem, runs)
     for chooser in choosers:
         if chooser.problem.environment != "launch":
-            raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
+            raise ScenarioError(f"agent {chooser.name}: trims every flight, but a map plays launches that are left alone")
     found = {}
     for seed in seeds:
         if progress is not None:
