@@ -151,7 +151,7 @@ def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, mon
     with pytest.raises(ScenarioError, match="another scenario"):
         choices(scenario, [0], [other])
     trims = train("sledenv.agents.zero", Problem(PACK, "descent"), {}, 0, tmp_path / "trims")
-    with pytest.raises(ScenarioError, match="trims every hop"):
+    with pytest.raises(ScenarioError, match="trims every flight of a ride"):
         choices(scenario, [0], [trims])
 
 
