@@ -153,8 +153,8 @@ def _evaluate(
         file = json and taken(places, "--json", replacing(json, ".json"))
         scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for problem, agent, config in loaded]
         best = None
-        if count := min(searched, contexts):
-            problem = loaded[0][0].seeing_all()
+        count, problem = min(searched, contexts), loaded[0][0].seeing_all()
+        if count and problem.environment == "launch":
             progress("evaluate")(f"searching the best launches of {count} contexts (--searched 0 leaves them out)")
             best = best_launches(problem, problem.contexts("test", count))
         print(table(scores, best))

@@ -178,12 +178,13 @@ class Learned:
         landing = Landing(problem) if landings else None
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
+        chosen = {"control": problem.control} if problem.environment == "launch" else {}
         env: VecEnv = VecMonitor(
             make_vec_env(
                 problem.id,
                 lanes,
                 seed * lanes,
-                env_kwargs={"scenario": problem.scenario, "control": problem.control, "split": "train"},
+                env_kwargs={"scenario": problem.scenario, "split": "train"} | chosen,
             )
         )
         if problem.environment == "launch":

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.stats import qmc
 
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import SEEN
 from sledenv.machine.extras import needs
 
 from .touch import Touch
@@ -88,7 +87,7 @@ class _Searching(BasePolicy):
         """Return what SAC, TD3 and TQC make, with wider first layers where the touch is told."""
         critic = super().make_critic(features_extractor)  # type: ignore[misc]
         if self._touch is not None:
-            told = _Touching(self._touch, SEEN)
+            told = _Touching(self._touch, self.observation_space.shape[0])  # type: ignore[index]
             for network in critic.q_networks:
                 first = network[0]
                 network[0] = nn.Sequential(told, nn.Linear(first.in_features + self._touch.width, first.out_features))

@@ -10,7 +10,6 @@ from scipy.stats import qmc
 
 from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import SEEN
 from sledenv.scenarios.scenario import Context
 
 Floats = NDArray[np.float32]
@@ -50,7 +49,7 @@ class Touch:
         sample = self._touched(self._task.observe(problem.contexts("train", _SAMPLES)), landings)
         self._middle, self._scale = sample.mean(axis=0), np.where(np.ptp(sample, axis=0) > 0.0, sample.std(axis=0), 1.0)
         chosen = sum(2 * _CHOSEN if turning else 1 for turning in self._turns)
-        self.width = SEEN + self._bodies + chosen + 2 * _TOUCHING + sample.shape[1] - 1
+        self.width = self._task.observation_space.shape[0] + self._bodies + chosen + 2 * _TOUCHING + sample.shape[1] - 1
 
     def inputs(self, observations: Floats, landings: NDArray[np.floating]) -> Floats:
         """Return what a network sees of landings.

@@ -1,4 +1,4 @@
-"""The zero action: the middle of the control bounds, whatever the context."""
+"""The zero action: the middle of the control bounds, or no trim, whatever the context."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sledenv.benchmark.problem import Problem
 
 
 class Agent:
-    """Launches upright and without spin where the bounds are symmetric."""
+    """Launches upright and without spin where the bounds are symmetric; leaves the rotor of a ride at rest."""
 
     def __init__(self, problem: Problem) -> None:
         self._actions = problem.actions

@@ -1,6 +1,6 @@
 """Environment steps a second on sled_mat: the bare simulator, gym.make, SyncVectorEnv, native vector env, SB3 adapter.
 
-A step of SledLaunch is a whole descent and includes the reset that follows it; one of SledDescent is a hop.
+A step of SledLaunch is a whole descent and includes the reset that follows it; one of SledDescent is a flight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ MAKE = "gym.make"
 
 def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Return runs of one step in the launches of as many contexts, one by one and as a batch."""
-    drawn, scenario = contexts(SCENARIO, lanes), sledenv.load_scenario(SCENARIO)
+    scenario = sledenv.load_scenario(SCENARIO)
+    low, high = (0.0, 0.0) if kind == "SledLaunch" else np.radians(scenario.control.orientation_deg).tolist()
+    drawn = contexts(SCENARIO, lanes, orientation=(low, high))
     given, fields = problem(SCENARIO, drawn)
     each = [sledenv.Context(*row) for row in drawn.tolist()]
     problems: list[Any] = [(given[0], scenario.law(one), scenario.slope(one), scenario.launch(one)) for one in each]
@@ -54,7 +56,7 @@ def _bare(kind: str, lanes: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
         batch.hop(still)
         ended = np.flatnonzero(batch.outcomes()["status"] != running)
         if ended.size:
-            batch.launch(ended, *(rows[ended] for rows in given[1:]))
+            batch.launch(ended, given[1][ended], scenario.slopes(drawn[ended]), given[3][ended])
 
     return hop_singly, hop
 

@@ -43,15 +43,13 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "ppo":
             values |= {"n_timesteps": 1024, "n_envs": 8, "n_steps": 64, "n_epochs": 1}
-        if algo in ("best_fixed", "no_trim", "random_search", "random_trim"):
+        if algo in ("best_fixed", "random_search"):
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "cma_es":
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
-        if algo in ("critic", "critic_replan", "verified"):
+        if algo in ("critic", "verified"):
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
         if algo == "replan":
-            values |= {"cells": 60, "trims": 3}
-        if algo == "critic_replan":
             values |= {"trims": 3}
         return values
 
@@ -74,8 +72,7 @@ EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "cma_es", "critic", "land_flat", "ppo", "random_launch")),
     *(("launch", algo) for algo in ("random_search", "sac", "td3", "tqc", "zero")),
     *(("launch", algo) for algo in ("cma_lookups", "uniform_lookups", "verified")),
-    *(("descent", algo) for algo in ("no_trim", "ppo", "random_launch", "random_trim", "replan", "sac", "zero")),
-    ("descent", "critic_replan"),
+    *(("descent", algo) for algo in ("land_parallel", "ppo", "random_launch", "replan", "sac", "zero")),
 ]
 
 
@@ -85,7 +82,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
     folder = train(algo, Problem(own_scenario("brake_mat"), environment), seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert config["agent"] == f"sledenv.agents.{algo}"
-    assert config["scenario_hash"] == Problem(own_scenario("brake_mat")).task.scenario.hash
+    assert config["scenario_hash"] == Problem(own_scenario("brake_mat"), environment).scenario.hash
     assert "numba" in config["versions"]
     assert list(tmp_path.iterdir()) == [folder]
     rewards = []
@@ -97,21 +94,19 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
 
 
 @pytest.mark.parametrize(
-    ("environment", "algo", "control"),
+    ("algo", "control"),
     [
         # One of those that share what chooses a launch.
-        *(("launch", algo, "all") for algo in ("best_fixed", "cma_es", "critic", "land_flat", "random_launch", "sac")),
-        *(("descent", algo, "all") for algo in ("critic_replan", "no_trim", "ppo", "replan", "zero")),
-        *(("launch", "cma_es", "speed"), ("launch", "land_flat", "spin+speed"), ("launch", "sac", "speed")),
-        *(("launch", "cma_lookups", "spin+speed"), ("launch", "verified", "all")),
-        ("descent", "replan", "spin+speed"),
+        *((algo, "all") for algo in ("best_fixed", "cma_es", "critic", "land_flat", "random_launch", "sac", "zero")),
+        *(("cma_es", "speed"), ("land_flat", "spin+speed"), ("sac", "speed")),
+        *(("cma_lookups", "spin+speed"), ("verified", "all")),
     ],
 )
-def test_every_agent_chooses_a_speed_too(environment, algo, control, quick, tmp_path):
+def test_every_agent_chooses_a_speed_too(algo, control, quick, tmp_path):
     """Oracle: the box; what is chosen, in the middle or not, is what the descent is launched with."""
     content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 5.0)
-    problem = Problem(Scenario.model_validate(content), environment, control)
+    problem = Problem(Scenario.model_validate(content), control=control)
     _, agent, _ = load_run(train(algo, problem, seed=3, folder=tmp_path))
     contexts = problem.contexts("test", 10)
     batch, launches = problem.judge(agent, contexts)

@@ -127,7 +127,7 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
         assert found["spin"] == pytest.approx(given[0, Context._fields.index("spin")], rel=1e-5)
     told = chromium.text("#map-words")
     assert told.startswith("Best of this map, white star: orientation")
-    assert "of 64 noisy launches" in told
+    assert "of 64 trembling launches" in told
     chromium.click("#best")
     wait_until(chromium, f"!asking && isChanged('{problem.task.controlled[0]}')")
     assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
@@ -151,7 +151,7 @@ def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, mon
     with pytest.raises(ScenarioError, match="another scenario"):
         choices(scenario, [0], [other])
     trims = train("sledenv.agents.zero", Problem(SCENARIO, "descent"), {}, 0, tmp_path / "trims")
-    with pytest.raises(ScenarioError, match="trims every hop"):
+    with pytest.raises(ScenarioError, match="trims every flight of a ride"):
         choices(scenario, [0], [trims])
 
 

@@ -61,20 +61,18 @@ def test_lanes_are_scalar_environments_whatever_bodies_they_have_one_after_the_o
 @pytest.mark.parametrize("keep_rebounds", [False, True])
 def test_batches_and_rides_are_the_descents_of_the_bodies(solver, keep_rebounds):
     """Oracle: simulate() of the body, the law, the slope and the launch of each context."""
-    task = Task(SEVERAL, solver=solver)
-    rng = np.random.default_rng(1)
-    contexts = SEVERAL.contexts(rng.random((40, FIELDS)))
-    chosen = actions(rng, 40, len(task.controlled)).astype(float)
-    launches = task.launches(contexts, chosen)
+    task = Task(SEVERAL, solver=solver, ride=True)
+    contexts = task.scenario.contexts(np.random.default_rng(1).random((40, FIELDS)))
+    launches = task.launches(contexts)
     batch = task.descend_batch(contexts, launches, keep_rebounds=keep_rebounds)
-    rides = task.rides(contexts, launches, keep_rebounds=keep_rebounds)
+    rides = task.rides(contexts, keep_rebounds=keep_rebounds)
     while (rides.outcomes()["status"] == RUNNING).any():
         rides.hop(np.zeros(40))
     followed = rides.descents()
     assert len(batch.rebounds) == (40 if keep_rebounds else 0)
     for i in range(40):
         context = sledenv.Context(*contexts[i].tolist())
-        launch = task.launch(contexts[i : i + 1], chosen[i : i + 1])
+        launch = task.scenario.launch(context)
         assert launch == sledenv.State(*launches[i])
         given = SEVERAL.all_bodies()[int(context.shape)], SEVERAL.law(context), SEVERAL.slope(context), launch
         alone = sledenv.simulate(*given, SEVERAL.settings(solver))
@@ -122,14 +120,14 @@ def test_a_body_can_be_asked_for():
 
 def test_contexts_and_flights_are_seen_with_their_body():
     """Oracle: the states at the rebounds; the number of the body exactly."""
-    task = Task(SEVERAL, "orientation")
-    contexts = SEVERAL.contexts(np.random.default_rng(3).random((60, FIELDS)))
-    rides = task.rides(contexts, task.launches(contexts, np.zeros((60, 1))))
+    task = Task(SEVERAL, ride=True)
+    contexts = task.scenario.contexts(np.random.default_rng(3).random((60, FIELDS)))
+    rides = task.rides(contexts)
     rides.hop(np.zeros(60))
     flights = rides.outcomes()
-    observed = np.hstack([task.observe(contexts), task.observe_flights(flights)])
+    observed = task.observe(contexts, flights)
     assert np.array_equal(task.contexts_seen(observed)[:, SHAPE], contexts[:, SHAPE])
-    states, _ = task.flights_seen(observed)
+    states = task.flights_seen(observed).states
     running = flights["status"] == RUNNING
     assert running.sum() > 20
     for i, name in enumerate(sledenv.State._fields):
@@ -146,10 +144,11 @@ def test_the_scales_of_a_flight_are_those_of_the_fastest_body():
 
 
 def test_a_flight_in_the_run_out_is_seen_there():
-    task = Task(SEVERAL)
+    task = Task(SEVERAL, ride=True)
     flights = np.zeros(3, OUTCOME)
     flights["x"] = 3.0, 4.5, 6.0
-    assert task.observe_flights(flights)[:, 0].tolist() == [0.5, 0.75, 1.0]
+    contexts = task.scenario.contexts(np.zeros((3, FIELDS)))
+    assert task.observe(contexts, flights)[:, 11].tolist() == [0.5, 0.25, 0.0]
 
 
 def test_landings_are_those_of_each_body():

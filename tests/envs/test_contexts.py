@@ -108,7 +108,7 @@ def test_no_noise_leaves_streams_and_episodes_as_they_are_and_noise_changes_the_
     for seed in range(5):
         seen = [e.reset(seed=seed)[0] for e in (env, none, noisy)]
         assert np.array_equal(seen[0], seen[1])
-        assert np.array_equal(seen[0], seen[2])
+        assert np.array_equal(seen[0][:11], seen[2][:11])  # a flight is seen with its error
         steps = [e.step(action) for e in (env, none, noisy)]
         assert steps[0][4] == steps[1][4]
         assert steps[0][4]["descent"] != steps[2][4]["descent"]

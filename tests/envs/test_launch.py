@@ -147,7 +147,8 @@ def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call
         ended = terminated or truncated
     context = plain.task.context(plain.episodes.contexts)
     scenario = plain.task.scenario
-    launch = scenario.launch(context, 0.0, 0.5 * sum(scenario.control.spin_rad_s))
+    chosen = () if "Descent" in name else (0.0, 0.5 * sum(scenario.control.spin_rad_s))
+    launch = scenario.launch(context, *chosen)
     body, law, slope = scenario.body(), scenario.law(context), scenario.slope(context)
     options = {"record": "trajectory", "end_on_chord": scenario.ends.on_chord}
     whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, **options)))
@@ -289,12 +290,13 @@ def test_the_limit_of_the_spec_is_known_and_ends_no_episode(name):
 def test_entries_of_observations_and_actions_have_names():
     """Oracle: the spaces; the documented order."""
     for name in ("sledenv/SledLaunch-v0", "sledenv/SledDescent-v0"):
-        one, batch = gym.make(name, control="spin").unwrapped, gym.make_vec(name, 2, control="spin")
+        given = {"control": "spin"} if "Launch" in name else {}
+        one, batch = gym.make(name, **given).unwrapped, gym.make_vec(name, 2, **given)
         assert len(one.observation_names) == one.observation_space.shape[0]
         assert len(one.action_names) == one.action_space.shape[0]
         assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
-        assert one.observation_names[:11] == sledenv.Context.seen
-        assert one.action_names[0] == "spin"
+        assert one.observation_names[:11] == sledenv.Context._fields[:11]
+        assert one.action_names == ("spin" if given else "trim",)
 
 
 def test_info_can_be_logged_as_json():

@@ -326,7 +326,7 @@ def test_vertices_around_places_are_those_that_a_slow_search_finds(
     if exact and vertices.shape[1]:
         at = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]
         places = np.where(np.isfinite(at), at, places)
-    relative, there = vertices_around(vertices, places)
+    relative, there, _ = vertices_around(vertices, places)
     for i, place in enumerate(places.tolist()):
         expected, mask = slowly_around(profiles[0 if one else i], place)
         np.testing.assert_allclose(relative[i], expected, rtol=0.0, atol=1e-12)
@@ -338,7 +338,7 @@ def test_ground_heights_are_those_of_the_slope() -> None:
     scenario = bumpy()
     contexts = drawn(scenario)
     x = np.random.default_rng(5).uniform(0.0, 40.0, len(contexts))
-    relative, there = vertices_around(scenario.vertices(contexts), x)
+    relative, there, _ = vertices_around(scenario.vertices(contexts), x)
     for row, mask, place, context in zip(relative, there, x, contexts, strict=True):
         slope = scenario.slope(Context(*context))
         np.testing.assert_allclose(

@@ -61,7 +61,7 @@ def label(agent: str) -> str:
 
 def title(environment: str, scenario: str) -> str:
     """Return the name of a problem for a reader."""
-    return scenario if environment == "launch" else f"{scenario}, every hop trimmed"
+    return scenario if environment == "launch" else f"{scenario}, every flight trimmed"
 
 
 def plot_learning(results: Results, against: Literal["descents", "seconds"] = "descents") -> Figure | None:

@@ -106,9 +106,6 @@ def choices(
     """
     problem = Problem(scenario)
     choosers = load_choosers(problem, runs)
-    for chooser in choosers:
-        if chooser.problem.environment != "launch":
-            raise ScenarioError(f"agent {chooser.name}: trims every hop, but a map plays launches that are left alone")
     found = {}
     for seed in seeds:
         if progress is not None:
@@ -168,11 +165,13 @@ def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:
     FileNotFoundError, ValueError
         If a folder is no finished run.
     ScenarioError
-        If a run is of another scenario, or of agents that choose something else.
+        If a run is of another scenario, or of agents that choose something else or trim.
     """
     choosers = []
     for folder in runs:
         theirs, agent, config = load_run(folder)
+        if theirs.environment != "launch":
+            raise ScenarioError(f"{folder} trims every flight of a ride, but a map plays launches that are left alone")
         if (theirs.scenario.hash, theirs.control) != (problem.scenario.hash, problem.control):
             raise ScenarioError(f"{folder} was trained on another scenario ({theirs.scenario.id}, {theirs.control})")
         choosers.append(Chooser(agent_name(config["agent"]), int(config["seed"]), theirs, agent))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
-from sledenv.envs.task import FLIGHT, Task
+from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
@@ -34,7 +35,7 @@ class Policy(Protocol):
     """What can be judged: a map from observations to actions."""
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return actions of shape (n, k) in [-1, 1] for observations of shape (n, 11) or (n, 20)."""
+        """Return actions of shape (n, k) in [-1, 1] for what is seen, see :class:`sledenv.envs.task.Task`."""
         ...
 
 
@@ -52,7 +53,7 @@ class Agent(Policy, Protocol):
         ----------
         problem : Problem
         settings : dict
-            From configs/agents; ``n_timesteps`` is the budget in simulated descents (in hops for SledDescent-v0).
+            From configs/agents; ``n_timesteps`` is the budget in simulated descents (in flights for SledDescent-v0).
         seed : int
             Of everything random.
         folder : Path
@@ -74,9 +75,9 @@ class Problem:
     scenario : str, path or Scenario
         As for :func:`sledenv.load_scenario`.
     environment : {"launch", "descent"}
-        Whether the agent chooses the launch alone or trims every hop too.
+        Whether the agent chooses the launch, or trims every flight of a ride.
     control : str, optional
-        What it chooses of the launch, as for :class:`sledenv.envs.task.Task`.
+        What it chooses, as for :class:`sledenv.envs.task.Task`.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`; agents are judged on compliant surfaces.
     launch_noise : pair of float, optional
@@ -111,13 +112,13 @@ class Problem:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))
             raise ValueError(f"environment = {environment!r}: must be one of {known}")
-        self.task = Task(scenario, control, solver=solver, launch_noise=launch_noise, observe=observe)
+        ride = environment == "descent"
+        self.task = Task(scenario, control, ride=ride, solver=solver, launch_noise=launch_noise, observe=observe)
         self.scenario = self.task.scenario
         self.environment = environment
         self.id = ENVIRONMENTS[environment]
         self.control = self.task.control
-        hops = environment == "descent"
-        self.action_space: spaces.Box = self.task.ride_action_space if hops else self.task.action_space
+        self.action_space: spaces.Box = self.task.action_space
         self.actions: int = self.action_space.shape[0]
         self.noise: NDArray[np.float64] = self.task.noise
         bounds = self.scenario.control_bounds
@@ -129,11 +130,6 @@ class Problem:
             return self
         noise = tuple(self.noise.tolist())
         return Problem(self.scenario, self.environment, self.control, solver=self.task.solver, launch_noise=noise)
-
-    def launch_alone(self) -> Problem:
-        """Return the problem of the same launch without trims afterwards."""
-        noise, seen = tuple(self.noise.tolist()), self.task.observed
-        return Problem(self.scenario, control=self.control, solver=self.task.solver, launch_noise=noise, observe=seen)
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 11); context i does not depend on ``count``."""
@@ -233,7 +229,8 @@ class Problem:
         Parameters
         ----------
         agent : Policy
-            It is asked for the launch of a context once, because it sees the same in all of its trials.
+            It is asked for the launch of a context once, because it sees the same in all of its trials; for the trims
+            of a ride in each.
         trials : ndarray, shape (n, t, 14), or (n, 12) or (n, 14)
             Of :meth:`trials`, or contexts of which each is judged once.
 
@@ -242,7 +239,7 @@ class Problem:
         DescentBatch
             Of n t descents, the trials of a context side by side; equal bit for bit to episodes of the environment.
         ndarray, shape (n, k)
-            The launches that it chose, in [-1, 1].
+            The launches that it chose, or its first trims in the first trials, in [-1, 1].
 
         Raises
         ------
@@ -253,26 +250,26 @@ class Problem:
         """
         trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
         task, many = self.task, trials.shape[1]
-        first, contexts = task.observe(trials[:, 0]), trials.reshape(-1, trials.shape[2])
+        contexts = trials.reshape(-1, trials.shape[2])
         if self.environment == "launch":
-            actions = self._answer(agent, first)
+            actions = self._answer(agent, task.observe(trials[:, 0]))
             launches = task.launches(contexts, np.repeat(actions, many, axis=0))
             return task.descend_batch(contexts, launches), actions
-        ground = np.zeros((len(first), len(FLIGHT)), np.float32)
-        actions = self._answer(agent, np.hstack([first, ground]))[:, :-1]
-        seen = np.repeat(first, many, axis=0)
-        rides = task.rides(contexts, task.launches(contexts, np.repeat(actions, many, axis=0)))
-        trims = np.zeros(len(seen))
-        while True:
-            rides.hop(trims)
+        first = np.zeros((len(contexts), 1))
+        rides, spins = task.rides(contexts), np.zeros(len(contexts))
+        rides.await_flights(np.arange(len(contexts)))
+        for decision in itertools.count():
             flights = rides.outcomes()
             moving = np.flatnonzero(flights["status"] == RUNNING)
             if not moving.size:
-                return rides.descents(), actions
-            observed = np.hstack([seen[moving], task.observe_flights(flights[moving])])
-            chosen = self._answer(agent, observed)
-            trims = np.zeros(len(seen))
-            trims[moving] = task.trims(chosen[:, -1])
+                break
+            chosen = self._answer(agent, task.observe(contexts[moving], flights[moving]))
+            if decision == 0:
+                first[moving] = chosen
+            spins[:] = 0.0
+            spins[moving] = task.spins(contexts[moving], chosen, np.full(len(moving), decision))
+            rides.hop(spins)
+        return rides.descents(), first[::many]
 
     def _answer(self, agent: Policy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""

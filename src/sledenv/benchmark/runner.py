@@ -7,7 +7,7 @@ import json
 import logging
 import subprocess
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,7 @@ from sledenv.benchmark.problem import TRIALS, Agent, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.scores import STATUSES
 from sledenv.benchmark.suite import Job, Suite
-from sledenv.envs.inputs import FIELDS, Contexts
-from sledenv.envs.task import Task
+from sledenv.envs.inputs import Contexts
 from sledenv.machine.blame import GivenCodeError, blaming
 from sledenv.machine.files import alone, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
@@ -28,7 +27,6 @@ from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY, LOSSES
 from sledenv.simulation.rules import checked_count
-from sledenv.simulation.settings import Solver
 
 TABLES: Final = ("results", "curves", "runs", "oracle", "maps")
 _CURVE = "learning_curve.csv"  # that an agent may leave in its folder
@@ -89,11 +87,10 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
 
 def _warm_up(job: Job) -> None:
     """Compile the kernels once, or every worker would."""
-    for solver in get_args(Solver):
-        task = Task(job.scenario, solver=solver)
-        contexts = task.scenario.contexts(np.zeros((1, FIELDS)))
-        task.descend_batch(contexts, task.scenario.launches(contexts))
-        task.rides(contexts, task.scenario.launches(contexts)).hop(np.zeros(1))
+    problem = job.problem()
+    contexts = problem.contexts("train", 1)
+    problem.task.descend_batch(contexts, problem.task.launches(contexts))
+    problem.task.rides(contexts).hop(np.zeros(1))
 
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:

@@ -1,36 +1,60 @@
-"""SledDescent: choose the launch, then trim the spin at every rebound on the way down."""
+"""SledDescent: trim the spin in every flight worth a decision on the way down."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from typing import Unpack
+
 from sledenv.envs.episodes import DescentEpisodes
+from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
+from sledenv.envs.task import TaskOptions, check_options
+from sledenv.scenarios.scenario import Scenario
 
 
 class SledDescent(SledLaunch):
-    """A sled on its way down, one hop a step: first the launch, then a trim of the spin at every rebound.
+    """A ride: a sled on its way down, whose rider trims its spin in every flight that is long enough for it.
+
+    Nobody chooses the launch: it is drawn with the context, from the ranges of the scenario or, where it gives none,
+    from the control bounds. ``reset`` lets the sled go and follows it to its first flight of at least
+    ``rider.shortest_flight_s``, that of the launch included. If none is so long, the descent has ended by then, and the
+    first step, whose trim has no effect, returns all of its reward.
 
     Observation
-        ``Box(-1, 1, (20,), float32)``: the context as in :class:`SledLaunch`, then the flight, all 0
-        before the launch: progress, sine and cosine of the orientation, velocity along and off the slope, spin, spin
-        lent by the rider's rotor, time and number of rebounds; scaled as docs/environments.md says.
+        ``Box(-1, 1, (22,), float32)``: the eleven fields of the context as in :class:`SledLaunch`, then the flight that
+        begins: length left, height over the ground under the mass centre, sine and cosine of the orientation, velocity
+        along and off the slope, spin, spin lent by the rider's rotor, energy supplied so far, time and number of
+        rebounds. Where there is a profile, 30 entries more: x, y and whether it is there of each of two vertices behind
+        and eight ahead. docs/environments.md says how they are scaled.
     Action
-        ``Box(-1, 1, (k + 1,), float32)``: the launch as in :class:`SledLaunch`, then the trim. The first step uses
-        the launch alone and follows the descent to its first rebound; every other one uses the trim alone: the spin
-        that the rider's rotor lends to the body until the next rebound, scaled by the bound of the scenario. A
-        scenario without a rider ignores it.
+        ``Box(-1, 1, (1,), float32)``: the spin that the rider's rotor lends to the body in the coming flight, up to the
+        next one that is long enough, scaled by the bound of the scenario. An unsteady rider (``rider.noise_rad_s``)
+        lends it with an error, which belongs to the context. A scenario without a rider ignores it.
     Reward
-        That of the whole descent in the last step, 0 before; the work of the trims counts as energy supplied. Without
-        any trim the return is the reward of :class:`SledLaunch`, bit for bit.
+        Half of what is gained in progress, and in the last step sqrt(retention) / 2. They add up to the reward of the
+        whole descent, in which the work of the trims counts as energy supplied: without trims and errors to that of
+        :class:`SledLaunch` for the same launch, whose descent is the same bit for bit.
     Ending
-        Terminated when the sled finishes or jams, and where the rules of the scenario say so, such as where the rider
-        touches; truncated at a limit of the scenario.
+        Terminated when the descent ends, at a limit of the scenario too: the observation tells how far it is.
     Info
-        As for :class:`SledLaunch`, of the descent so far.
+        As for :class:`SledLaunch`, of the descent so far; of a reset ``context`` and ``launch``.
 
     Parameters
     ----------
-    scenario, control, render_mode, solver, split, launch_noise, observe, info
-        As for :class:`SledLaunch`; the window shows each hop as it is made.
+    scenario, render_mode, solver, split, launch_noise, observe, info
+        As for :class:`SledLaunch`; the window shows each flight as it is made.
     """
 
     _kind = DescentEpisodes
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
+        render_mode: str | None = None,
+        *,
+        info: Sequence[str] = INFO_KEYS,
+        **task: Unpack[TaskOptions],
+    ) -> None:
+        check_options(type(self), task)
+        super().__init__(scenario, None, render_mode, info=info, **task)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -12,11 +13,12 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from sledenv.envs.info import checked_info, context_info, episode_info
-from sledenv.envs.inputs import SEEN, Given, read_options
+from sledenv.envs.info import checked_info, context_info, episode_info, launch_info
+from sledenv.envs.inputs import Given, read_options
 from sledenv.envs.task import Task
 from sledenv.envs.viewer import Viewer, checked_render_mode
 from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.records import RUNNING
 from sledenv.simulation.ride import RideBatch
 from sledenv.simulation.scene import State
 
@@ -58,11 +60,11 @@ class Episodes(ABC):
         After how many an episode is truncated.
     """
 
-    by_hops: ClassVar[bool]  # whether a step is a hop, and not the whole descent
+    by_hops: ClassVar[bool]  # whether a step is a flight worth a decision, and not the whole descent
     observation_names: tuple[str, ...]
     action_names: tuple[str, ...]
     # Attributes that make up a snapshot.
-    _state: ClassVar = ("contexts", "launches", "trims", "seen", "steps", "ended", "seeds", "rides", "pasts")
+    _state: ClassVar = ("contexts", "launches", "trims", "paid", "seen", "steps", "ended", "seeds", "rides", "pasts")
 
     def __init__(
         self, task: Task, lanes: int, info: Sequence[str], render_mode: str | None, most_steps: int | None = None
@@ -71,32 +73,29 @@ class Episodes(ABC):
         self.info_keys = checked_info(info)
         checked_render_mode(render_mode)
         self.most_steps = most_steps
-        if self.by_hops:
-            self.observation_space, self.action_space = task.ride_observation_space, task.ride_action_space
-            self.observation_names, self.action_names = task.ride_observation_names, task.ride_action_names
-        else:
-            self.observation_space, self.action_space = task.observation_space, task.action_space
-            self.observation_names, self.action_names = task.observation_names, task.action_names
+        self.observation_space, self.action_space = task.observation_space, task.action_space
+        self.observation_names, self.action_names = task.observation_names, task.action_names
         self.generators: list[np.random.Generator | None] = [None] * lanes  # all that is drawn comes from them
         self.seeds: list[int | None] = [None] * lanes
         self.begun = False  # before the first reset
         self.contexts = np.full((lanes, task.columns), np.nan)
         self.launches = np.zeros((lanes, len(State._fields)))  # with which the lanes were let go last
         self.trims = np.zeros(lanes)  # [rad/s] lent in the last step
+        self.paid = np.zeros(lanes)  # rewards since the reset
         self.seen = np.zeros((lanes, *self.observation_space.shape), np.float32)  # observations
         self.steps = np.zeros(lanes, np.int64)  # since the reset
         self.ended = np.zeros(lanes, np.bool_)  # waits for a reset
-        self.rides: RideBatch | None = None  # of hops, once lanes have been launched
+        self.rides: RideBatch | None = None  # once lanes have been launched, flight by flight
         shown = lanes if render_mode is not None or lanes == 1 else 0
         self.viewers = [Viewer(task, render_mode, by_hops=self.by_hops) for _ in range(shown)]
 
     @abstractmethod
+    def _enter(self, lanes: Lanes) -> dict[str, Any]:
+        """Begin in the contexts of some lanes, renew what is seen of them, and return info of it."""
+
+    @abstractmethod
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
         """Advance lanes by one step each, renew what is seen of them, and return their descents so far."""
-
-    def _verdict(self, batch: DescentBatch) -> tuple[Floats, Flags, Flags]:
-        """Return rewards, terminated and truncated of a step."""
-        return self.task.verdict(batch)
 
     def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
         """Start streams anew where there is a seed, and from fresh entropy where there was none before."""
@@ -111,21 +110,22 @@ class Episodes(ABC):
         contexts = self.task.begin(given, lambda drawn: self._draw(lanes[drawn]))
         self.begun = True
         self.contexts[lanes] = contexts
-        self.seen[lanes] = 0.0
-        self.seen[lanes, :SEEN] = self.task.observe(contexts)
-        self.steps[lanes] = 0
+        self.steps[lanes], self.trims[lanes], self.paid[lanes] = 0, 0.0, 0.0
         self.ended[lanes] = False
+        info = self._enter(lanes)
         for i in lanes.tolist() if self.viewers else ():
             self.viewers[i].enter(self.contexts[i : i + 1])
-        return {"context": context_info(contexts)} if "context" in self.info_keys else {}
+        return {"context": context_info(contexts)} | info if "context" in self.info_keys else info
 
     def step(self, lanes: Lanes, actions: Floats) -> Step:
         """Advance lanes by one step each, with actions that have been checked, a row a lane."""
         batch = self._advance(lanes, actions)
-        rewards, terminated, truncated = self._verdict(batch)
+        terminated = batch.outcomes["status"] != RUNNING
+        earned = np.where(terminated, batch.jam.reward, 0.5 * batch.jam.progress)
+        rewards = earned - self.paid[lanes]
+        self.paid[lanes] = earned
         self.steps[lanes] += 1
-        if self.most_steps is not None:
-            truncated |= self.steps[lanes] >= self.most_steps
+        truncated = self.steps[lanes] >= (math.inf if self.most_steps is None else self.most_steps)
         self.ended[lanes] = terminated | truncated
         for i in lanes.tolist() if self.viewers else ():
             self.viewers[i].step(self.launches[i], float(self.trims[i]))
@@ -186,40 +186,39 @@ class LaunchEpisodes(Episodes):
 
     by_hops = False
 
+    def _enter(self, lanes: Lanes) -> dict[str, Any]:
+        self.seen[lanes] = self.task.observe(self.contexts[lanes])
+        return {}
+
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
         contexts = self.contexts[lanes]
         launches = self.launches[lanes] = self.task.launches(contexts, actions)
         return self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
 
-    def _verdict(self, batch: DescentBatch) -> tuple[Floats, Flags, Flags]:
-        lanes = len(batch.outcomes)
-        return batch.jam.reward, np.ones(lanes, np.bool_), np.zeros(lanes, np.bool_)
-
 
 class DescentEpisodes(Episodes):
-    """Episodes of one hop a step: the launch first, then a trim at every rebound."""
+    """Episodes of one flight worth a decision a step, from a launch that nobody chooses."""
 
     by_hops = True
 
-    def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
-        fresh = self.steps[lanes] == 0
-        if fresh.any():
-            self._launch(lanes[fresh], actions[fresh, :-1])
-        rides = self.rides
-        assert rides is not None
-        self.trims[:] = 0.0
-        self.trims[lanes] = np.where(fresh, 0.0, self.task.trims(actions[:, -1]))
-        rides.hop(self.trims)  # the other lanes have ended
-        batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
-        self.seen[lanes, SEEN:] = self.task.observe_flights(batch.outcomes)
-        return batch
-
-    def _launch(self, lanes: Lanes, actions: Floats) -> None:
-        """Begin the rides of some lanes; before the first rides those are all lanes."""
+    def _enter(self, lanes: Lanes) -> dict[str, Any]:
         task, contexts = self.task, self.contexts[lanes]
-        launches = self.launches[lanes] = task.launches(contexts, actions)
-        if self.rides is None:
-            self.rides = task.rides(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
+        launches = self.launches[lanes] = task.launches(contexts)
+        if self.rides is None:  # of all lanes
+            self.rides = task.rides(contexts, keep_rebounds="rebounds" in self.info_keys)
         else:
             laws, slopes = task.scenario.laws(contexts), task.scenario.slopes(contexts)
             self.rides.launch(lanes, laws, slopes, launches, task.bodies_of(contexts))
+        self.rides.await_flights(lanes)
+        self.seen[lanes] = task.observe(contexts, self.rides.outcomes(lanes))
+        return {"launch": launch_info(launches)} if "launch" in self.info_keys else {}
+
+    def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
+        rides, contexts = self.rides, self.contexts[lanes]
+        assert rides is not None
+        self.trims[:] = 0.0
+        self.trims[lanes] = self.task.spins(contexts, actions, self.steps[lanes])
+        rides.hop(self.trims)  # the other lanes have ended
+        batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
+        self.seen[lanes] = self.task.observe(contexts, batch.outcomes)
+        return batch

@@ -81,7 +81,7 @@ def episode_info(
             case "context":
                 info[key] = context_info(contexts)
             case "launch":
-                info[key] = {name: launches[:, i].copy() for name, i in _LAUNCHED.items()}
+                info[key] = launch_info(launches)
             case "rebounds":
                 info[key] = _lists(batch)
             case "jam":
@@ -97,6 +97,11 @@ def episode_info(
                     "energy": energy,
                 }
     return info
+
+
+def launch_info(launches: NDArray[np.float64]) -> dict[str, Any]:
+    """Return what is told of launches of shape (n, 6), arrays of shape (n,)."""
+    return {name: launches[:, i].copy() for name, i in _LAUNCHED.items()}
 
 
 def context_info(contexts: Contexts) -> dict[str, Any]:

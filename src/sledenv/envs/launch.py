@@ -30,7 +30,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Observation
         ``Box(-1, 1, (11,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation, spin, begin
         and friction of the zone that is drawn, and number of the body of the context, scaled by the ranges of the
-        scenario. What does not vary, what ``observe`` leaves out and what the agent controls reads 0.
+        scenario. What does not vary, what ``observe`` leaves out and what the agent controls reads 0. Where there is a
+        profile, 24 entries more: x, y and whether it is there of each of the first eight vertices.
     Action
         ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward
@@ -90,7 +91,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         **task: Unpack[TaskOptions],
     ) -> None:
         check_options(type(self), task)
-        self.task = Task(scenario, control, **task)
+        self.task = Task(scenario, control, ride=self._kind.by_hops, **task)
         self.episodes = self._kind(self.task, 1, info, render_mode)
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
@@ -126,7 +127,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self.episodes.seen[0].copy(), only_lane(info)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Run the whole descent, or in :class:`sledenv.envs.descent.SledDescent` one hop of it.
+        """Run the whole descent, or in :class:`sledenv.envs.descent.SledDescent` to the next flight worth a decision.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What every environment shares: contexts, their observation, launch of an action, reward.
+"""What every environment shares: contexts, their observation, launch of an action, the spins that riders lend.
 
 Contexts, observations, actions and launches are arrays with one row a lane; the scalar environments have one lane.
 """
@@ -9,7 +9,8 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final, Literal, TypedDict, get_args
+from operator import attrgetter
+from typing import Any, Final, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -18,22 +19,38 @@ from numpy.typing import NDArray
 from sledenv.envs.inputs import FIELDS, SEEN, Contexts, Given
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
-from sledenv.simulation.bodies import Body, Segment
+from sledenv.scenarios.tracks import AHEAD, BEHIND, normal_pairs, vertices_around
+from sledenv.simulation.bodies import Body, Segment, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
-from sledenv.simulation.records import LOG_FULL, OUTCOME, REBOUND, RUNNING, STATUS_OF_CODE, STEP_BUDGET, TIMEOUT
+from sledenv.simulation.records import OUTCOME, REBOUND
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Profile, Slope, State, Tracks
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate, simulate_batch
-from sledenv.simulation.support import directions, support_heights
+from sledenv.simulation.support import directions, resting_heights, support_heights
 
-FLIGHT: Final = ("progress", "sine", "cosine", "u", "v", "omega", "trim", "time", "rebounds")
+# What is told of a flight that begins, and of each vertex of the ground around.
+FLIGHT: Final = (
+    *("left", "height", "sine", "cosine", "u", "v", "omega"),
+    *("trim", "supplied", "time", "rebounds"),
+)
+VERTEX: Final = ("x", "y", "there")
+TRIM: Final = "trim"  # the control of a ride
 
 _DISTURBED = [Context._fields.index(name) for name in NOISY]
 _SHAPE = Context._fields.index("shape")
-_TRUNCATED = np.isin(np.arange(len(STATUS_OF_CODE)), (TIMEOUT, LOG_FULL, STEP_BUDGET))  # by status
+_RARE = 4.0  # standard deviations by which what a rider lends is seen to miss what was asked for
+
+
+class Seen(NamedTuple):
+    """Where rides stand, as far as it is seen."""
+
+    states: NDArray[np.float64]  # (n, 6), columns as in State; y counts from the ground under the mass centre
+    lent: NDArray[np.float64]  # [rad/s] spin that the rider's rotor lends to the body, (n,)
+    supplied: NDArray[np.float64]  # [J] energy so far, (n,)
+    profiles: list[Profile]  # ground of each, or of none on a plane
 
 
 class TaskOptions(TypedDict, total=False):
@@ -65,7 +82,10 @@ class Task:
         As for :func:`sledenv.load_scenario`.
     control : str, optional
         What of the launch the agent chooses, a word of :func:`sledenv.scenarios.sections.control_words`; the rest is
-        part of the context. What the scenario says by default.
+        part of the context. What the scenario says by default. Of a ride it is "trim".
+    ride : bool
+        Whether the agent does not choose the launch, which is drawn with the context (:meth:`Scenario.ride`), but trims
+        every flight worth a decision.
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -88,20 +108,18 @@ class Task:
         Those of the scenario; ``shape`` of a context is the place of its body among them.
     settings : Settings
         How descents are simulated, those of the scenario with the solver of the task.
-    columns : int
-        Of contexts, those of the launch noise included.
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
+    columns : int
+        Of contexts with their launch noise.
     observation_space, action_space : Box
-        Of a launch.
-    ride_observation_space, ride_action_space : Box
-        Of a launch with the hops that follow: the flight is behind the context, the trim behind the launch.
-    observation_names, ride_observation_names, action_names, ride_action_names : tuple of str
+        Behind the context a ride tells the flight, and whatever has a profile the vertices around.
+    observation_names, action_names : tuple of str
         What their entries are.
     varies : ndarray of bool, shape (11,)
         Which of the fields that agents may see vary, are not chosen, and are among those that ``observe`` names.
     hidden : ndarray of bool, shape (12,)
-        Which fields vary and are not chosen, but are not seen.
+        Which fields vary and are not chosen, but are not seen. The track is none of them: its ground is seen.
     observed : tuple of str
         The fields that ``observe`` names.
 
@@ -116,20 +134,22 @@ class Task:
         scenario: str | os.PathLike[str] | Scenario,
         control: str | None = None,
         *,
+        ride: bool = False,
         solver: Solver = "compliant",
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
     ) -> None:
-        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self.scenario = scenario.ride() if ride else scenario
         section = self.scenario.control
         if control is None:
-            control = section.chosen
+            control = TRIM if ride else section.chosen
         if launch_noise is None:
             launch_noise = math.radians(section.noise_orientation_deg), section.noise_spin_rad_s
         bounds = {name: np.array(pair) for name, pair in self.scenario.control_bounds.items()}
         bounds |= {name: np.radians(pair) for name, pair in bounds.items() if CONTROLS[name].unit == "deg"}
-        words = control_words(bounds)
+        words = {TRIM: ()} if ride else control_words(bounds)
         for name, value, allowed in (("control", control, tuple(words)), ("solver", solver, get_args(Solver))):
             checked_choice(name, value, allowed)
         if split is not None:
@@ -143,8 +163,8 @@ class Task:
         self.control = next(word for word, names in words.items() if names == self.controlled)
         self.solver = solver
         self.split = split
-        errors = 2 * bool(self.noise.any())
-        self.columns, self.draws = FIELDS + errors, self.scenario.draws + errors
+        errors = len(NOISY) * bool(self.noise.any())
+        self.draws, self.columns = self.scenario.draws + errors, FIELDS + errors
         self.bodies = self.scenario.all_bodies()
         self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
@@ -154,18 +174,26 @@ class Task:
         self.observed = _observed(observe)
         shown = np.isin(Context._fields, self.observed)
         self.varies: NDArray[np.bool_] = ((self._width > 0.0) & shown)[:SEEN]
-        self.hidden: NDArray[np.bool_] = (self._width > 0.0) & ~shown
+        self.hidden: NDArray[np.bool_] = (self._width > 0.0) & ~shown & (np.arange(FIELDS) < SEEN)
         self._divisor = np.where(self.varies, self._width[:SEEN], 1.0)
-        self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).T.copy()
+        self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).reshape(-1, 2).T
         self._way = self.scenario.slope_section.length_m + self.settings.run_out  # [m]
+        self._reach, self._relief = self.scenario.extent
         self._speed, self._spin = self._scales(bounds)
-        self.observation_space = spaces.Box(-1.0, 1.0, (SEEN,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.controlled),), np.float32)
-        self.ride_observation_space = spaces.Box(-1.0, 1.0, (SEEN + len(FLIGHT),), np.float32)
-        self.ride_action_space = spaces.Box(-1.0, 1.0, (len(self.controlled) + 1,), np.float32)
-        self.observation_names = Context.seen
-        self.ride_observation_names = (*self.observation_names, *FLIGHT)
-        self.action_names, self.ride_action_names = self.controlled, (*self.controlled, "trim")
+        self._height = self._context_high[Context._fields.index("drop")] + 2.0 * max(map(highest_support, self.bodies))
+        self._height += self._relief
+        rider = self.scenario.rider
+        self._lent = 1.0 if rider is None else rider.trim_rad_s + _RARE * rider.noise_rad_s
+        self._rotor = None if rider is None else rider.rotor_inertia_kg_m2
+        self._shortest = 0.0 if rider is None else rider.shortest_flight_s
+        # Of which of the vertices around an agent is told.
+        self._told = slice(0 if ride else BEHIND, BEHIND + AHEAD if self._reach > 0.0 else 0)
+        places = [*(f"behind_{i}" for i in range(BEHIND, 0, -1)), *(f"ahead_{i}" for i in range(1, AHEAD + 1))]
+        vertices = (f"{place}_{entry}" for place in places[self._told] for entry in VERTEX)
+        self.observation_names = (*Context.seen, *(FLIGHT if ride else ()), *vertices)
+        self.action_names = (TRIM,) if ride else self.controlled
+        self.observation_space = spaces.Box(-1.0, 1.0, (len(self.observation_names),), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -199,10 +227,8 @@ class Task:
         contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :own], given.of(drawn).split), contexts[drawn])
         if self.draws == own:
             return contexts
-        # Box and Muller: two draws make two normal deviates, so that every episode takes the same number of doubles.
-        length = np.sqrt([-2.0 * math.log1p(-draw) for draw in draws[:, own].tolist()])
-        cosine, sine = directions(2.0 * np.pi * draws[:, own + 1])
-        return np.column_stack([contexts, self.noise[0] * length * cosine, self.noise[1] * length * sine])
+        errors = np.stack(normal_pairs(draws[:, own], draws[:, own + 1]), axis=-1)
+        return np.hstack([contexts, self.noise * errors])
 
     def _drawn(self, draws: NDArray[np.float64], split: Split | tuple[Split | None, ...] | None) -> Contexts:
         """Return the contexts that doubles mean, all of one split or each of its own."""
@@ -252,16 +278,33 @@ class Task:
             heights[rows] = support_heights(body, phi[rows])
         return heights
 
-    def observe(self, contexts: Contexts) -> NDArray[np.float32]:
-        """Scale contexts to [-1, 1] by the ranges of the scenario, float32 of shape (n, 11).
+    def observe(self, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float32]:
+        """Return what agents see, float32 in [-1, 1], shape (n, len(observation_names)).
 
-        What does not vary, what is not observed and what the agent controls reads 0; the track is left out.
+        Contexts are scaled by the ranges of the scenario. What does not vary, what is not observed and what the agent
+        controls reads 0; the track is left out, but the vertices around are told where there is a profile.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 12) or (n, 14)
+        flights : ndarray of OUTCOME, shape (n,)
+            Where the descents of a ride stand.
         """
         centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
-        return np.where(self.varies, np.minimum(np.maximum(centred, -1.0), 1.0), 0.0).astype(np.float32)
+        parts = [np.where(self.varies, centred, 0.0)]
+        x = np.zeros(len(contexts)) if flights is None else flights["x"]
+        around, there, ground = vertices_around(self.scenario.vertices(contexts), x)
+        if flights is not None:
+            parts.append(self._scaled(contexts, flights, ground))
+        if self._reach > 0.0:
+            blocks = np.concatenate([around / (self._reach, self._relief), there[..., np.newaxis]], axis=-1)
+            parts.append(blocks[:, self._told].reshape(len(contexts), -1))
+        scaled = np.hstack(parts)
+        scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
+        return np.asarray(np.minimum(np.maximum(scaled, -1.0), 1.0), np.float32)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
-        """Return the contexts behind observations of shape (n, 11) or (n, 20), up to the rounding of float32.
+        """Return the contexts behind observations, up to the rounding of float32.
 
         What the agent controls is NaN: it is nobody's choice yet. What is hidden is in the middle of its range, and the
         track number 0.
@@ -273,54 +316,51 @@ class Task:
         contexts[:, self._chosen] = np.nan
         return contexts
 
-    def observe_flights(self, flights: np.ndarray) -> NDArray[np.float32]:
-        """Scale where descents stand to [-1, 1], float32 of shape (n, 9), columns ``FLIGHT``.
-
-        Parameters
-        ----------
-        flights : ndarray of OUTCOME, shape (n,)
-        """
-        scenario = self.scenario
-        cosine, sine = directions(np.ascontiguousarray(flights["phi"]))
+    def _scaled(self, contexts: Contexts, flights: np.ndarray, ground: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Scale where descents stand, over ground of a height [m], shape (n, 11), columns ``FLIGHT``."""
+        cosine, sine = directions(flights["phi"])
+        limits = self.scenario.limits
         columns = (
-            flights["x"] / self._way,
+            1.0 - flights["x"] / self._way,
+            (flights["y"] - ground) / self._height,
             sine,
             cosine,
             flights["u"] / self._speed,
             flights["v"] / self._speed,
             flights["omega"] / self._spin,
-            flights["trim"] / (scenario.rider.trim_rad_s if scenario.rider else 1.0),
-            flights["t"] / scenario.limits.max_time_s,
-            flights["rebounds"] / scenario.limits.max_rebounds,
+            flights["trim"] / self._lent,
+            flights["supplied"] / self._energies(contexts),
+            flights["t"] / limits.max_time_s,
+            flights["rebounds"] / limits.max_rebounds,
         )
-        scaled = np.empty((len(flights), len(FLIGHT)), np.float32)
-        for i, column in enumerate(columns):
-            scaled[:, i] = np.clip(column, -1.0, 1.0)
-        scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
-        return scaled
+        return np.stack(columns, axis=-1)
 
-    def flights_seen(self, observations: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where descents stand at a rebound, from observations of shape (n, 20), up to the rounding of float32.
+    def _energies(self, contexts: Contexts) -> NDArray[np.float64]:
+        """Return the energies [J] by which those supplied are scaled, shape (n,): twice those of launches at most."""
+        return self._speed * self._speed * self.of_bodies(contexts, attrgetter("mass"))
 
-        Returns
-        -------
-        states : ndarray, shape (n, 6)
-            Columns as in :class:`sledenv.State`; at a rebound the body touches, so its height follows from its
-            orientation.
-        lent : ndarray, shape (n,)
-            Spin [rad/s] that the rider's rotor lends to the body.
+    def flights_seen(self, observations: NDArray[np.float32]) -> Seen:
+        """Return where rides stand, from what is seen of them, up to the rounding of float32.
+
+        Heights count from the ground under the mass centre. The ground is level with the plane before the first vertex
+        that is seen and behind the last one, and a body that would not be clear of it is lifted.
         """
-        progress, sine, cosine, u, v, omega, trim, _, _ = observations[:, SEEN:].astype(np.float64).T
-        phi = np.arctan2(sine, cosine)
-        columns = (
-            progress * self._way,
-            self.support_heights(self.contexts_seen(observations), phi),
-            phi,
-            u * self._speed,
-            v * self._speed,
-            omega * self._spin,
-        )
-        return np.stack(columns, axis=-1), self.trims(trim)
+        block = observations[:, SEEN:].astype(np.float64)
+        left, height, sine, cosine, u, v, omega, trim, supplied, *_ = block[:, : len(FLIGHT)].T
+        contexts = self.contexts_seen(observations)
+        x, phi = (1.0 - left) * self._way, np.arctan2(sine, cosine)
+        around = block[:, len(FLIGHT) :].reshape(len(block), -1, len(VERTEX))
+        profiles: list[Profile] = [
+            tuple((at + self._reach * ahead, self._relief * y) for ahead, y, there in row if there and abs(ahead) < 1.0)
+            for at, row in zip(x.tolist(), around.tolist(), strict=True)
+        ]
+        profiles = [profile if len(profile) > 1 else () for profile in profiles]
+        # A body has just taken off: not even rounding must press it in.
+        records = records_of(self.bodies_of(contexts), len(x))
+        lowest = resting_heights(records, x, phi, Tracks.of(profiles))
+        y = np.maximum(height * self._height, lowest)
+        states = np.stack([x, y, phi, u * self._speed, v * self._speed, omega * self._spin], axis=-1)
+        return Seen(states, trim * self._lent, supplied * self._energies(contexts), profiles)
 
     def _scales(self, bounds: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
         """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch.
@@ -333,9 +373,7 @@ class Task:
             most[i] = max(most[i], *np.abs(pair))
         _, _, _, speed, drop, fall, _, spin, *_ = most.tolist()
         below, gravity = self._way * max(0.0, np.sin(self._context_high[0])), self.scenario.slope_section.gravity_m_s2
-        profile = self.scenario.slope_section.profile
-        if profile:
-            below += max(y for _, y in profile) - min(y for _, y in profile)
+        below += self._relief
         scales = []
         for body in self.bodies:
             height = drop + highest_support(body) + below
@@ -355,8 +393,10 @@ class Task:
         chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
         return chosen
 
-    def launches(self, contexts: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def launches(self, contexts: Contexts, actions: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return the states at launch that actions ask for, shape (n, 6), columns as in :class:`sledenv.State`.
+
+        Without actions they are those that the contexts say.
 
         Parameters
         ----------
@@ -365,7 +405,7 @@ class Task:
             Out of :func:`sledenv.envs.inputs.checked_actions`, scaled to the control bounds of the scenario: a column
             for each of ``controlled``.
         """
-        chosen = self.chosen(contexts, actions)
+        chosen = contexts[:, :FIELDS].copy() if actions is None else self.chosen(contexts, actions)
         if contexts.shape[1] > FIELDS:
             chosen[:, _DISTURBED] += contexts[:, FIELDS:]
         launches = np.empty((len(chosen), len(State._fields)))
@@ -382,10 +422,9 @@ class Task:
         return simulate(*self._scene(contexts), launch, self.settings, record=record)
 
     def ride(self, contexts: Contexts, launch: State, record: Record = "rebounds") -> Ride:
-        """Return the descent that :meth:`descend` simulates at its launch, to be followed hop by hop."""
-        rider = self.scenario.rider
-        inertia = None if rider is None else rider.rotor_inertia_kg_m2
-        return Ride(*self._scene(contexts), launch, self.settings, record=record, rotor_inertia=inertia)
+        """Return the descent that :meth:`descend` simulates at its launch, to be followed flight by flight."""
+        given = *self._scene(contexts), launch, self.settings
+        return Ride(*given, record=record, rotor_inertia=self._rotor, shortest_flight=self._shortest)
 
     def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
         """Return what the first row of contexts is a descent of."""
@@ -405,34 +444,36 @@ class Task:
             parts.append((rows, batch))
         return parts[0][1] if len(parts) == 1 else _joined(parts, len(contexts))
 
-    def rides(self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False) -> RideBatch:
-        """Return the descents of :meth:`descend_batch` at their launch; lane i equals :meth:`ride` of row i."""
+    def spins(
+        self, contexts: Contexts, actions: NDArray[np.float64], decisions: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return the spins [rad/s] that riders lend in flights, errors of their contexts included; 0 without a rider.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (n, 12) or (n, 14)
+        actions : ndarray, shape (n, 1)
+            Trims in [-1, 1].
+        decisions : ndarray of int, shape (n,)
+            Which decision of the ride each is, counted from 0.
+        """
         rider = self.scenario.rider
+        if rider is None:
+            return np.zeros(len(contexts))
+        return rider.trim_rad_s * actions[:, 0] + self.scenario.errors(contexts, decisions)
+
+    def rides(self, contexts: Contexts, *, keep_rebounds: bool = False) -> RideBatch:
+        """Return the descents of contexts at their drawn launch, to be followed flight by flight."""
         return RideBatch(
             self.bodies_of(contexts),
             self.scenario.laws(contexts),
             self.scenario.slopes(contexts),
-            launches,
+            self.launches(contexts),
             self.settings,
             keep_rebounds=keep_rebounds,
-            rotor_inertia=None if rider is None else rider.rotor_inertia_kg_m2,
+            rotor_inertia=self._rotor,
+            shortest_flight=self._shortest,
         )
-
-    def trims(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the spins [rad/s] that trims in [-1, 1] ask for, same shape; 0 without a rider."""
-        rider = self.scenario.rider
-        return actions * (0.0 if rider is None else rider.trim_rad_s)
-
-    @staticmethod
-    def verdict(batch: DescentBatch) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return rewards, terminated and truncated of hops: the reward of the descent where it has ended, 0 elsewhere.
-
-        A descent that met a limit of its scenario is truncated.
-        """
-        status = batch.outcomes["status"]
-        ended = status != RUNNING
-        truncated = _TRUNCATED[status]
-        return np.where(ended, batch.jam.reward, 0.0), ended & ~truncated, truncated
 
 
 def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], count: int) -> DescentBatch:

@@ -91,7 +91,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         except ValueError:
             modes = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
-        self.task = Task(scenario, control, **task)
+        self.task = Task(scenario, control, ride=self._kind.by_hops, **task)
         self.num_envs = int(num_envs)
         self.episodes = self._kind(self.task, self.num_envs, info, render_mode, max_episode_steps)
         self.single_observation_space = self.episodes.observation_space
@@ -303,12 +303,25 @@ class SledLaunchVector(SledVectorEnv, VectorEnv[NDArray[np.float32], NDArray[np.
 
 
 class SledDescentVector(SledVectorEnv, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """Many :class:`sledenv.envs.descent.SledDescent` at once: each step runs one hop in every lane.
+    """Many :class:`sledenv.envs.descent.SledDescent` at once: each step runs one flight worth a decision in every lane.
 
-    The arguments are those of :class:`SledVectorEnv`.
+    The arguments are those of :class:`SledVectorEnv` but ``control``.
     """
 
     _kind = DescentEpisodes
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        info: Sequence[str] = CHEAP_INFO,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        **task: Unpack[TaskOptions],
+    ) -> None:
+        check_options(type(self), task)
+        super().__init__(num_envs, scenario, None, autoreset_mode, info, render_mode, max_episode_steps, **task)
 
 
 def _rows(columns: dict[str, Any], lanes: Lanes) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from sledenv.envs.inputs import Contexts
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Task
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.rules import checked_choice
 from sledenv.simulation.scene import State
@@ -43,7 +44,7 @@ class Past(NamedTuple):
     """What has happened in an episode."""
 
     launch: State | None = None  # None while one is awaited
-    trims: tuple[float, ...] = ()  # [rad/s] of the hops after the first
+    trims: tuple[float, ...] = ()  # [rad/s] of each step of a ride
     shown: float = -1.0  # [s] up to which the film has been shown, below 0 before the launch has been
 
 
@@ -56,7 +57,7 @@ class Viewer:
     mode : str or None
         One of ``RENDER_MODES``.
     by_hops : bool
-        Whether a step is a hop, and not the whole descent.
+        Whether a step is a flight with a trim, and not the whole descent.
     """
 
     def __init__(self, task: Task, mode: str | None, *, by_hops: bool) -> None:
@@ -76,11 +77,9 @@ class Viewer:
             self._play()
 
     def step(self, launch: NDArray[np.float64], trim: float) -> None:
-        """Take note of a step: that of the launch, fields of State, or one with a trim [rad/s]."""
-        if self.past.launch is None:
-            self.past = self.past._replace(launch=State.found(launch.tolist()))
-        else:
-            self.past = self.past._replace(trims=(*self.past.trims, trim))
+        """Take note of a step: of the launch, fields of State, and of the trim [rad/s] if a step is a flight."""
+        trims = (*self.past.trims, trim) if self._by_hops else ()
+        self.past = self.past._replace(launch=State.found(launch.tolist()), trims=trims)
         self._play()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
@@ -141,8 +140,10 @@ class Viewer:
             return self._task.descend(self._context, launch, record="trajectory")
         if self._ride is None:
             self._ride = self._task.ride(self._context, launch, record="trajectory")
-            self._ride.hop()
+            self._ride.await_flight()
         for trim in trims[self._followed :]:
+            if self._ride.status != Status.RUNNING:  # no flight was worth a decision
+                break
             if self._task.scenario.rider is not None:
                 self._ride.trim(trim)
             self._ride.hop()

@@ -32,7 +32,7 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.scenarios.terrain import Ground, placed, read_ground
-from sledenv.scenarios.tracks import TRACKS, Bumps, profiles_of
+from sledenv.scenarios.tracks import AHEAD, TRACKS, Bumps, profiles_of, standard_normals
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.records import MOST_ZONES, params
@@ -83,7 +83,7 @@ class _ContextFields(NamedTuple):
     zone_begin: float  # [m] along the slope
     zone_friction: float  # [-] f
     shape: float  # [-] number of the body among those of the scenario, from 0 on
-    track: float  # [-] number that draws the bumps; 0 without them
+    track: float  # [-] number that draws the bumps and the rider's errors; 0 without either
 
 
 class Context(_ContextFields):
@@ -240,6 +240,10 @@ class Scenario(Document):
         content["slope"] = _given(
             {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
         )
+        content["launch"] = {key: [0.0, 0.0] if own is None else own for key, own in content["launch"].items()}
+        if content["rider"] is not None:
+            optional = "shortest_flight_s", "noise_rad_s"
+            content["rider"] = {key: own for key, own in content["rider"].items() if key not in optional or own}
         content = _given(content)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -268,8 +272,8 @@ class Scenario(Document):
 
     @property
     def draws(self) -> int:
-        """How many doubles a context is drawn from: one a field, without the track where there are no bumps."""
-        return len(Context._fields) - (self.slope_section.bumps is None)
+        """How many doubles a context is drawn from: one a field, without the track where it is always 0."""
+        return len(Context._fields) - (not self._is_numbered)
 
     def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:
         """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, shape (..., 12).
@@ -307,13 +311,18 @@ class Scenario(Document):
             launch.speed_m_s,
             launch.drop_m,
             launch.fall_m_s,
-            _radians(launch.orientation_deg),
-            launch.spin_rad_s,
+            _radians(launch.orientation_deg or (0.0, 0.0)),
+            launch.spin_rad_s or (0.0, 0.0),
             (0.0, 0.0) if zone is None else zone.begin_m,
             (0.0, 0.0) if zone is None else zone.friction,
             (0.0, float(len(self.all_bodies()) - 1)),
-            (0.0, 0.0 if self.slope_section.bumps is None else TRACKS - 1.0),
+            (0.0, TRACKS - 1.0 if self._is_numbered else 0.0),
         )
+
+    @property
+    def _is_numbered(self) -> bool:
+        """Whether the number of the track draws anything."""
+        return self.slope_section.bumps is not None or (self.rider is not None and self.rider.noise_rad_s > 0.0)
 
     @property
     def _drawn_zone(self) -> int | None:
@@ -325,6 +334,34 @@ class Scenario(Document):
     def control_bounds(self) -> dict[str, Pair]:
         """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
         return _given({control.name: getattr(self.control, key) for key, control in ControlSection.controls().items()})
+
+    def ride(self) -> Scenario:
+        """Return the scenario of rides, whose launches nobody chooses: a context draws what an agent might choose.
+
+        Where ``launch`` gives no range of the orientation or the spin, that is the one of ``control``.
+        """
+        launch = self.launch_section
+        left = {key: getattr(self.control, key) for key, own in launch if own is None}
+        return self.model_copy(update={"launch_section": launch.model_copy(update=left)}) if left else self
+
+    def errors(self, contexts: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the errors [rad/s] of the spins that riders lend in flights, normal ones of ``rider.noise_rad_s``.
+
+        They belong to the context: one that is given back has the same.
+
+        Parameters
+        ----------
+        contexts : ndarray, shape (N, 12)
+        decisions : ndarray of int, shape (N,)
+            Which decision of the ride each is, counted from 0.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+        """
+        if self.rider is None or self.rider.noise_rad_s == 0.0:
+            return np.zeros(len(contexts))
+        return self.rider.noise_rad_s * standard_normals(contexts[:, _TRACK], decisions)
 
     def all_bodies(self) -> tuple[Body, ...]:
         """Return the bodies of the scenario, one of which is that of a context."""
@@ -418,6 +455,22 @@ class Scenario(Document):
         if self.slope_section.bumps is None:
             return vertices_of(self.slope_section.profile)[np.newaxis]
         return self._vertices(contexts[:, _TRACK])
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Lengths [m] by which the vertices around a place are scaled, along the slope and off it: 0 on a plane.
+
+        Eight of them hardly reach further, and none is further up or down.
+        """
+        bumps, vertices = self._bumps, vertices_of(self.slope_section.profile)
+        if bumps is not None:
+            longest = bumps.gap[1] + bumps.face[1] + bumps.top[1] + (bumps.back or bumps.face)[1]
+            return AHEAD / 4 * longest, bumps.height[1]
+        if not len(vertices):
+            return 0.0, 0.0
+        x = np.concatenate([[0.0], vertices[:, 0]])
+        ends = np.concatenate([x, np.full(AHEAD, x[-1])])
+        return float((ends[AHEAD:] - x).max()), float(np.ptp(vertices[:, 1])) or 1.0
 
     def _vertices(self, tracks: NDArray[np.float64]) -> NDArray[np.float64]:
         """Vertices of tracks with such numbers, shapes (N, M, 2) and (N,); raise ValueError if they are none."""

@@ -315,8 +315,9 @@ class LaunchSection(Section):
     speed_m_s: Annotated[Pair, Range("[0, inf) m/s")]  # along the slope, downhill, unless the agent chooses it
     drop_m: Annotated[Pair, Range("[0, inf) m")]  # clearance of the lowest point of the body
     fall_m_s: Annotated[Pair, Range("[0, inf) m/s")] = (0.0, 0.0)  # towards the slope
-    orientation_deg: Annotated[Pair, Range("[-360, 360] deg")] = (0.0, 0.0)  # unless the agent chooses it
-    spin_rad_s: Annotated[Pair, Range("(-inf, inf) rad/s")] = (0.0, 0.0)  # unless the agent chooses it
+    # Unless the agent chooses them; 0 if not given, or in a ride all that an agent may choose.
+    orientation_deg: Annotated[Pair | None, Range("[-360, 360] deg")] = None
+    spin_rad_s: Annotated[Pair | None, Range("(-inf, inf) rad/s")] = None
 
 
 class ControlSection(Section):
@@ -374,6 +375,8 @@ class RiderSection(Section):
 
     trim_rad_s: Annotated[float, Quantity("(0, inf) rad/s")]  # most spin that the rotor lends to the body
     rotor_inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]
+    shortest_flight_s: Annotated[float, Quantity("[0, inf) s")] = 0.0  # shorter ones are no decision of the rider's
+    noise_rad_s: Annotated[float, Quantity("[0, inf) rad/s")] = 0.0  # standard deviation of what is lent
 
 
 class LimitsSection(Section):

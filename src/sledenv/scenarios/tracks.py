@@ -1,4 +1,4 @@
-"""The ground of many contexts at once: bumps that a whole number draws, and the vertices around places on it.
+"""What a whole number draws of many contexts at once, bumps and errors, and the vertices around places on the ground.
 
 The vertices of N grounds are an array of shape (N, M, 2), columns x and y [m]. Where a ground has fewer than M, the
 rest of its row is inf.
@@ -6,6 +6,7 @@ rest of its row is inf.
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from sledenv.scenarios.configuration import Pair
 from sledenv.simulation.scene import Profile
+from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +65,7 @@ class Bumps(NamedTuple):
         return max(int((self.end - self.begin) / shortest) + 1, 0)
 
 
-def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.bool_], Floats]:
     """Return the vertices next to places: two behind them, then eight ahead, in the order of x.
 
     Parameters
@@ -79,10 +81,12 @@ def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.boo
         x and y [m] less those of the ground at the place; 0 where there is no such vertex.
     ndarray of bool, shape (N, 10)
         Whether there is.
+    ndarray, shape (N,)
+        y [m] of the ground at the place.
     """
     lanes, most = len(x), vertices.shape[1]
     if not most:
-        return np.zeros((lanes, BEHIND + AHEAD, 2)), np.zeros((lanes, BEHIND + AHEAD), np.bool_)
+        return np.zeros((lanes, BEHIND + AHEAD, 2)), np.zeros((lanes, BEHIND + AHEAD), np.bool_), np.zeros(lanes)
     if len(vertices) == 1:
         reached, row = np.searchsorted(vertices[0, :, 0], x, side="right"), np.zeros((lanes, 1), np.intp)
     else:
@@ -95,7 +99,36 @@ def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.boo
     left, right = there[:, BEHIND - 1], there[:, BEHIND]
     share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=left & right)
     here = np.stack([x, np.where(left, y0, y1) + share * (y1 - y0)], axis=-1)
-    return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there
+    return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there, here[:, 1]
+
+
+def standard_normals(numbers: Floats, decisions: NDArray[np.int64]) -> Floats:
+    """Return the normal deviates that whole numbers in [0, 2^32) mean at decisions in [0, 2^20), shapes (N,).
+
+    They have nothing to do with the bumps of the same numbers, and are the same on every machine.
+    """
+    first, second = _uniform(numbers + float(TRACKS) * (decisions + 1.0), 2).T
+    return normal_pairs(first, second)[0]
+
+
+def normal_pairs(first: Floats, second: Floats) -> tuple[Floats, Floats]:
+    """Return two independent normal deviates for each two numbers in [0, 1), all of shape (N,): Box and Muller."""
+    length = np.sqrt(-2.0 * _logarithms(1.0 - first))
+    cosine, sine = directions(2.0 * np.pi * second)
+    return length * cosine, length * sine
+
+
+def _logarithms(values: Floats) -> Floats:
+    """Return natural logarithms of positive numbers by plain arithmetic, so that every machine has the same bits."""
+    mantissa, exponent = np.frexp(values)
+    low = mantissa < math.sqrt(0.5)
+    mantissa, exponent = np.where(low, 2.0 * mantissa, mantissa), exponent - low
+    ratio = (mantissa - 1.0) / (mantissa + 1.0)  # at most .172: log m = 2 artanh of it
+    square, series = ratio * ratio, np.zeros(len(values))
+    for k in range(21, 0, -2):
+        series = series * square + 1.0 / k
+    logarithms: Floats = exponent * math.log(2.0) + 2.0 * ratio * series
+    return logarithms
 
 
 def profiles_of(vertices: Floats) -> list[Profile]:
