@@ -127,7 +127,7 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
         assert found["spin"] == pytest.approx(given[0, Context._fields.index("spin")], rel=1e-5)
     told = chromium.text("#map-words")
     assert told.startswith("Best of this map, white star: orientation")
-    assert "of 64 trembling launches" in told
+    assert "of 64 noisy launches" in told
     chromium.click("#best")
     wait_until(chromium, f"!asking && isChanged('{problem.task.controlled[0]}')")
     assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)

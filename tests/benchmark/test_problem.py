@@ -135,7 +135,7 @@ def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest(noi
     assert (
         problem.trials(contexts, "test")[..., :FIELDS] == contexts[:, np.newaxis]
     ).all()  # judged where it really is
-    still = problem.scenes(contexts, 8, (5,), tremble=(True, False))[0, :, FIELDS:]
+    still = problem.scenes(contexts, 8, (5,), noisy=(True, False))[0, :, FIELDS:]
     assert still[:, 0].all()
     assert not still[:, 1].any()
 

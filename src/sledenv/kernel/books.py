@@ -247,14 +247,15 @@ def energy(body: np.void, slope: Any, y: float, x: float, u: float, v: float, om
 def close_books(body: np.void, pieces: np.ndarray, slope: Incline, launch: State, flight: np.void) -> None:
     """Bring the energy ledger up to the state of a flight: docs/physics.md, section 9.
 
-    The drop counts from the lowest place that the mass centre could have within a size of where the body is along the
-    slope: on a profile that ends lower than it begins, gravity supplies that much more.
+    The drop counts from the lowest place that the mass centre could have within a size of the launch, and once the
+    body has passed the end of the slope of that: on a profile that ends lower gravity supplies that much more.
     """
     x, y, u, v, omega = flight["x"], flight["y"], flight["u"], flight["v"], flight["omega"]
     kinetic, potential = energy(body, slope, launch.y, launch.x, launch.u, launch.v, launch.omega)
-    place = slope.length if flight["t_line"] < math.inf else x  # not in the run-out
-    drop = max(0.0, launch.y - body["lowest"] - heights_within(pieces, place, body["size"])[0])
-    along = max(0.0, place - launch.x)
+    passed = flight["t_line"] < math.inf  # not in the run-out
+    ground = heights_within(pieces, slope.length if passed else launch.x, body["size"])[0]
+    drop = max(0.0, launch.y - body["lowest"] - ground)
+    along = max(0.0, (slope.length if passed else x) - launch.x)
     flight["initial"] = kinetic + potential
     flight["supplied"] = kinetic + body["mass"] * (drop * slope.inward + along * slope.downhill) + flight["work"]
     flight["kinetic"], flight["potential"] = energy(body, slope, y, x, u, v, omega)
