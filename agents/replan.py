@@ -49,6 +49,14 @@ class Agent:
         if rider is None:
             return np.zeros((len(observations), 1), np.float32)
         contexts, seen = task.contexts_seen(observations), task.flights_seen(observations)
+        passed = (
+            seen.states[:, 0] >= task.scenario.slope_section.length_m
+        )  # the end of the slope: nothing is left to do
+        if passed.any():
+            actions = np.zeros((len(observations), 1), np.float32)
+            if not passed.all():
+                actions[~passed] = self.act(observations[~passed])
+            return actions
         spins = np.tile(rider.trim_rad_s * self._trims, len(observations))
         states, lent, supplied = (np.repeat(each, tried, axis=0) for each in (seen.states, seen.lent, seen.supplied))
         repeated = Seen(states, lent, supplied, [profile for profile in seen.profiles for _ in range(tried)])

@@ -238,3 +238,18 @@ def test_the_lookahead_of_replan_predicts_what_its_model_earns(scenario):
     apart = np.abs(predicted - rides.descents(running).jam.reward)
     assert len(running) > 15
     assert np.median(apart) < 1e-3
+
+
+def test_replan_does_nothing_once_a_ride_has_passed_the_line():
+    """Oracle: what it does in the other lanes alone."""
+    problem = Problem(ride_over_bumps(), "descent")
+    task, contexts = problem.task, problem.contexts("test", 4)
+    rides = task.rides(contexts)
+    rides.await_flights(np.arange(4))
+    flights = rides.outcomes()
+    flights["x"][1] = task.scenario.slope_section.length_m + 1.0
+    observed, agent = task.observe(contexts, flights), replan.Agent(problem, 5)
+    found = agent.act(observed)
+    assert found[1, 0] == 0.0
+    np.testing.assert_array_equal(found[[0, 2, 3]], agent.act(observed[[0, 2, 3]]))
+    assert not agent.act(observed[1:2]).any()
