@@ -345,9 +345,7 @@ function mapWords() {
   const { launch, reward } = map.best;
   const words = AXES.map((name, i) => `${name} ${fixed(launch[i], 2, PARAMETERS[name].unit)}`).join(", ");
   const given = map.given.size ? `; ${map.given.size} took too long, and count as 0` : "";
-  const how = noisy()
-    ? `mean reward ${fixed(reward, 3)} of ${DRAWS} noisy launches`
-    : `reward ${fixed(reward, 3)}`;
+  const how = noisy() ? `mean reward ${fixed(reward, 3)} of ${DRAWS} noisy launches` : `reward ${fixed(reward, 3)}`;
   return `Best of this map, white star: ${words}, ${how}${given}.`;
 }
 
@@ -451,11 +449,7 @@ function drawCloud() {
       return `<polyline points="${points.join(" ")}" fill="none" stroke="${HAND}" stroke-opacity="0.22"/>`;
     })
     .join("");
-  $("cloud-words").textContent = cloud?.error
-    ? `A noisy hand: ${cloud.error}.`
-    : paths.length
-      ? cloudWords(paths)
-      : "";
+  $("cloud-words").textContent = cloud?.error ? `A noisy hand: ${cloud.error}.` : paths.length ? cloudWords(paths) : "";
 }
 
 function cloudWords(paths) {
