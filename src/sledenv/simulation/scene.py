@@ -192,6 +192,8 @@ class Tracks(NamedTuple):
     @classmethod
     def of(cls, profiles: Sequence[Profile]) -> Self:
         """Return the tracks of one profile for all lanes, or of one a lane."""
+        if len(profiles) == 1:
+            return cls((vertices_of(profiles[0]),), np.zeros(1, np.intp))
         found: dict[Profile, int] = {}
         seen: dict[int, int] = {}  # by identity, as long ones take a while to compare
         numbers = []
