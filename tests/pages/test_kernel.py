@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import math
 import shutil
@@ -24,6 +26,7 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
+from tests.browser import Browser, browser, needs_chromium
 from tests.profiles import random_case
 
 NODE = shutil.which("node")
@@ -146,6 +149,68 @@ def test_many_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
     for seed in range(2, 27):
         _compare(200, seed, tmp_path)
+
+
+# Runs descents in a page; a digest of all numbers of each, in the order of kernels.mjs. NaN has one form.
+IN_PAGE = """
+  window.digests = async (cases) => Promise.all(cases.map(async (one) => {
+    const found = kernel.descend(one);
+    const numbers = [...Object.values(found.outcome), found.rebounds.t.length, found.trajectory.t.length];
+    for (const table of [found.rebounds, found.trajectory, found.contacts])
+      for (const column of Object.values(table)) for (const number of column) numbers.push(number);
+    const words = new DataView(new ArrayBuffer(8 * numbers.length));
+    numbers.forEach((number, i) => words.setFloat64(8 * i, number === number ? number : NaN, true));
+    const bytes = new Uint8Array(await crypto.subtle.digest("SHA-256", words.buffer));
+    return [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+  }));
+  window.ready = (async () => {
+    const bytes = Uint8Array.from(atob(document.getElementById("wasm").textContent), (one) => one.charCodeAt(0));
+    window.kernel = await Kernel.load(bytes);
+  })();
+"""
+
+
+def _compare_in_page(count: int, seed: int, page: Browser) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(count // 20):
+        cases = [_case(rng) if number % 5 else _ride(seed, int(rng.integers(10**6))) for number in range(20)]
+        given = json.loads(json.dumps([kernel.descent_input(*case) for case in cases]))
+        found = page.run("return digests(arguments[0])", given)
+        for case, digest in zip(cases, found, strict=True):
+            *scene, settings = case
+            descent = simulate(*scene, settings, record="trajectory")
+            numbers = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
+            numbers[np.isnan(numbers)] = np.nan
+            assert digest == hashlib.sha256(numbers.astype("<f8").tobytes()).hexdigest(), case
+
+
+@pytest.fixture(scope="module")
+def kernel_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Open a page that has the kernel and nothing else."""
+    file = tmp_path_factory.mktemp("kernel") / "page.html"
+    wasm = base64.b64encode(kernel.KERNEL.read_bytes()).decode()
+    scripts = f"<script>{SCRIPT.read_text(encoding='utf-8')}</script><script>{IN_PAGE}</script>"
+    file.write_text(f"<script id=wasm type=text/plain>{wasm}</script>{scripts}", encoding="utf-8")
+    with browser(tmp_path_factory.mktemp("chromium")) as page:
+        page.open(file)
+        page.run("return ready")
+        yield page
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_descents_in_chromium_have_the_bits_of_python(kernel_page: Browser) -> None:
+    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
+    _compare_in_page(40, 101, kernel_page)
+
+
+@needs_chromium
+@pytest.mark.slow
+@pytest.mark.jit_only
+def test_many_descents_in_chromium_have_the_bits_of_python(kernel_page: Browser) -> None:
+    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
+    for seed in range(102, 127):
+        _compare_in_page(200, seed, kernel_page)
 
 
 def test_default_limits_travel_with_the_kernel() -> None:
