@@ -67,6 +67,12 @@ class Browser:
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         _call("POST", f"{self.session}/goog/cdp/execute", command)
 
+    def must_be_readable(self, width: int) -> None:
+        """Assert that letters are large enough and that the page is not wider than its window [px]."""
+        heights = "return [...document.querySelectorAll('svg text')].map(one => one.getBoundingClientRect().height)"
+        assert min(self.run(heights)) > 10.0
+        assert self.run("return document.documentElement.scrollWidth") <= width
+
     def colours(self, scheme: str) -> None:
         """Show pages to one who prefers "light" or "dark" ones."""
         wanted = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
