@@ -132,7 +132,7 @@ class Problem:
         return Problem(self.scenario, self.environment, self.control, solver=self.task.solver, launch_noise=noise)
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
-        """Draw ``count`` contexts of a split, shape (count, 11); context i does not depend on ``count``."""
+        """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)
