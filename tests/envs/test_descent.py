@@ -74,7 +74,7 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_and_the_descent_is
     rng = np.random.default_rng(0)
     launch, descent = SledLaunch(scenario, "both", solver=solver), SledDescent(scenario, solver=solver)
     launch.reset(seed=1)
-    for _ in range(60 if solver == "compliant" else 20):  # a rigid descent bounces until it settles
+    for _ in range(20 if solver == "compliant" else 5):  # a rigid descent bounces until it settles
         _, begun = launch.reset()
         _, reward, _, _, info = launch.step(random_action(launch, rng))
         chosen = {name: info["launch"][name] for name in ("orientation", "spin")}
@@ -116,7 +116,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
     env.reset(seed=3)
     rng = np.random.default_rng(2)
     body, worked, length = env.task.bodies[0], False, env.task.scenario.slope_section.length_m
-    for _ in range(40):
+    for _ in range(12):
         env.reset()
         gained = 0.0
         terminated = False
@@ -297,7 +297,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
     env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
     check_env(env, skip_render_check=True)
     rng, found = np.random.default_rng(1), 0
-    for seed in range(10):
+    for seed in range(4):
         env.reset(seed=seed)
         for observation, _, terminated, _, info in play(env, rng):
             if not terminated:
@@ -314,13 +314,13 @@ def test_a_polygon_is_seen_as_it_flies(solver):
                 assert seen.supplied[0] == pytest.approx(info["descent"]["energy"]["supplied"], rel=1e-6)
                 assert seen.profiles == [()]
                 found += 1
-    assert found > 20
+    assert found > 8
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
     """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
-    for seed in range(3):
+    for seed in range(1):
         env, twin = (SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
         env.reset(seed=seed)
         snapshots, steps = [env.snapshot()], []
@@ -333,7 +333,7 @@ def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(so
                 break
         following = env.reset()
         returns = set()
-        for i in rng.choice(len(steps), min(len(steps), 4), replace=False).tolist():
+        for i in rng.choice(len(steps), min(len(steps), 3), replace=False).tolist():
             for k in range(2):  # alternatives, also one after the other from the same snapshot
                 env.restore(snapshots[i])
                 other = np.random.default_rng([seed, k])
@@ -547,8 +547,9 @@ class Session(RuleBasedStateMachine):
             assert equal(getattr(self.twin, name)(*args, **kwargs), gave)
 
 
-@pytest.mark.parametrize("solver", [*SOLVERS, "bumps"])
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
+@pytest.mark.parametrize(
+    ("kind", "solver"), [(SledLaunch, "rigid"), (SledDescent, "compliant"), (SledDescent, "bumps")]
+)
 def test_no_order_of_calls_breaks_an_environment(kind, solver):
     own = {"scenario": UNSTEADY} if solver == "bumps" else {"solver": solver}
     machine = type("Machine", (Session,), {"kind": kind} | own)

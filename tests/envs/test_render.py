@@ -483,8 +483,8 @@ def test_a_film_is_played_to_its_end(
 ) -> None:
     shown: list[np.ndarray] = []
     monkeypatch.setattr(renderer, "show", lambda image: shown.append(image) is None)
-    renderer.play(renderer.film(descent, speed=20.0))
-    assert len(shown) == len(film_times(descent, 30, speed=20.0)) > 30
+    renderer.play(renderer.film(descent, speed=40.0))
+    assert len(shown) == len(film_times(descent, 30, speed=40.0)) > 15
     assert (shown[0] == renderer.frame(descent, 0.0)).all()
     assert (shown[-1] == renderer.frame(descent, descent.time)).all()
 

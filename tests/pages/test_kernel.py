@@ -139,7 +139,7 @@ def _compare(count: int, seed: int, folder: Path) -> None:
 @pytest.mark.jit_only
 def test_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
-    _compare(200, 1, tmp_path)
+    _compare(60, 1, tmp_path)
 
 
 @needs_node
