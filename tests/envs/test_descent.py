@@ -268,7 +268,7 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
         assert (context[0, -1] > 0.0) == (scenario is BUMPS or scenario.rider.noise_rad_s > 0.0)
 
 
-@pytest.mark.parametrize("scenario", [own_scenario("brake_mat"), UNSTEADY], ids=name_of)
+@pytest.mark.parametrize("scenario", [own_scenario("ice_drop"), UNSTEADY], ids=name_of)
 @given(draws=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=12, max_size=12), seed=st.integers(0, 99))
 def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, draws, seed):
     """Oracle: the ride of the context that was drawn; the film repeats it too."""
