@@ -147,7 +147,7 @@ def test_the_heavy_side_holds_the_mass_centre() -> None:
 def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
     """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
     body = OTHERS[name]
-    for phi in (0.0, 2.2):
+    for phi in (2.2,):
         whole, lower = (draw(body, 3.0, 2.0, phi, 401) for draw in (shapes.body_outline, shapes.heavy_side))
         up = np.array([-math.sin(phi), math.cos(phi)])
         assert lower[0].tolist() == lower[-1].tolist()
@@ -407,7 +407,7 @@ def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_c
     """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
     rng = np.random.default_rng(1)
     seen = set()
-    for _ in range(60):
+    for _ in range(25):
         law = ContactLaw(1e6, 0.5, rng.uniform(0.0, 1.5), *rng.uniform(0.0, 0.05, 2))
         state = State(0.0, 0.0, rng.uniform(-3.0, 3.0), rng.uniform(-2.0, 2.0), -5.0, rng.uniform(-4.0, 4.0))
         impact = sledenv.rigid_impact(body, law, state)
@@ -540,7 +540,11 @@ def pixels(figure: Figure) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "name", ["no time passed", "jammed at launch", "no end", "far away", "uphill", "overflow", "rod", "point"]
+    "name",
+    [
+        *("no time passed", "jammed at launch", "overflow", "point"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("no end", "far away", "uphill", "rod")),
+    ],
 )
 def test_ugly_descents_are_drawn(name: str) -> None:
     body, law, slope, launch, options = UGLY[name]
@@ -552,7 +556,14 @@ def test_ugly_descents_are_drawn(name: str) -> None:
         figure.savefig(io.BytesIO(), dpi=40)
 
 
-@pytest.mark.parametrize(("name", "solver"), [("boulder", "compliant"), ("rider", "compliant"), ("line", "rigid")])
+@pytest.mark.parametrize(
+    ("name", "solver"),
+    [
+        ("line", "rigid"),
+        pytest.param("boulder", "compliant", marks=pytest.mark.slow),
+        pytest.param("rider", "compliant", marks=pytest.mark.slow),
+    ],
+)
 def test_descents_of_any_body_are_drawn(name: str, solver: str) -> None:
     """Oracle: the poses of a strobe picture have the outline of the body; energy is conserved."""
     descent = descent_of(name, solver)
