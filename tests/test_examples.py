@@ -13,7 +13,7 @@ from PIL import Image
 
 from docs import draw
 from docs.draw import run
-from sledenv import Scenario, load_study
+from sledenv import Scenario, load_scenario, load_study
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.scenarios import sections
@@ -51,7 +51,7 @@ def test_the_sensitivity_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, 
     assert "nearest change" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["descent", "gallery"])
+@pytest.mark.parametrize("page", ["descent", "gallery", "track"])
 def test_the_pages_of_pictures_draw_what_they_show(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run(blocks(f"docs/{page}.md"))
@@ -81,9 +81,15 @@ def test_the_page_on_scenarios_writes_a_valid_one(tmp_path, monkeypatch, capsys)
     assert "friction" in capsys.readouterr().out
 
 
-def test_the_page_on_scenarios_names_every_key():
+def test_the_scenario_of_the_page_on_tracks_draws_bumps(tmp_path):
+    (tmp_path / "my_bumps.yaml").write_text(blocks("docs/track.md", "yaml")[0])
+    scenario = load_scenario(tmp_path / "my_bumps.yaml")
+    assert scenario.slope(scenario.sample(np.random.default_rng(0))).profile
+
+
+def test_the_pages_on_scenarios_name_every_key():
     """Oracle: the fields of the sections."""
-    page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
+    page = "".join((ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("scenarios", "track"))
     kinds = [kind for kind in vars(sections).values() if isinstance(kind, type) and issubclass(kind, Section)]
     keys = {field.alias or name for kind in [Scenario, *kinds] for name, field in kind.model_fields.items()}
     assert {"friction", "kind", "slope"} <= keys
