@@ -62,6 +62,16 @@ def test_the_pages_of_pictures_draw_what_they_show(page, tmp_path, monkeypatch, 
     assert {name for name in shown if name.startswith(page)} - {"descent_map.png"} == drawn
 
 
+def test_the_page_on_hillsides_draws_its_picture(tmp_path, monkeypatch, capsys):
+    """Of two groups of launches instead of 512."""
+    monkeypatch.chdir(tmp_path)
+    (code,) = blocks("docs/hillside.md")
+    names = run([code.replace('"runs/hillside"', '"runs/hillside", launches=40, workers=1, progress=False')])
+    assert (tmp_path / "hillside.png").is_file()
+    assert names["rocks"].launches == 44
+    assert "body.width_ratio" in capsys.readouterr().out
+
+
 def test_the_five_lines_of_the_first_page_judge_an_agent(capsys):
     """On one context instead of 20. Oracle: the draws of the launch noise by which all agents are judged."""
     benchmark, steps = blocks("docs/index.md")
