@@ -46,8 +46,8 @@ def test_the_sensitivity_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     names = run(blocks("docs/uncertainty.md")[:1])
     assert [file.name for file in tmp_path.iterdir()] == ["growth.png"]
-    assert names["found"].descent.status == "jammed"
-    assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 8
+    assert names["found"].descent.status == "finish"
+    assert len(names["found"].rebounds) == len(names["found"].descent.rebounds) == 9
     assert "nearest change" in capsys.readouterr().out
 
 
