@@ -59,7 +59,7 @@ def test_the_pages_of_pictures_draw_what_they_show(page, tmp_path, monkeypatch, 
     shown = set(re.findall(r"images/(\w+\.png)", (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")))
     assert drawn
     assert drawn <= shown
-    assert {name for name in shown if name.startswith(page)} - {"descent_map.png"} == drawn
+    assert {name for name in shown if name.startswith(page)} == drawn
 
 
 def test_the_page_on_hillsides_draws_its_picture(tmp_path, monkeypatch, capsys):
