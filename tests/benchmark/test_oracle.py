@@ -16,7 +16,6 @@ from sledenv.benchmark.oracle import (
     jam_map,
     map_table,
     oracle,
-    rewards_again,
     rewards_of,
 )
 from sledenv.benchmark.problem import Problem
@@ -39,7 +38,7 @@ def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_
     """Oracle: the simulator once more; a random search of the same box with ten times the draws of the launch noise."""
     problem, table = found
     contexts = table[list(Context._fields)].to_numpy()
-    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 300, 1))
     some = problem.expect(problem.scenes(contexts, 64, (9,)), tried)
     best = np.take_along_axis(tried, np.argsort(-some, axis=1)[:, :3, np.newaxis], axis=1)
@@ -146,7 +145,7 @@ def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
     problem = Problem(Scenario.model_validate(content), control=control, launch_noise=noise)
     contexts = problem.contexts("test", 1)
     table = best_launches(problem, contexts)
-    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 500, problem.actions))
     assert problem.expect(problem.trials(contexts, "test"), tried).max() <= 1.005 * table["reward"][0]
     assert table["low"][0] < table["high"][0]

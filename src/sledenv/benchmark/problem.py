@@ -143,8 +143,12 @@ class Problem:
         Every context gets the same t = ``count`` quasi-random normal errors, one without launch noise, so that a mean
         over the trials is the expected reward, of agents and of the oracle alike. Each split has errors of its own: an
         agent that searches with those of "train" or "validation" knows nothing of those with which it is judged.
+
+        Of a ride, which begins where the launch has happened, a context has one trial, with one of these errors.
         """
-        return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
+        if self.environment == "descent":
+            return self.drawn(contexts, split)[:, np.newaxis]
+        return self._errors(contexts, split, count)
 
     def scenes(
         self, contexts: Contexts, count: int, seed: Sequence[int], *, noisy: Sequence[bool] = (True, True)
@@ -179,11 +183,15 @@ class Problem:
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
         """Give each of contexts of shape (n, 12) one draw of the launch noise of a split, shape (n, 14).
 
-        These are the trials of :meth:`trials` in turn, one a context.
+        These are the errors of :meth:`trials` in turn, one a context.
         """
-        trials = self.trials(contexts, split)
+        trials = self._errors(contexts, split, TRIALS)
         lanes = np.arange(len(contexts))
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
+
+    def _errors(self, contexts: Contexts, split: Split, count: int) -> Contexts:
+        """Repeat contexts with the draws of the launch noise of a split, shape (n, count, 14); once without noise."""
+        return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
 
     def inside(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Put actions of shape (..., k) into the box: a full turn wraps around, everything else stops at its bounds."""
