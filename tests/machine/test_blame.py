@@ -31,7 +31,7 @@ def test_a_full_disk_is_not_the_fault_of_the_agent(wrapped: bool) -> None:
 
 
 def test_the_file_that_a_full_disk_has_left_out_is_named() -> None:
-    with pytest.raises(OSError, match=r"train: Disk quota exceeded: model\.zip was not written"), blaming(WHOSE, "train"):
+    with pytest.raises(OSError, match=r"exceeded: model\.zip was not written"), blaming(WHOSE, "train"):
         raise OSError(errno.EDQUOT, "Disk quota exceeded", "model.zip")
 
 
