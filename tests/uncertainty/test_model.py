@@ -154,7 +154,7 @@ def test_draws_go_where_their_keys_say() -> None:
     )
     _, laws, slopes, launches = study.lanes(study.values(np.full((2, 7), 0.25)))
     assert laws[0] == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
-    assert slopes[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
+    assert slopes.rows[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
     assert launches[0] == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
 
 
