@@ -7,7 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv import (
@@ -342,7 +342,6 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
     solver=st.sampled_from(SOLVERS),
     trims=st.lists(st.floats(-50.0, 50.0), max_size=6),
 )
-@settings(max_examples=60, deadline=None)
 def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, solver, trims):
     ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=100), rotor_inertia=ROTOR)
     for spin in trims:
