@@ -178,7 +178,9 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), "talus"])  # the contacts of a disc are followed abreast
+@pytest.mark.parametrize(
+    "name", [own_scenario("brake_mat"), own_scenario("boulders")]
+)  # the contacts of a disc are followed abreast
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
     problems = [problem(name, seed) for seed in range(200)]
