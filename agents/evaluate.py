@@ -147,7 +147,7 @@ def _evaluate(
     Parameters
     ----------
     runs
-        Folders written by sledenv.agents.train, or names of runs that ship: sled_snow-launch-orientation-critic-s0.
+        Folders written by sledenv.agents.train, or names of runs that ship: sled_mat-launch-spin-critic-s0.
     contexts
         Number of held-out contexts.
     searched

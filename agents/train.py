@@ -15,8 +15,16 @@ from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
 
 ALGORITHMS: Final = (
-    *("best_fixed", "cma_es", "cma_lookups", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
-    *("random_search", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
+    "best_fixed",
+    "critic",
+    "land_flat",
+    "land_parallel",
+    "ppo",
+    "random_launch",
+    "replan",
+    "sac",
+    "tqc",
+    "zero",
 )
 
 

@@ -165,8 +165,8 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
         def act(self, observations: np.ndarray) -> np.ndarray:
             return np.full((len(observations), 1), answer)
 
-    problem = Problem("sled_tilt")
-    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_tilt: .*{message}"):
+    problem = Problem("sled_mat")
+    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_mat: .*{message}"):
         problem.judge(Wrong(), problem.trials(problem.contexts("test", 3), "test"))
 
 
@@ -180,8 +180,8 @@ def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
         def act(self, observations: np.ndarray) -> np.ndarray:
             return act(observations)
 
-    problem = Problem("sled_tilt")
-    said = f"^agent {__name__}, scenario sled_tilt: act raised {kind.__name__}: "
+    problem = Problem("sled_mat")
+    said = f"^agent {__name__}, scenario sled_mat: act raised {kind.__name__}: "
     with pytest.raises(GivenCodeError, match=said) as raised:
         problem.judge(Broken(), problem.contexts("test", 2))
     assert isinstance(raised.value.__cause__, kind)

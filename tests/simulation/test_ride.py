@@ -178,10 +178,10 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), "talus"])  # the contacts of a disc are followed abreast
+@pytest.mark.parametrize("name", ["brake_mat", "boulders"])  # the contacts of a disc are followed abreast
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
-    problems = [problem(name, seed) for seed in range(200)]
+    problems = [problem(own_scenario(name), seed) for seed in range(200)]
     settings = Settings(solver, max_rebounds=50)
     trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
     for trimmed in (False, True):

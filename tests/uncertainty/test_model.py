@@ -189,7 +189,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "contact.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (
-            {"scenario": "sled_patch", "zone__fricton": UNIFORM},
+            {"scenario": "sled_snow", "zone__fricton": UNIFORM},
             "zone.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (
