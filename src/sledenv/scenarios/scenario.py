@@ -336,6 +336,11 @@ class Scenario(Document):
         """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
         return _given({control.name: getattr(self.control, key) for key, control in ControlSection.controls().items()})
 
+    @property
+    def is_ride(self) -> bool:
+        """Whether it is a question for a rider: there is one, and ground that is no plane."""
+        return self.rider is not None and self.extent[0] > 0.0
+
     def ride(self) -> Scenario:
         """Return the scenario of rides, whose launches nobody chooses: a context draws what an agent might choose.
 
