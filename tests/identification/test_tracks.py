@@ -295,7 +295,7 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
 
 def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
     file, folder = tmp_path / "track.csv", tmp_path / "out"
-    track(PLAIN, np.random.default_rng(0), seconds=0.5).to_csv(file, index=False)
+    track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(recording="=1+1").to_csv(file, index=False)
     body = ["--gyration-radius", str(math.sqrt(0.004)), "--radius", "0.1", "--eccentricity", "0.02"]
     assert main(["identify", str(file), *body, "--out", str(folder)]) == 2
     assert "--slope-deg: poses over time need it" in capsys.readouterr().err
@@ -328,6 +328,9 @@ def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None: 
     }
     table = pd.read_csv(folder / "parameters.csv", index_col=0)
     assert table.loc["restitution", "low"] <= 0.7 <= table.loc["restitution", "high"]
+    for name in ("recordings", "launches", "residuals"):
+        told = pd.read_csv(folder / f"{name}.csv")["recording"]
+        assert (told == "'=1+1").all(), name  # a spreadsheet would run it without the apostrophe
 
 
 def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import sledenv
@@ -32,7 +32,6 @@ from sledenv.simulation.support import support_height, support_heights, within_a
 from tests.bodies import rod, segment_by_share
 from tests.own_scenarios import own_scenario
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 DISC_ROW = [1.0, 0.1, 0.05, 7.5e-3, math.pi]
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
@@ -96,7 +95,6 @@ def assert_same(one: Descent, other: Descent) -> None:
 # --- energy -----------------------------------------------------------------------------------------------------------
 
 
-@property_of_all
 @given(bodies, laws, slopes, launches)
 def test_the_energy_ledger_closes_and_no_loss_is_negative(
     body: Segment, law: ContactLaw, slope: Slope, launch: Any
@@ -258,7 +256,6 @@ def test_the_ledger_closes_uphill_too(solver: Any) -> None:
 # --- symmetry ---------------------------------------------------------------------------------------------------------
 
 
-@settings(property_of_all, max_examples=250)
 @given(bodies, laws, launches, st.sampled_from([9.81, 0.0]), st.sampled_from(["compliant", "rigid"]))
 @example(SHALLOW, ContactLaw(1e6, 0.1, 0.0, 0.0), (0.0, math.pi, 0.0, -0.5, 0.0), 9.81, "compliant")
 @example(SHALLOW, ContactLaw(1e6, 0.0, 0.4, 0.002, 0.002), (0.01, math.pi, 1.0, -0.5, 0.0), 9.81, "compliant")
@@ -382,7 +379,6 @@ def test_an_orientation_less_its_turns_is_as_exact_as_it_was(phi: float) -> None
         assert abs(turns - mpmath.nint(turns)) * 2 * mpmath.pi <= 0.6 * math.ulp(phi)
 
 
-@property_of_all
 @given(bodies, laws, launches, st.floats(-100.0, 100.0))
 def test_on_an_endless_slope_the_place_does_not_matter(
     body: Segment, law: ContactLaw, launch: Any, shift: float

@@ -125,6 +125,10 @@ class Suite(Document):
         )
         return f"suite {self.id}, {self.title}: {jobs}, each judged in {self.contexts} contexts"
 
+    def questions(self) -> list[tuple[str, Environment]]:
+        """Return each scenario with each environment in which it is asked."""
+        return [(scenario, environment) for scenario in self.scenarios for environment in self.agents]
+
     def problem(self, scenario: str, environment: Environment = "launch") -> Problem:
         """Return what the agents of the suite are given in a scenario."""
         return Problem(scenario, environment, **self._given())

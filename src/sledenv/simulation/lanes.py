@@ -14,6 +14,7 @@ from threading import Event
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
@@ -81,7 +82,7 @@ class Tables(NamedTuple):
     tracks: np.ndarray  # see :func:`sledenv.simulation.scene.laid`
     pieces: np.ndarray  # of the ground, of all tracks
 
-    def part(self, lanes: slice) -> Self:
+    def part(self, lanes: slice | NDArray[np.intp]) -> Self:
         """Return those of some lanes."""
         rows = {name: getattr(self, name) for name in ("bodies", "laws", "slopes", "launches", "tracks")}
         return self._replace(**{name: table[lanes] for name, table in rows.items() if len(table) > 1})
