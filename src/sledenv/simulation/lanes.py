@@ -31,6 +31,11 @@ NO_ROWS = np.zeros(0, TRAJECTORY)
 _LITTLE = 1 << 26  # bytes that every machine has
 
 
+def blank(dtype: np.dtype) -> np.ndarray:
+    """Return a record of zeros, shape (1,); np.zeros would look at its fields one by one."""
+    return np.ndarray(1, dtype, bytearray(dtype.itemsize))
+
+
 def new_log(max_rebounds: int) -> np.ndarray:
     """Return a log without a rebound yet, shape (max_rebounds,), or raise MemoryError."""
     check_room(max_rebounds * REBOUND.itemsize, f"max_rebounds = {max_rebounds}: as many records", "lower it")
@@ -115,7 +120,7 @@ def follower(
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
-    space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
+    space = blank(SPACE)
     rigid, limits, *given, tracks, pieces = tables
     written = flights, logs, trajectory, space
     run = run_lanes.prepared(rigid, limits, *given, trims, tracks, pieces, *written)
