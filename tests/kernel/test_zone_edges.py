@@ -35,10 +35,6 @@ def test_a_block_that_slides_off_ice_does_the_same_wherever_the_ice_ends(frictio
     np.testing.assert_allclose(ends, np.tile(ends[0], (len(ends), 1)), rtol=0.0, atol=1e-6)
 
 
-
-
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_point_is_thrown_up_by_the_zone_that_it_enters(sign: float) -> None:
     """Oracle: uphill or down, the spin is the one that friction of the zone gives, and the ledger closes."""

@@ -128,5 +128,3 @@ def test_on_a_crest_that_is_a_boundary_the_larger_friction_holds(rough_ahead: bo
                 assert contact["tangential"] == pytest.approx(-sign * friction * contact["normal"], rel=1e-9)
                 seen += contact["ground"] == crest
     assert seen > 5
-
-
