@@ -26,7 +26,7 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
-from tests.browser import Browser, browser, needs_chromium
+from tests.browser import Browser, needs_chromium
 from tests.profiles import random_case
 
 NODE = shutil.which("node")
@@ -139,7 +139,7 @@ def _compare(count: int, seed: int, folder: Path) -> None:
 @pytest.mark.jit_only
 def test_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
-    _compare(200, 1, tmp_path)
+    _compare(60, 1, tmp_path)
 
 
 @needs_node
@@ -184,17 +184,16 @@ def _compare_in_page(count: int, seed: int, page: Browser) -> None:
             assert digest == hashlib.sha256(numbers.astype("<f8").tobytes()).hexdigest(), case
 
 
-@pytest.fixture(scope="module")
-def kernel_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """Open a page that has the kernel and nothing else."""
-    file = tmp_path_factory.mktemp("kernel") / "page.html"
+@pytest.fixture
+def kernel_page(chromium: Browser, tmp_path: Path) -> Browser:
+    """A page that has the kernel and nothing else."""
+    file = tmp_path / "page.html"
     wasm = base64.b64encode(kernel.KERNEL.read_bytes()).decode()
     scripts = f"<script>{SCRIPT.read_text(encoding='utf-8')}</script><script>{IN_PAGE}</script>"
     file.write_text(f"<script id=wasm type=text/plain>{wasm}</script>{scripts}", encoding="utf-8")
-    with browser(tmp_path_factory.mktemp("chromium")) as page:
-        page.open(file)
-        page.run("return ready")
-        yield page
+    chromium.open(file)
+    chromium.run("return ready")
+    return chromium
 
 
 @needs_chromium
