@@ -85,7 +85,7 @@ def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", Suite.load("launch").scenarios)
+@pytest.mark.parametrize("scenario", Suite.load("launch").scenarios["launch"])
 def test_the_interval_holds_what_twenty_times_the_launches_find(scenario):
     """Oracle: searches of other grids and scenes, ten more, the best of them judged by 8,192 draws.
 

@@ -212,14 +212,14 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
 
 def test_an_agent_has_variants_with_settings_of_their_own(tmp_path):
     """Each is a job with a name of its own; a setting that the agent does not have is refused."""
-    few = {"seeds": 2, "variants": {"few": {"contexts": 10}, "all": {}}}
+    few = {"seeds": 2, "variants": {"few": {"contexts": 10}, "many": {}}}
     suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.best_fixed": few}}, steps=None))
     jobs = [job for job in suite.jobs() if job.scenario == own_scenario("boulders")]
     assert [(job.agent, job.seed, job.settings["contexts"]) for job in jobs] == [
         ("best_fixed-few", 0, 10),
-        ("best_fixed-all", 0, 100),
+        ("best_fixed-many", 0, 100),
         ("best_fixed-few", 1, 10),
-        ("best_fixed-all", 1, 100),
+        ("best_fixed-many", 1, 100),
     ]
     assert jobs[0].name == "launch-boulders-best_fixed-few-s0"
     few["variants"]["few"] = {"context": 10}
