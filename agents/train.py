@@ -16,7 +16,7 @@ from sledenv.command.running import app, run
 
 ALGORITHMS: Final = (
     *("best_fixed", "cma_es", "cma_lookups", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
-    *("random_search", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
+    *("random_search", "replan", "ride_critic", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
 )
 
 
