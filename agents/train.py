@@ -16,16 +16,8 @@ from sledenv.command.running import app, run
 from sledenv.scenarios.scenario import load_scenario
 
 ALGORITHMS: Final = (
-    "best_fixed",
-    "critic",
-    "land_flat",
-    "land_parallel",
-    "ppo",
-    "random_launch",
-    "replan",
-    "sac",
-    "tqc",
-    "zero",
+    *("best_fixed", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
+    *("replan", "ride_critic", "sac", "tqc", "zero"),
 )
 
 
