@@ -28,8 +28,8 @@ def results(
     oracles, rows, curves = [], [], [pd.DataFrame(columns=CURVES.split())]
     for scenario in scenarios:
         best = rng.uniform(0.5, 0.9, contexts)
-        oracles.append(oracle(scenario, best))
         for environment in environments:
+            oracles.append(oracle(environment, scenario, best))
             for agent, values in regrets.items():
                 for seed, row in enumerate(values):
                     rows.append(descents(environment, scenario, agent, seed, (1.0 - row) * best))
@@ -44,18 +44,19 @@ def results(
     return Results(judged, learning, runs, searched, maps)
 
 
-LEARN = ("ppo", "sac", "td3")
+LEARN = ("ppo", "sac", "tqc")
 CURVES = "environment scenario agent seed descents seconds mean_reward"
 RUNS = "environment scenario agent seed descents train_seconds commit versions suite"
 MAPS = "scenario context orientation spin reward"
 
 
-def oracle(scenario: str, best: np.ndarray) -> pd.DataFrame:
-    """Best launches with a random launch that earns half as much."""
+def oracle(environment: str, scenario: str, best: np.ndarray) -> pd.DataFrame:
+    """Best launches or rides, with a random one that earns half as much."""
     numbers = np.arange(len(best))
     angle = np.linspace(-0.9, 0.9, len(best))
     return pd.DataFrame(
         {
+            "environment": environment,
             "scenario": scenario,
             "context": numbers,
             "action_0": angle,
@@ -113,9 +114,10 @@ LEVELS = {
     "random_launch": 0.5,
     "best_fixed": 0.15,
     "land_flat": 0.05,
+    "land_parallel": 0.3,
     "ppo": 0.02,
     "sac": 0.008,
-    "td3": 0.012,
+    "tqc": 0.012,
 }
 
 
@@ -130,23 +132,22 @@ def whole(
     judged, curves, runs, oracles, maps = [], [], [], [], []
     for p, scenario in enumerate(scenarios):
         best = rng.uniform(0.65, 0.95, contexts)
-        table = oracle(scenario, best)
+        table = oracle("launch", scenario, best)
         table[["action_0", "action_1"]] = rng.uniform(-1.0, 1.0, (contexts, 2))
-        oracles.append(table)
+        oracles += [table.assign(environment=environment) for environment in environments]
         maps += [jam_map(scenario, i, best[i], *table.loc[i, ["action_0", "action_1"]]) for i in range(3)]
         for environment in environments:
             for agent, level in LEVELS.items():
                 learns = agent in LEARN
-                if environment == "descent" and not (learns or agent == "random_launch"):
+                if environment == "descent" and not (learns or agent in ("random_launch", "land_parallel")):
                     continue
-                for seed in range(1 if agent in ("zero", "land_flat") else seeds):
+                for seed in range(1 if agent in ("zero", "land_flat", "land_parallel") else seeds):
                     scale = level * (1.0 + 0.3 * p) * rng.lognormal(0.0, 0.2)
                     regret = np.minimum(scale * rng.lognormal(0.0, 1.0, contexts), 1.0)
-                    shift = 0.01 if environment == "descent" else 0.0
                     for stage in ("untrained", "trained"):
                         if stage == "untrained" and not learns:
                             continue
-                        lost = np.minimum(regret + (0.45 if stage == "untrained" else 0.0), 1.0) - shift
+                        lost = np.minimum(regret + (0.45 if stage == "untrained" else 0.0), 1.0)
                         rewards = (1.0 - lost) * best
                         ends = np.where(lost > 0.5, "jammed", np.where(lost > 0.35, "tumbled", "finish"))
                         part = descents(environment, scenario, agent, seed, rewards, stage, ends)

@@ -16,7 +16,6 @@ from sledenv.benchmark.oracle import (
     jam_map,
     map_table,
     oracle,
-    rewards_again,
     rewards_of,
 )
 from sledenv.benchmark.problem import Problem
@@ -30,8 +29,8 @@ SEEN = [name for name in Context.seen if name not in ("friction", "restitution")
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Problem, pd.DataFrame]:
-    """Best launches of a few contexts of sled_snow."""
-    problem = Problem("sled_snow")
+    """Best launches of a few contexts of sled_snow, at the speeds of the contexts."""
+    problem = Problem("sled_snow", control="orientation")
     return problem, best_launches(problem, problem.contexts("test", 6))
 
 
@@ -39,7 +38,7 @@ def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_
     """Oracle: the simulator once more; a random search of the same box with ten times the draws of the launch noise."""
     problem, table = found
     contexts = table[list(Context._fields)].to_numpy()
-    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (len(contexts), 300, 1))
     some = problem.expect(problem.scenes(contexts, 64, (9,)), tried)
     best = np.take_along_axis(tried, np.argsort(-some, axis=1)[:, :3, np.newaxis], axis=1)
@@ -86,7 +85,7 @@ def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", [*Suite.load("full").scenarios, "disc"])
+@pytest.mark.parametrize("scenario", Suite.load("launch").scenarios["launch"])
 def test_the_interval_holds_what_twenty_times_the_launches_find(scenario):
     """Oracle: searches of other grids and scenes, ten more, the best of them judged by 8,192 draws.
 
@@ -114,7 +113,7 @@ def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated(count, sea
     """Oracle: the same problem with nothing hidden, whose best launch earns more in the mean of some contexts."""
     for name, value in search.items():
         monkeypatch.setattr(f"sledenv.benchmark.oracle.{name}", value)
-    problem, full = Problem("sled_snow", observe=SEEN), Problem("sled_snow")
+    problem, full = (Problem("sled_snow", control="orientation", observe=seen) for seen in (SEEN, "all"))
     contexts = problem.contexts("test", count)
     table, other = best_launches(problem, contexts), best_launches(full, contexts)
     pd.testing.assert_frame_equal(table[other.columns.tolist()], other)
@@ -141,12 +140,12 @@ def test_no_cell_is_refined_twice(control):
 @pytest.mark.parametrize("control", ["speed", "all"])
 def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
     """Oracle: the simulator; a random search; the best of both at the speed of the context, which is less free."""
-    content = load_scenario("talus").model_dump(by_alias=True)
+    content = load_scenario(own_scenario("boulders")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 8.0)
     problem = Problem(Scenario.model_validate(content), control=control, launch_noise=noise)
     contexts = problem.contexts("test", 1)
     table = best_launches(problem, contexts)
-    assert np.array_equal(rewards_again(problem, table), table["reward"])
+    assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 500, problem.actions))
     assert problem.expect(problem.trials(contexts, "test"), tried).max() <= 1.005 * table["reward"][0]
     assert table["low"][0] < table["high"][0]
@@ -164,7 +163,7 @@ def test_what_is_not_chosen_is_not_searched():
 
 def test_a_search_that_is_stopped_goes_on_with_the_numbers_of_one_that_is_not(tmp_path, monkeypatch):
     """Oracle: the search of all contexts at once; nothing of what was done before the stop is done again."""
-    problem = Problem("bedrock")
+    problem = Problem(own_scenario("boulders"))
     contexts, searched = problem.contexts("test", 2), []
 
     def search(problem, part):

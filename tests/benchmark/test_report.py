@@ -47,9 +47,9 @@ def test_a_report_holds_every_part_and_is_the_same_each_time(tmp_path: Path) -> 
     balance = _Balance()
     balance.feed(page)
     assert balance.open == []
-    for expected in ("made-up", "abc1234", make.HASH, "numpy 2.4.6", "every hop trimmed", "How to read it"):
+    for expected in ("made-up", "abc1234", make.HASH, "numpy 2.4.6", "ride", "How to read it"):
         assert expected in page
-    assert "The launch alone SAC 4 20,000 60" in words(page)  # runs, descents and seconds of the training
+    assert "Launches SAC 4 20,000 60" in words(page)  # runs, descents and seconds of the training
     write_report(made, tmp_path / "report")
     assert {path.name: path.read_bytes() for path in page_folder(tmp_path)} == files
 

@@ -159,7 +159,7 @@ def test_whoever_left_a_learning_curve_has_learned_and_no_one_else() -> None:
 
 def test_one_bad_learner_fails_the_scores_and_a_baseline_that_was_not_judged_fails_the_verdict() -> None:
     """Oracle: a regret of 6 % of the best is a score of 0.88 where a random launch earns half."""
-    agents = {"sac": np.full((2, 9), 0.005), "td3": np.full((2, 9), 0.06), "best_fixed": np.full((2, 9), 0.2)}
+    agents = {"sac": np.full((2, 9), 0.005), "tqc": np.full((2, 9), 0.06), "best_fixed": np.full((2, 9), 0.2)}
     (row,) = scores.verdicts(scores.scores(make.results(agents))).to_dict("records")
     assert row["agent"] == "sac"
     assert row["lowest_score"] == pytest.approx(0.88)
@@ -168,14 +168,18 @@ def test_one_bad_learner_fails_the_scores_and_a_baseline_that_was_not_judged_fai
     assert row["passed"] is False
 
 
-def test_where_hops_are_trimmed_the_baselines_are_those_of_the_launch_and_regret_may_be_negative() -> None:
-    both = make.results({"sac": np.full((2, 9), -0.02), "best_fixed": np.full((2, 9), 0.1)}, environments=("launch",))
-    rides = both.results[both.results["agent"] == "sac"].assign(environment="descent")
-    table = scores.scores(both._replace(results=pd.concat([both.results, rides])))
-    (row,) = table[table["environment"] == "descent"].to_dict("records")
-    assert row["regret"] == pytest.approx(-0.02)
-    assert row["versus_best_fixed"] == pytest.approx(-0.12)
-    assert row["score"] == pytest.approx(1.04)
+def test_a_ride_is_compared_with_the_best_of_the_search_and_of_all_agents() -> None:
+    """Oracle: by hand; rewards of .9 and .7 times what the search found, and an agent that is 2 % above it."""
+    levels = {"sac": np.full((2, 9), 0.1), "land_parallel": np.full((1, 9), 0.3), "replan": np.full((1, 9), -0.02)}
+    table = scores.scores(make.results(levels, environments=("descent",))).set_index("agent")
+    assert table["regret"].to_dict() == pytest.approx(
+        {"sac": 1 - 0.9 / 1.02, "land_parallel": 1 - 0.7 / 1.02, "replan": 0}
+    )
+    assert table.loc["sac", "versus_land_parallel"] == pytest.approx(-0.2 / 1.02)
+    assert np.isnan(table.loc["sac", "versus_best_fixed"])
+    (verdict,) = scores.verdicts(table.reset_index()).to_dict("records")
+    assert verdict["clear_of_land_parallel"] is True
+    assert verdict["clear_of_best_fixed"] is None
 
 
 def test_the_summary_is_the_mean_over_scenarios() -> None:

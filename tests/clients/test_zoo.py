@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, SAC
 
 import sledenv  # noqa: F401  # registers what the saved models are tried on
 from sledenv.envs.sb3 import make_vec_env
@@ -24,7 +24,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of torc
     ("algorithm", "given"),
     [
         (SAC, ["learning_starts:64", "batch_size:32"]),
-        (TD3, ["learning_starts:64", "batch_size:32"]),
         (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"]),
     ],
 )

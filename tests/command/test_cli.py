@@ -148,11 +148,11 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
     assert header.split() == ["name", "agent", "chooses", "solver", "what", "is", "asked"]
     assert [line.split()[0] for line in lines] == list(scenario_names())
     assert all(len(line) <= 120 and len(line) > header.index("what") for line in lines)
-    assert next(line for line in lines if line.startswith("sled_tilt")).split()[1:3] == ["spin", "compliant"]
+    assert next(line for line in lines if line.startswith("sled_mat")).split()[1:3] == ["spin", "compliant"]
     assert main(["scenarios", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in rows] == list(scenario_names())
-    assert next(row for row in rows if row["name"] == "sled_tilt")["agent_chooses"] == ["spin"]
+    assert next(row for row in rows if row["name"] == "sled_mat")["agent_chooses"] == ["spin"]
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,7 +191,7 @@ def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
-    assert "did you mean 'sled_brow'?" in refused(capsys, "replay", "sled_brw", "--out", str(page))
+    assert "did you mean 'sled_snow'?" in refused(capsys, "replay", "sled_snw", "--out", str(page))
     for place, message in (
         (tmp_path / "page.yaml", "must end in .html"),
         (tmp_path, "must end in .html"),
@@ -220,11 +220,11 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert data_of(page.read_text(encoding="utf-8"))["title"] == "A sled over bumps"
     assert "are asked for, of no scenario: name one" in refused(capsys, "play", "--seed", "3", "--html", str(page))
     assert "must end in .html" in refused(capsys, "play", "--html", str(tmp_path / "page.yaml"))
-    assert "did you mean 'sled_brow'?" in refused(capsys, "play", "sled_brw", "--html", str(page))
+    assert "did you mean 'sled_snow'?" in refused(capsys, "play", "sled_snw", "--html", str(page))
 
 
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "did you mean 'sled_brow'?" in refused(capsys, "simulate", "sled_brw")
+    assert "did you mean 'sled_snow'?" in refused(capsys, "simulate", "sled_snw")
     assert "error: --seed: must be an integer >= 0: '-1'" in refused(
         capsys, "simulate", own_scenario("ice_drop"), "--seed", "-1"
     )
@@ -242,7 +242,7 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert refused(capsys, "simulate") == "sledenv simulate: error: SCENARIO is required\n"
     unknown = refused(capsys, "identify", "x.csv", "--gyraton-radius", "3")
     assert unknown.endswith("Unknown option: --gyraton-radius. Did you mean --gyration-radius?\n")
-    assert refused(capsys, "simulate", "talus", "--seed") == "sledenv simulate: error: --seed needs a value\n"
+    assert refused(capsys, "simulate", "sled_snow", "--seed") == "sledenv simulate: error: --seed needs a value\n"
     assert "sledenv: error: a command is needed" in refused(capsys)
     assert 'sledenv: error: Unknown command "solve"' in refused(capsys, "solve")
     assert "Unused Tokens: ['snow']" in refused(capsys, "simulate", own_scenario("ice_drop"), "snow")
@@ -308,14 +308,14 @@ def test_a_map_of_three_choices_tells_a_launch_that_can_be_simulated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Oracle: the launch that is told earns its reward when it is simulated."""
-    content = load_scenario("talus").model_dump(mode="json", by_alias=True)
+    content = load_scenario(own_scenario("boulders")).model_dump(mode="json", by_alias=True)
     content["control"] |= {"speed_m_s": [2, 8], "chosen": "all", "noise_orientation_deg": 0, "noise_spin_rad_s": 0}
     file, picture = tmp_path / "pushed.yaml", tmp_path / "map.png"
     file.write_text(json.dumps(content))  # JSON is YAML
     assert main(["map", str(file), "--out", str(picture), "--json"]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
     out, err = capsys.readouterr()
-    where = "map: talus, context of seed 0"
+    where = "map: boulders, context of seed 0"
     assert err.splitlines() == [f"{where}: searching the best launch", f"{where}: drawing the map of all launches"]
     found = json.loads(out, parse_constant=pytest.fail)
     (context,) = found["contexts"]
@@ -340,7 +340,7 @@ def call_of_a_suite(folder: Path) -> list[str]:
     agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
     suite = folder / "two.yaml"
     suite.write_text(
-        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_tilt], maps: 0, agents: {agents}}}"
+        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_mat], maps: 0, agents: {agents}}}"
     )
     (folder / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
     return ["benchmark", "--suite", str(suite), "--out", str(folder / "out"), "--workers", "1"]

@@ -238,14 +238,14 @@ def test_words_can_be_completed(capsys: pytest.CaptureFixture[str], monkeypatch:
         return {line.split("\t")[0] for line in capsys.readouterr().out.splitlines()}
 
     monkeypatch.chdir(Path(__file__).parents[2] / "configs" / "scenarios")
-    assert {"sled_brow", "sled_snow", "sled_brow.yaml"} <= offered("simulate", "sled")
+    assert {"sled_mat", "sled_snow", "sled_mat.yaml"} <= offered("simulate", "sled")
     assert {"push_off"} <= offered("study", "pu")
-    assert str(Path.cwd() / "talus.yaml") in offered("map", str(Path.cwd() / "ta"))
+    assert str(Path.cwd() / "paper_impact.yaml") in offered("map", str(Path.cwd() / "pa"))
 
 
 @pytest.mark.parametrize(
     "words",
-    ["study push_off", "benchmark", "reproduce", "simulate sled_brow", "replay sled_brow", "sensitivity sled_brow"],
+    ["study push_off", "benchmark", "reproduce", "simulate sled_mat", "replay sled_mat", "sensitivity sled_mat"],
 )
 def test_a_place_below_a_file_is_refused(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").touch()

@@ -91,8 +91,8 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_and_the_descent_is
 
 
 def test_a_launch_is_drawn_from_the_control_bounds_unless_the_scenario_says_from_what():
-    """Oracle: the ranges of the files; sled_brow says nothing of the pose at launch."""
-    env, asks = SledDescent("sled_brow"), sledenv.load_scenario("sled_brow")
+    """Oracle: the ranges of the files; sled_snow says nothing of the pose at launch."""
+    env, asks = SledDescent("sled_snow"), sledenv.load_scenario("sled_snow")
     assert asks.launch_section.orientation_deg is None
     turns = [env.reset(seed=seed)[1]["launch"]["orientation"] for seed in range(60)]
     low, high = np.radians(asks.control.orientation_deg)

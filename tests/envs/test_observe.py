@@ -111,7 +111,7 @@ def test_unknown_fields_are_refused_by_name(observe):
 @pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
 def test_info_tells_the_launch_with_its_error(kind, noise):
     """Oracle: simulate() with what info tells, whose reward must be that of the episode."""
-    env = kind("sled_tilt", launch_noise=noise)
+    env = kind("sled_mat", launch_noise=noise)
     scenario = env.task.scenario
     for seed in range(10):
         env.reset(seed=seed)

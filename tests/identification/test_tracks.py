@@ -274,7 +274,7 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
 
 def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
     file, folder = tmp_path / "track.csv", tmp_path / "out"
-    track(PLAIN, np.random.default_rng(0), seconds=0.5).to_csv(file, index=False)
+    track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(recording="=1+1").to_csv(file, index=False)
     body = ["--gyration-radius", str(math.sqrt(0.004)), "--radius", "0.1", "--eccentricity", "0.02"]
     assert main(["identify", str(file), *body, "--out", str(folder)]) == 2
     assert "--slope-deg: poses over time need it" in capsys.readouterr().err
@@ -286,6 +286,9 @@ def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None: 
     assert sorted(one.name for one in folder.iterdir()) == names
     table = pd.read_csv(folder / "parameters.csv", index_col=0)
     assert table.loc["restitution", "low"] <= 0.7 <= table.loc["restitution", "high"]
+    for name in ("recordings", "launches", "residuals"):
+        told = pd.read_csv(folder / f"{name}.csv")["recording"]
+        assert (told == "'=1+1").all(), name  # a spreadsheet would run it without the apostrophe
 
 
 def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -302,7 +305,7 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
 
 @pytest.mark.slow
 def test_short_contacts_are_no_rigid_ones() -> None:
-    """Contacts of half a frame, as deep as the noise: the table in docs/recordings.md."""
+    """Contacts of half a frame, as deep as the noise: what docs/recordings.md says of them."""
     law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
     one = Drop(segment(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
     table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")

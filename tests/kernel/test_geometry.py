@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import ARC, NOSE, TAIL
@@ -26,10 +26,8 @@ BODIES = [DISC, POINT, SEGMENT, SHALLOW, LOPSIDED, ROD]
 CORNERED = [SEGMENT, SHALLOW, LOPSIDED, ROD]
 ANGLES = st.floats(-math.pi, math.pi)
 bodies = st.sampled_from(BODIES)
-property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 
 
-@property_of_all
 @given(bodies, st.floats(-30.0, 30.0))
 def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> None:
     """Oracle: the lowest of 20001 points of the outline, whose arc sags by r (step)^2/8 at most between two of them."""
@@ -38,7 +36,6 @@ def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> Non
     assert lowest - 1e-14 <= support_height(body, phi) <= lowest + sag + 1e-14
 
 
-@property_of_all
 @given(bodies, st.floats(-30.0, 30.0))
 def test_support_height_is_that_of_arc_and_corners(body: Segment, phi: float) -> None:
     """Oracle: the positions of arc and corners, from the rotated body coordinates, by plain sines."""
@@ -80,7 +77,6 @@ def test_arms_are_continuous_where_the_arc_ends(body: Segment, side: float) -> N
     assert behind == pytest.approx(at_edge, abs=1e-15)
 
 
-@property_of_all
 @given(bodies, ANGLES.filter(lambda phi: abs(phi) != math.pi))
 @example(SEGMENT, SEGMENT.half_angle)
 @example(DISC, 0.0)
@@ -92,7 +88,6 @@ def test_the_mirrored_pose_has_the_mirrored_contact_bit_for_bit(body: Segment, p
     assert (a_mirrored, b_mirrored) == (-a, b)
 
 
-@property_of_all
 @given(bodies, ANGLES, st.integers(-(10**6), 10**6))
 def test_whole_turns_change_nothing(body: Segment, phi: float, turns: int) -> None:
     """Oracle: periodicity, up to the rounding of phi."""

@@ -561,7 +561,7 @@ def test_the_papers_impact_starts_where_the_paper_says() -> None:
 def test_the_shipped_names_are_those_of_the_folder() -> None:
     """Oracle: the files of configs/scenarios."""
     assert scenario_names() == tuple(SHIPPED)
-    assert {"sled_snow", "talus", "disc", "paper_impact"} <= set(SHIPPED)
+    assert {"sled_rollers", "boulder_benches", "sled_snow", "paper_impact"} <= set(SHIPPED)
 
 
 def test_a_zone_may_have_its_own_restitution_and_stiffness() -> None:

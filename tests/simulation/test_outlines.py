@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
@@ -29,8 +29,6 @@ from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
 TURN = 2.0 * math.pi
 HALF_ANGLES = [1e-4, 0.1, 0.299, 0.3, 1.0, math.pi / 2, 1.92, 3.0, math.pi]
 seeds = st.integers(0, 2**32 - 1)
-often = settings(max_examples=100, derandomize=True)
-rarely = settings(max_examples=30, derandomize=True)
 
 
 # --- outlines at random ----------------------------------------------------------------------------------------------
@@ -128,7 +126,6 @@ def arcs_of_rows(body: Body) -> list[int]:
 # --- what the kernel makes of them -----------------------------------------------------------------------------------
 
 
-@often
 @given(seeds)
 def test_a_record_measures_the_outline(seed: int) -> None:
     """Oracle: 400 points of each arc, which sag by r (step)^2/8 at most between two of them."""
@@ -170,7 +167,6 @@ def told(body: Body, row: int) -> tuple[object, ...]:
     return *(None if other < 0 else body.arcs[rows[other]].part for other in beside), record["sinks"][row]
 
 
-@often
 @given(seeds)
 def test_a_record_knows_who_may_touch_beside_an_arc(seed: int) -> None:
     """Oracle: the outline as a ring."""
@@ -182,7 +178,6 @@ def test_a_record_knows_who_may_touch_beside_an_arc(seed: int) -> None:
         assert told(body, row) == (*beside, closed and turn_of(body.arcs, k) <= math.pi)
 
 
-@rarely
 @given(seeds)
 def test_a_record_tells_the_same_in_every_frame(seed: int) -> None:
     """Oracle: another orientation of the body is its origin; then another arc is the lowest at +-pi, or none is."""
@@ -210,7 +205,6 @@ def test_a_segment_is_its_own_mirror_bit_for_bit(half_angle: float) -> None:
 # --- hulls -----------------------------------------------------------------------------------------------------------
 
 
-@rarely
 @given(seeds)
 def test_a_hull_reaches_as_far_as_its_circles(seed: int) -> None:
     """Oracle: the support of the hull of several bodies is the largest of theirs, in every direction."""
@@ -412,7 +406,6 @@ def test_two_outlines_that_are_put_together_have_the_moments_of_the_whole(half_a
     assert moment / total == pytest.approx(0.5 * radius**2, rel=1e-14)
 
 
-@rarely
 @given(seeds)
 def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) -> None:
     """Oracle: the shoelace formulas of 4000 points an arc; they lose the square of a step of each arc."""
@@ -430,7 +423,6 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
     assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)
 
 
-@rarely
 @given(seeds, st.floats(-3.0, 3.0), st.floats(-5.0, 5.0))
 def test_moments_are_the_same_in_every_frame(seed: int, angle: float, x: float) -> None:
     """Oracle: an area and its moment do not change with the frame, and a centroid moves with it."""

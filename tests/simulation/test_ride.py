@@ -7,7 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv import (
@@ -178,10 +178,10 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), "talus"])  # the contacts of a disc are followed abreast
+@pytest.mark.parametrize("name", ["brake_mat", "boulders"])  # the contacts of a disc are followed abreast
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
-    problems = [problem(name, seed) for seed in range(200)]
+    problems = [problem(own_scenario(name), seed) for seed in range(200)]
     settings = Settings(solver, max_rebounds=50)
     trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
     for trimmed in (False, True):
@@ -342,7 +342,6 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
     solver=st.sampled_from(SOLVERS),
     trims=st.lists(st.floats(-50.0, 50.0), max_size=6),
 )
-@settings(max_examples=60, deadline=None)
 def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, solver, trims):
     ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=100), rotor_inertia=ROTOR)
     for spin in trims:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -66,7 +66,6 @@ def slopes(draw: st.DrawFn) -> Slope:
     return Slope(0.1, profile=np.column_stack([x, np.cumsum(steep * pieces)]))
 
 
-@settings(max_examples=300, deadline=None)
 @given(slopes(), st.sampled_from(sorted(BODIES)), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
 def test_a_body_rests_where_its_sampled_outline_does(slope: Slope, name: str, x: float, phi: float) -> None:
     """Oracle: 4,000 points on each arc and the chords between them; nothing is missed but their bulge."""

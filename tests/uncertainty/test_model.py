@@ -154,7 +154,7 @@ def test_draws_go_where_their_keys_say() -> None:
     )
     _, laws, slopes, launches = study.lanes(study.values(np.full((2, 7), 0.25)))
     assert laws[0] == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
-    assert slopes[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
+    assert slopes.rows[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
     assert launches[0] == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
 
 
@@ -189,7 +189,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "contact.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (
-            {"scenario": "sled_patch", "zone__fricton": UNIFORM},
+            {"scenario": "sled_snow", "zone__fricton": UNIFORM},
             "zone.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (

@@ -137,6 +137,7 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     """Oracle: simulate, one launch and station at a time; slopes of two lengths, one of which ends before a station."""
     study = made(PUSH, slope__length_m=between(3.0, 9.0), body__mass_kg=between(90.0, 120.0), launches=18)
     lanes = study.lanes(study.values(run.draws(study)))
+    tables = lanes.laws, lanes.slopes.rows, lanes.launches
     stations = np.array([0.0, 0.01, 2.0, 6.0, 8.0])
     found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
     limits = {"max_rebounds": 200, "end_on_chord": True}
@@ -144,7 +145,7 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     for i in range(len(lanes.launches)):
         body = study.base.body_section.model_copy(update={"mass_kg": float(lanes.bodies["mass"][i])}).build()
         same_bits(lanes.bodies[i], body.record[0])
-        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), lanes[1:], strict=True))
+        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), tables, strict=True))
         whole = simulate(body, law, slope, launch, **limits)
         for name in whole.outcome.dtype.names:
             assert whole.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
@@ -168,11 +169,12 @@ def test_passages_agree_with_the_trajectory() -> None:
     """Oracle: rows of the trajectory on both sides of a station, which know nothing of it."""
     study = made(PUSH, launches=10)
     lanes = study.lanes(study.values(run.draws(study)))
+    tables = lanes.laws, lanes.slopes.rows, lanes.launches
     stations = np.linspace(0.0, 9.0, 7)
     found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
     compared = 0
     for i in range(len(lanes.launches)):
-        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), lanes[1:], strict=True))
+        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), tables, strict=True))
         options = {"record": "trajectory", "sample_interval": 1e-3, "end_on_chord": True}
         rows = simulate(lanes.bodies, law, slope, launch, **options).trajectory
         for k, x in enumerate(stations[1:], 1):

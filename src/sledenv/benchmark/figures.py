@@ -36,13 +36,14 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "random_launch": ("#8792A0", "."),
     "best_fixed": (INK, "s"),
     "land_flat": (PURPLE, "D"),
+    "land_parallel": (PURPLE, "D"),
     "ppo": (ORANGE, "^"),
     "sac": (BLUE, "o"),
-    "td3": (GREEN, "v"),
     "tqc": (SKY, ">"),
     "critic": (RED, "P"),
+    "replan": (INK, "p"),
 }
-_ACRONYMS: Final = ("ppo", "sac", "td3", "tqc")
+_ACRONYMS: Final = ("ppo", "sac", "tqc")
 _OTHERS: Final = (("#6F9E9B", "X"), ("#8C6D31", "h"), ("#A0527A", "*"))
 _SMALLEST: Final = 1e-5  # regret that is still told from none
 _MAPS: Final = 3  # contexts a scenario of which the jam map is drawn
@@ -61,7 +62,7 @@ def label(agent: str) -> str:
 
 def title(environment: str, scenario: str) -> str:
     """Return the name of a problem for a reader."""
-    return scenario if environment == "launch" else f"{scenario}, every flight trimmed"
+    return scenario if environment == "launch" else f"{scenario}, ride"
 
 
 def plot_learning(results: Results, against: Literal["descents", "seconds"] = "descents") -> Figure | None:
@@ -95,7 +96,7 @@ def plot_learning(results: Results, against: Literal["descents", "seconds"] = "d
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))
 
     levels = [
-        Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best launch of each context"),
+        Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best of each context"),
         Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"),
     ]
     words = {"descents": "simulated descents", "seconds": "seconds of training"}[against]
@@ -141,6 +142,7 @@ def plot_maps(results: Results) -> Figure | None:
         & (judged["stage"] == "trained")
         & ~judged["agent"].isin(["zero", "random_launch"])
     ]
+    launches = results.oracle[results.oracle["environment"] == "launch"].set_index(["scenario", "context"])
     scenarios = sorted(maps["scenario"].unique())
     with style({"axes.spines.top": True, "axes.spines.right": True}):
         figure = Figure(figsize=(WIDTH, 1.0 + 2.7 * len(scenarios)), layout="constrained")
@@ -154,9 +156,7 @@ def plot_maps(results: Results) -> Figure | None:
                 ax.set_visible(False)
             for ax, context in zip(row, contexts, strict=False):
                 places = chosen[(chosen["scenario"] == scenario) & (chosen["context"] == context)]
-                best = results.oracle[
-                    (results.oracle["scenario"] == scenario) & (results.oracle["context"] == context)
-                ].iloc[0]
+                best = launches.loc[(scenario, context)]
                 image = _draw_map(ax, axes, here[here["context"] == context], best, places, judged) or image
                 ax.set_title(f"{scenario}, context {context}: best {best['reward']:.2f}", loc="left", fontsize=9.5)
         if image is not None:

@@ -1,4 +1,4 @@
-"""The best launch of each context under the launch noise, and an interval for what the best there is earns."""
+"""The best launch or ride of each context, and an interval for what the best there is earns."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
 
+from sledenv.benchmark.best_rides import SEARCH, best_rides, follow_plans
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import Contexts
+from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.scenarios.scenario import NOISY, Context
 from sledenv.scenarios.sections import CONTROLS
@@ -137,16 +138,26 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     return table
 
 
+def best_found(problem: Problem, contexts: Contexts) -> pd.DataFrame:
+    """Search the best of each context of an array of shape (n, 12): :func:`best_launches`, or of rides the best one.
+
+    Of rides the table has the columns of :func:`sledenv.benchmark.best_rides.best_rides` behind the fields of the
+    context, for the draw with which agents are judged.
+    """
+    return _best(problem, problem.trials(contexts, "test"))
+
+
 def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
-    """Return :func:`best_launches`, from a Parquet file of ``folder`` if it has been searched before.
+    """Return :func:`best_found`, from a Parquet file of ``folder`` if it has been searched before.
 
     The name of the file holds a hash of the scenario, the control, the contexts and the settings of the search. A file
-    of older physics is recognised, because its launches do not earn their rewards any more, and so is one that has been
-    changed; both are written anew. Contexts are searched in blocks, each with a file of its own until all are done, so
-    that a search that is stopped goes on.
+    of older physics is recognised, because what it holds does not earn its rewards any more, and so is one that has
+    been changed; both are written anew. Contexts are searched in blocks, each with a file of its own until all are
+    done, so that a search that is stopped goes on.
     """
-    path = folder / f"oracle-{problem.scenario.id}-{_key(problem, contexts)}.parquet"
-    table = _left(problem, path)
+    trials = problem.trials(contexts, "test")
+    path = folder / f"oracle-{problem.scenario.id}-{_key(problem, trials)}.parquet"
+    table = _left(problem, path, trials)
     if table is not None:
         return table
     folder.mkdir(parents=True, exist_ok=True)
@@ -154,9 +165,10 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
     files = [path.with_name(f"{path.stem}-from{start:06d}.parquet") for start in starts]
     blocks = []
     for start, file in zip(starts, files, strict=True):
-        block = _left(problem, file)
+        part = trials[start : start + BLOCK]
+        block = _left(problem, file, part)
         if block is None:
-            block = best_launches(problem, contexts[start : start + BLOCK])
+            block = _best(problem, part)
             write_sealed(block, file)
         blocks.append(block)
     table = pd.concat(blocks, ignore_index=True)
@@ -166,10 +178,19 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
     return table
 
 
-def _left(problem: Problem, file: Path) -> pd.DataFrame | None:
+def _best(problem: Problem, trials: Contexts) -> pd.DataFrame:
+    """Search the best launch or ride of contexts that are judged by trials of shape (n, t, 12) or (n, t, 14)."""
+    contexts = trials[:, 0, :FIELDS]
+    if problem.environment == "launch":
+        return best_launches(problem, contexts)
+    fields = pd.DataFrame(contexts, columns=list(Context._fields))
+    return pd.concat([fields, best_rides(problem, trials[:, 0])], axis=1)
+
+
+def _left(problem: Problem, file: Path, trials: Contexts) -> pd.DataFrame | None:
     """Return a table that has been searched before, None if there is none, or not of this physics."""
     table = read_sealed(file, "searching")
-    same = table is not None and np.allclose(rewards_again(problem, table), table["reward"], rtol=0.0, atol=_SAME)
+    same = table is not None and np.allclose(_earned(problem, trials, table), table["reward"], rtol=0.0, atol=_SAME)
     return table if same else None
 
 
@@ -202,9 +223,13 @@ def rewards_of(problem: Problem, contexts: Contexts, launches: Floats) -> Floats
     return earned
 
 
-def rewards_again(problem: Problem, table: pd.DataFrame) -> Floats:
-    """Simulate the best launches of a table once more and return their expected rewards, shape (n,)."""
-    return rewards_of(problem, table[list(Context._fields)].to_numpy(), actions_of(problem, table))
+def _earned(problem: Problem, trials: Contexts, table: pd.DataFrame) -> Floats:
+    """Simulate what a table of :func:`best_found` holds once more and return its rewards, shape (n,)."""
+    if problem.environment == "launch":
+        earned: Floats = problem.expect(trials, actions_of(problem, table)[:, np.newaxis])[:, 0]
+        return earned
+    plans = table.filter(like="action_").to_numpy(np.float64)
+    return np.asarray(follow_plans(problem, trials[:, 0], plans).jam.reward)
 
 
 def _searched(problem: Problem, contexts: Contexts, *, imagined: bool) -> tuple[Floats, Floats, Floats]:
@@ -310,11 +335,14 @@ def _columns(problem: Problem, word: str) -> list[str]:
     return [f"{word}_{i}" for i in range(len(problem.task.controlled))]
 
 
-def _key(problem: Problem, contexts: Contexts) -> str:
+def _key(problem: Problem, trials: Contexts) -> str:
     task = problem.task
     settings = [problem.scenario.hash, problem.control, task.solver, *problem.noise.tolist(), *task.observed]
-    settings += [CELLS, SHOWN, STEP, COARSE, REACH, *NODES, STARTS, KEPT, NEIGHBOURS, DRAWS, *LEVELS]
-    settings += [FINALISTS, *JUDGED, SEARCHES, NEAR]
+    if problem.environment == "launch":
+        settings += [CELLS, SHOWN, STEP, COARSE, REACH, *NODES, STARTS, KEPT, NEIGHBOURS, DRAWS, *LEVELS]
+        settings += [FINALISTS, *JUDGED, SEARCHES, NEAR]
+    else:
+        settings += SEARCH
     digest = hashlib.sha256(json.dumps(settings).encode())
-    digest.update(np.ascontiguousarray(contexts).tobytes())
+    digest.update(np.ascontiguousarray(trials).tobytes())
     return digest.hexdigest()[:16]

@@ -122,7 +122,19 @@ class Problem:
         self.actions: int = self.action_space.shape[0]
         self.noise: NDArray[np.float64] = self.task.noise
         bounds = self.scenario.control_bounds
+        self._seen_by: Task | None = None  # as whose contexts agents see those of this one
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
+
+    def shifted(self) -> Problem:
+        """Return the problem in contexts of a kind that no one trains on, to judge agents of this one in them.
+
+        They are those of :meth:`sledenv.Scenario.shifted`. Agents see them scaled as they are used to.
+        """
+        task, noise = self.task, tuple(self.noise.tolist())
+        given = self.scenario.shifted(), self.environment, self.control
+        other = Problem(*given, solver=task.solver, launch_noise=noise, observe=task.observed)
+        other._seen_by = task
+        return other
 
     def seeing_all(self) -> Problem:
         """Return the same problem for one from whom nothing is hidden."""
@@ -143,8 +155,12 @@ class Problem:
         Every context gets the same t = ``count`` quasi-random normal errors, one without launch noise, so that a mean
         over the trials is the expected reward, of agents and of the oracle alike. Each split has errors of its own: an
         agent that searches with those of "train" or "validation" knows nothing of those with which it is judged.
+
+        Of a ride, which begins where the launch has happened, a context has one trial, with one of these errors.
         """
-        return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
+        if self.environment == "descent":
+            return self.drawn(contexts, split)[:, np.newaxis]
+        return self._errors(contexts, split, count)
 
     def scenes(
         self, contexts: Contexts, count: int, seed: Sequence[int], *, noisy: Sequence[bool] = (True, True)
@@ -179,11 +195,15 @@ class Problem:
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
         """Give each of contexts of shape (n, 12) one draw of the launch noise of a split, shape (n, 14).
 
-        These are the trials of :meth:`trials` in turn, one a context.
+        These are the errors of :meth:`trials` in turn, one a context.
         """
-        trials = self.trials(contexts, split)
+        trials = self._errors(contexts, split, TRIALS)
         lanes = np.arange(len(contexts))
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
+
+    def _errors(self, contexts: Contexts, split: Split, count: int) -> Contexts:
+        """Repeat contexts with the draws of the launch noise of a split, shape (n, count, 14); once without noise."""
+        return self.seeing_all().scenes(contexts, count if self.noise.any() else 1, (0, _number(split)))
 
     def inside(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Put actions of shape (..., k) into the box: a full turn wraps around, everything else stops at its bounds."""
@@ -252,7 +272,7 @@ class Problem:
         task, many = self.task, trials.shape[1]
         contexts = trials.reshape(-1, trials.shape[2])
         if self.environment == "launch":
-            actions = self._answer(agent, task.observe(trials[:, 0]))
+            actions = self._answer(agent, trials[:, 0])
             launches = task.launches(contexts, np.repeat(actions, many, axis=0))
             return task.descend_batch(contexts, launches), actions
         first = np.zeros((len(contexts), 1))
@@ -263,7 +283,7 @@ class Problem:
             moving = np.flatnonzero(flights["status"] == RUNNING)
             if not moving.size:
                 break
-            chosen = self._answer(agent, task.observe(contexts[moving], flights[moving]))
+            chosen = self._answer(agent, contexts[moving], flights[moving])
             if decision == 0:
                 first[moving] = chosen
             spins[:] = 0.0
@@ -271,8 +291,12 @@ class Problem:
             rides.hop(spins)
         return rides.descents(), first[::many]
 
-    def _answer(self, agent: Policy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _answer(self, agent: Policy, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
+        if self._seen_by is None:
+            observations = self.task.observe(contexts, flights)
+        else:
+            observations = self._seen_by.observe(contexts, flights, self.scenario)
         whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
         with blaming(whose, "act"):
             actions = agent.act(observations)

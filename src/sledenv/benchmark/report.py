@@ -20,6 +20,7 @@ from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import (
     BASELINES,
     GOOD_SCORE,
+    LANDSCAPE,
     PROBLEM,
     SMALL_REGRET,
     SMALL_TAIL,
@@ -131,6 +132,7 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         agents=agents,
         learned={agent: label(agent) for agent in dict.fromkeys(table.loc[table["learned"], "agent"])},
         baselines={agent: label(agent) for agent in BASELINES},
+        landscape=LANDSCAPE,
         present={agent: label(agent) for agent in BASELINES if agent in agents},
         small_regret=SMALL_REGRET,
         small_tail=SMALL_TAIL,
@@ -216,14 +218,14 @@ def _separation(results: Results, table: pd.DataFrame) -> str:
     fixed = table[table["agent"] == "best_fixed"].set_index(["environment", "scenario"])
     rewards = ("best", *BASELINES, "random_launch", "zero")
     names = ["scenario", *map(_words, rewards), "best there is, from", "to"]
-    names += ["regret of best fixed", "its 90th percentile", "width"]
+    names += ["regret of best fixed", "its 90th percentile", *map(_words, LANDSCAPE)]
     rows = []
     for row in separation(results).to_dict("records"):
         if np.isnan([row[name] for name in rewards[1:]]).all():  # no agent there that shows what is asked for
             continue
         key = row["environment"], row["scenario"]
         regret = [float(fixed.loc[key, name]) if key in fixed.index else np.nan for name in ("regret", "regret_p90")]
-        numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, row["width"]]
+        numbers = [*(row[name] for name in (*rewards, "low", "high")), *regret, *(row[name] for name in LANDSCAPE)]
         rows.append([_place(table, *key), *("-" if np.isnan(number) else f"{number:.3f}" for number in numbers)])
     return text_tables.markdown(names, rows)
 

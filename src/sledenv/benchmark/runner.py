@@ -14,7 +14,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from sledenv.benchmark.oracle import map_table, oracle
-from sledenv.benchmark.problem import TRIALS, Agent, Problem
+from sledenv.benchmark.problem import TRIALS, Agent, Environment, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.scores import STATUSES
 from sledenv.benchmark.suite import Job, Suite
@@ -45,7 +45,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
     suite : Suite
     folder : Path
         Of the results. ``trained/`` holds the agents, ``judged/`` one Parquet file a job, ``searched/`` the best
-        launches; the tables ``results``, ``curves``, ``runs``, ``oracle`` and ``maps`` gather them.
+        launches and rides; the tables ``results``, ``curves``, ``runs``, ``oracle`` and ``maps`` gather them.
     workers : int, optional
         Processes, all cores by default; of a cluster all that it has.
     ray : str, optional
@@ -74,7 +74,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
         _warm_up(jobs[0])
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
         missing = [job for job in jobs if _found(suite, job, folder) is None]
-        calls: list[Call] = [(_search, (suite, scenario, folder)) for scenario in suite.scenarios]
+        calls: list[Call] = [(_search, (suite, *one, folder)) for one in suite.questions()]
         calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
         done = len(jobs) - len(missing)
         with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
@@ -109,9 +109,9 @@ def _found(suite: Suite, job: Job, folder: Path) -> pd.DataFrame | None:
     return read_sealed(_judged(suite, job, folder), "judging")
 
 
-def _search(suite: Suite, scenario: str, folder: Path) -> str:
-    """Search the best launches of the held-out contexts of a scenario."""
-    problem = suite.problem(scenario)
+def _search(suite: Suite, scenario: str, environment: Environment, folder: Path) -> str:
+    """Search the best launches or rides of the held-out contexts of a scenario."""
+    problem = suite.problem(scenario, environment)
     contexts = problem.contexts("test", suite.contexts)
     oracle(problem, contexts, folder / "searched")
     return f"oracle of {problem.scenario.id}"
@@ -193,13 +193,17 @@ def _gather(suite: Suite, jobs: list[Job], folder: Path) -> None:
         table.attrs = {}
         results.append(table.assign(scenario_hash=problem.scenario.hash, **named))
     searched, maps = [], []
-    for scenario in suite.scenarios:
-        problem = suite.problem(scenario)
+    for scenario, environment in suite.questions():
+        problem = suite.problem(scenario, environment)
+        named = {"environment": environment, "scenario": problem.scenario.id}
         contexts = problem.contexts("test", suite.contexts)
         best = oracle(problem, contexts, folder / "searched")
-        searched.append(best.assign(scenario=problem.scenario.id, context=np.arange(len(best))))
-        maps.append(map_table(problem, contexts[: suite.maps]).assign(scenario=problem.scenario.id))
+        searched.append(best.assign(**named, context=np.arange(len(best))))
+        if environment == "launch":
+            maps.append(map_table(problem, contexts[: suite.maps]).assign(scenario=problem.scenario.id))
     for name, tables in zip(TABLES, (results, curves, runs, searched, maps), strict=True):
+        if not tables:  # rides have no maps
+            continue
         with replacing(folder / f"{name}.parquet", ".parquet") as part:
             pd.concat(tables, ignore_index=True).to_parquet(part, index=False)
 

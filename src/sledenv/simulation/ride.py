@@ -343,6 +343,23 @@ class RideBatch(_Lanes):
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         self._flights = self._followed(self._trims(spins, FLY))
 
+    def take(self, lanes: np.ndarray) -> Self:
+        """Return an independent batch whose lane i stands where lane ``lanes[i]`` of this one stands.
+
+        A lane may be taken many times: so a ride is followed on in many ways, to see which is best.
+
+        Raises
+        ------
+        IndexError
+            For a lane that is not there.
+        """
+        chosen, taken = self._numbered(lanes), copy.copy(self)
+        for name in ("_bodies", "_laws", "_slopes", "_launches", "_flights", "_tracks", "_rebounds"):
+            rows = getattr(self, name)
+            shared = len(rows) == 1 < len(self._flights) or not rows.size  # one for all lanes, or none
+            setattr(taken, name, rows.copy() if shared else rows.take(chosen, axis=0))
+        return taken
+
     def await_flights(self, lanes: np.ndarray) -> None:
         """Go on to where a flight begins that is not too short, in lanes whose first flight may be: of numbers (n,).
 

@@ -1,0 +1,130 @@
+"""The best ride found in each context: a plan of trims, improved flight by flight in the exact model."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from sledenv.benchmark.problem import Problem
+from sledenv.envs.inputs import Contexts
+from sledenv.simulation.outcomes import DescentBatch
+from sledenv.simulation.records import RUNNING
+from sledenv.simulation.ride import RideBatch
+
+Floats = NDArray[np.float64]
+
+SHOTS: Final = 256  # rides with random trims, the best of which begins a search
+BRANCHES: Final = 64  # ways in which a ride is followed on at each flight
+WIDTHS: Final = (0.5, 0.5, 0.3, 0.3, 0.1, 0.1, 0.03, 0.03)  # of the changes of trims, one sweep after the other
+SEARCHES: Final = 2
+LONGEST: Final = 64  # trims of a plan; in the flights behind them there are none
+BEST_OF: Final = (16, 64, 256)  # so many random rides are compared
+SEARCH: Final = (SHOTS, BRANCHES, *WIDTHS, SEARCHES, LONGEST)  # all that a result depends on
+
+
+def best_rides(problem: Problem, scenes: Contexts) -> pd.DataFrame:
+    """Search the best ride in each of scenes of shape (n, 12) or (n, 14), all of whose draws are known.
+
+    Returns
+    -------
+    DataFrame
+        One row a scene: ``action_0``, ... of the best plan found, the trims of one flight after the other in [-1, 1],
+        NaN behind the last; its ``reward``; ``low``, which is the same, and ``high``, as far above it as the searches
+        are apart; ``uniform``, the mean reward of rides with random trims; ``best_of_16``, ``best_of_64`` and
+        ``best_of_256``, what the best of so many of them earns.
+
+    Notes
+    -----
+    A search begins with the best of 256 rides with random trims. It rides that plan, and at each flight follows the
+    ride on in 64 ways: with fresh trims from here on, with another trim here and the plan behind it, and with changes
+    of all trims from here on. The best takes the place of the plan. Eight such sweeps, with ever smaller changes, make
+    a search. The errors of an unsteady rider are known beforehand here, which no agent can count on. What is random is
+    the same in all scenes, so that what is found in one does not depend on the others.
+    """
+    count = len(scenes)
+    shots, searches = [], []
+    for number in range(SEARCHES):
+        plans, rewards, shot = _shoot(problem, scenes, number)
+        for sweep, width in enumerate(WIDTHS):
+            _sweep(problem, scenes, plans, rewards, width, (number, sweep))
+        shots.append(shot)
+        searches.append((plans, rewards))
+    found = np.array([rewards for _, rewards in searches])
+    best = np.array([plans for plans, _ in searches])[found.argmax(axis=0), np.arange(count)]
+    flights = _finish(problem, _begin(problem, scenes), scenes, best)[1]
+    best[np.arange(LONGEST) >= flights[:, np.newaxis]] = np.nan
+    named = {f"action_{i}": trims for i, trims in enumerate(best.T[: max(int(flights.max(initial=0)), 1)])}
+    rewards, apart, shot = found.max(axis=0), np.ptp(found, axis=0), shots[0]
+    named |= {"reward": rewards, "low": rewards, "high": np.minimum(rewards + apart, 1.0), "uniform": shot.mean(axis=1)}
+    named |= {f"best_of_{k}": shot.reshape(count, -1, k).max(axis=2).mean(axis=1) for k in BEST_OF}
+    return pd.DataFrame(named)
+
+
+def follow_plans(problem: Problem, scenes: Contexts, plans: Floats) -> DescentBatch:
+    """Return the rides of plans of shape (n, k), NaN behind the last trim, in scenes of shape (n, 12) or (n, 14)."""
+    whole = np.zeros((len(plans), LONGEST))
+    whole[:, : plans.shape[1]] = np.nan_to_num(plans)
+    return _finish(problem, _begin(problem, scenes), scenes, whole)[0]
+
+
+def _shoot(problem: Problem, scenes: Contexts, number: int) -> tuple[Floats, Floats, Floats]:
+    """Return the best of plans of random trims, its rewards, and those of all, shape (n, SHOTS); the first has none."""
+    lanes = np.repeat(np.arange(len(scenes)), SHOTS)
+    shots = np.random.default_rng(number).uniform(-1.0, 1.0, (SHOTS, LONGEST))
+    shots[0] = 0.0
+    plans = np.tile(shots, (len(scenes), 1, 1))
+    rides = _begin(problem, scenes).take(lanes)
+    earned = _finish(problem, rides, scenes[lanes], plans.reshape(-1, LONGEST))[0].jam.reward.reshape(-1, SHOTS)
+    return _best(plans, earned), earned.max(axis=1), earned
+
+
+def _sweep(
+    problem: Problem, scenes: Contexts, plans: Floats, rewards: Floats, width: float, seed: tuple[int, int]
+) -> None:
+    """Improve plans of shape (n, LONGEST), and their rewards, at one flight after the other."""
+    rides, kind = _begin(problem, scenes), np.arange(BRANCHES) % 3
+    for flight in range(LONGEST):
+        moving = np.flatnonzero(rides.outcomes()["status"] == RUNNING)
+        if not moving.size:
+            return
+        tried = np.repeat(plans[moving, np.newaxis], BRANCHES, axis=1)
+        behind = tried[..., flight:]  # a view
+        rng = np.random.default_rng([*seed, flight])
+        fresh = rng.uniform(-1.0, 1.0, behind.shape[1:])
+        changed = np.clip(behind + width * rng.standard_normal(behind.shape[1:]), -1.0, 1.0)
+        behind[:, kind == 0] = fresh[kind == 0]
+        behind[:, kind == 1, 0] = fresh[kind == 1, 0]
+        behind[:, kind == 2] = changed[:, kind == 2]
+        tried[:, 0] = plans[moving]  # the first of equal ones stays
+        lanes = np.repeat(moving, BRANCHES)
+        batch, _ = _finish(problem, rides.take(lanes), scenes[lanes], tried.reshape(-1, LONGEST), flight)
+        earned = batch.jam.reward.reshape(len(moving), BRANCHES)
+        plans[moving], rewards[moving] = _best(tried, earned), earned.max(axis=1)
+        rides.hop(problem.task.spins(scenes, plans[:, [flight]], np.full(len(scenes), flight)))
+
+
+def _begin(problem: Problem, scenes: Contexts) -> RideBatch:
+    """Return rides at their first decisions."""
+    rides = problem.task.rides(scenes)
+    rides.await_flights(np.arange(len(scenes)))
+    return rides
+
+
+def _finish(
+    problem: Problem, rides: RideBatch, scenes: Contexts, plans: Floats, flight: int = 0
+) -> tuple[DescentBatch, NDArray[np.int64]]:
+    """Follow rides on to their ends with the trims of plans from a flight on; return how many flights they had."""
+    flights = np.full(len(plans), flight)
+    while (moving := rides.outcomes()["status"] == RUNNING).any():
+        trims = plans[:, [flight]] if flight < LONGEST else np.zeros((len(plans), 1))
+        rides.hop(problem.task.spins(scenes, trims, flights))
+        flights, flight = flights + moving, flight + 1
+    return rides.descents(), flights
+
+
+def _best(plans: Floats, earned: Floats) -> Floats:
+    """Return of plans of shape (n, m, k) those that earn most."""
+    return np.take_along_axis(plans, earned.argmax(axis=1)[:, np.newaxis, np.newaxis], axis=1)[:, 0]

@@ -1,0 +1,72 @@
+"""The search for the best ride: what it finds is earned, nothing random is above it, and it is kept between runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sledenv.benchmark.best_rides import best_rides, follow_plans
+from sledenv.benchmark.oracle import best_found, oracle
+from sledenv.benchmark.problem import Problem
+
+
+class Plan:
+    """Does what a plan says, the trims of one flight after the other; one ride alone."""
+
+    def __init__(self, trims):
+        self._trims = list(trims)
+
+    def act(self, observations):
+        return np.array([[self._trims.pop(0)]], np.float32)
+
+
+@pytest.fixture(scope="module")
+def found():
+    problem = Problem("sled_unsteady", "descent")
+    return problem, best_found(problem, problem.contexts("test", 3))
+
+
+def plans_of(table):
+    return table.filter(like="action_").to_numpy()
+
+
+def test_the_best_ride_earns_its_reward_in_the_environment(found):
+    """Oracle: the ride of an agent that does what the plan says, in the same draws."""
+    problem, table = found
+    trials = problem.trials(problem.contexts("test", 3), "test")
+    batch = follow_plans(problem, trials[:, 0], plans_of(table))
+    assert np.array_equal(batch.jam.reward, table["reward"])
+    for trial, plan, reward in zip(trials, plans_of(table), table["reward"], strict=True):
+        single, first = problem.judge(Plan(plan[~np.isnan(plan)]), trial)
+        assert single.jam.reward[0] == pytest.approx(reward, abs=1e-3)  # an agent's trims are float32
+        assert first[0, 0] == np.float32(plan[0])
+
+
+def test_no_random_ride_is_above_the_best_one(found):
+    """Oracle: 2,000 rides with other random trims in each context."""
+    problem, table = found
+    scenes = problem.trials(problem.contexts("test", 3), "test")[:, 0]
+    tried = np.random.default_rng(9).uniform(-1.0, 1.0, (3, 2000, 12))
+    rewards = follow_plans(problem, np.repeat(scenes, 2000, axis=0), tried.reshape(-1, 12)).jam.reward
+    assert (rewards.reshape(3, -1).max(axis=1) <= table["reward"]).all()
+    shares = table[["uniform", "best_of_16", "best_of_64", "best_of_256", "reward", "high"]].to_numpy()
+    assert (np.diff(shares, axis=1) >= 0.0).all()
+    assert rewards.mean() == pytest.approx(table["uniform"].mean(), abs=0.05)
+
+
+def test_a_search_is_kept_and_does_not_depend_on_how_many_contexts_are_searched_at_once(found, tmp_path, monkeypatch):
+    """Oracle: the search of the first context by itself, and files that are read again."""
+    problem, table = found
+    contexts, calls = problem.contexts("test", 2), []
+
+    def search(*arguments):
+        calls.append(arguments)
+        return best_rides(*arguments)
+
+    monkeypatch.setattr("sledenv.benchmark.oracle.best_rides", search)
+    first = oracle(problem, contexts, tmp_path)
+    pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path), first)
+    assert len(calls) == 1
+    assert len(list(tmp_path.iterdir())) == 1
+    assert np.array_equal(first["reward"], table["reward"][:2])
