@@ -43,11 +43,7 @@ Mass = Annotated[float, positive("kg")]
     ids=lambda value: type(value).__name__,
 )
 def test_an_error_is_one_line_and_a_status(
-    error: BaseException,
-    status: int,
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    request: pytest.FixtureRequest,
+    error: BaseException, status: int, message: str, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ) -> None:
     command = app("tool", "A tool.")
 

@@ -165,28 +165,6 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     }
 
 
-def test_passages_agree_with_the_trajectory() -> None:
-    """Oracle: rows of the trajectory on both sides of a station, which know nothing of it."""
-    study = made(PUSH, launches=10)
-    lanes = study.lanes(study.values(run.draws(study)))
-    tables = lanes.laws, lanes.slopes.rows, lanes.launches
-    stations = np.linspace(0.0, 9.0, 7)
-    found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
-    compared = 0
-    for i in range(len(lanes.launches)):
-        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), tables, strict=True))
-        options = {"record": "trajectory", "sample_interval": 1e-3, "end_on_chord": True}
-        rows = simulate(lanes.bodies, law, slope, launch, **options).trajectory
-        for k, x in enumerate(stations[1:], 1):
-            beyond = np.flatnonzero(rows["x"] >= x)
-            assert np.isnan(found.speed[i, k]) == (len(beyond) == 0)
-            if len(beyond):
-                around = np.hypot(rows["u"], rows["v"])[beyond[0] - 1 : beyond[0] + 1]
-                assert around.min() - 2e-3 <= found.speed[i, k] <= around.max() + 2e-3
-                compared += 1
-    assert compared > 20
-
-
 def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     """Oracle: simulate_batch of the same launches, numpy's quantiles, counting."""
     study = pushed.study
