@@ -28,10 +28,12 @@ ALGORITHM: Final = "ride_critic"
 FLIGHTS: Final = 60_000  # that the small agent learns from; the one that ships has many more
 SEARCHED: Final = 20  # contexts whose best ride is searched
 DRAWN: Final = ("no trims", "rule", "shipped")
+_BEFORE, _BEHIND = 14.0, 8.0  # [m] of the ground around the fall that is drawn
+_POSES: Final = 30
 
 
 def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Score], path: Path) -> None:
-    """Draw the rides of agents in one held-out context, one above the other.
+    """Draw how agents ride in one held-out context where the first of them falls, one above the other.
 
     It is the context in which the last agent's gain over the first is the median of those in which the first falls.
     """
@@ -45,8 +47,9 @@ def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Score],
     for name in DRAWN:
         _, trims = problem.ride(agents[name], scene)
         descents.append(problem.task.ridden(scene, trims[0][~np.isnan(trims[0])].tolist(), record="trajectory"))
-    labels = [f"{name}: reward {one.jam.reward:.2f}" for name, one in zip(DRAWN, descents, strict=True)]
-    plot_strobe(descents, labels=labels).savefig(path, dpi=130)
+    end = descents[0].state.x
+    figure = plot_strobe(descents, labels=DRAWN, frames=_POSES, between=(max(end - _BEFORE, 0.0), end + _BEHIND))
+    figure.savefig(path, dpi=130)
 
 
 command = app(
