@@ -317,40 +317,6 @@ def test_a_polygon_is_seen_as_it_flies(solver):
     assert found > 8
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
-    """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
-    for seed in range(1):
-        env, twin = (SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
-        env.reset(seed=seed)
-        snapshots, steps = [env.snapshot()], []
-        rng = np.random.default_rng(seed)
-        actions = [random_action(env, rng) for _ in range(300)]
-        for action in actions:
-            steps.append(env.step(action))
-            snapshots.append(env.snapshot())
-            if steps[-1][2] or steps[-1][3]:
-                break
-        following = env.reset()
-        returns = set()
-        for i in rng.choice(len(steps), min(len(steps), 3), replace=False).tolist():
-            for k in range(2):  # alternatives, also one after the other from the same snapshot
-                env.restore(snapshots[i])
-                other = np.random.default_rng([seed, k])
-                rollout = play(env, other)
-                twin.reset(seed=seed)
-                for action in actions[:i]:
-                    twin.step(action)
-                assert equal(rollout, play(twin, np.random.default_rng([seed, k])))
-                returns.add(rollout[-1][1])
-            elsewhere = SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
-            for target in (env, elsewhere):
-                target.restore(pickle.loads(pickle.dumps(snapshots[i])))
-                assert equal([target.step(action) for action in actions[i : len(steps)]], steps[i:])
-                assert equal(target.reset(), following)
-        assert len(steps) == 1 or len(returns) > 1
-
-
 def test_limits_end_a_ride_with_the_reward_of_what_was_done():
     """Oracle: the statuses; paper_impact has 0.04 s for its only impact, and no rider."""
     env = SledDescent("paper_impact")

@@ -118,13 +118,7 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
         "segment": {"mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 100},
         "sled": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
         | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
-        "custom": {
-            "mass_kg": 2,
-            "radius_m": 0.5,
-            "eccentricity_m": 0.1,
-            "inertia_kg_m2": 0.2,
-            "half_angle_deg": 120,
-        },
+        "custom": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2, "half_angle_deg": 120},
         "polygon": {"mass_kg": 2, "rounding_m": 0.05},
         "rock": {"length_m": 0.6, "width_ratio": 0.7, "depth_ratio": 0.8, "rounding": 0.2}
         | {"density_kg_m3": 2600, "shape": 0.3},
