@@ -147,9 +147,7 @@ def _flown(number: int, rng: np.random.Generator) -> tuple[dict[str, Any], Desce
     """A ride with random trims over dips and crests: what the page is given, and how it ends."""
     body, law, slope, launch, settings = _ride(7, number)
     rotor, shortest = rng.uniform(1.0, 10.0), rng.choice([0.0, 0.1])
-    ride = Ride(
-        body, law, slope, launch, settings, record="trajectory", rotor_inertia=rotor, shortest_flight=shortest
-    )
+    ride = Ride(body, law, slope, launch, settings, record="trajectory", rotor_inertia=rotor, shortest_flight=shortest)
     ride.await_flight()
     spins = []
     while ride.status == "running":
