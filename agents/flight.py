@@ -159,13 +159,21 @@ class Flights:
         for ahead, up in self._ends[landings.body].transpose(1, 2, 0)[..., np.newaxis]:
             heights, slopes = ground.at(x + ahead * cosine - up * sine)
             slopes = np.arctan(slopes)
-            columns += [4.0 * (y + ahead * sine + up * cosine - heights), 3.0 * (slopes - pitch), 3.0 * (slopes - angle)]
+            columns += [
+                4.0 * (y + ahead * sine + up * cosine - heights),
+                3.0 * (slopes - pitch),
+                3.0 * (slopes - angle),
+            ]
         return np.stack(columns, axis=-1, dtype=np.float32)
 
     def _ground(self, observations: Floats) -> Ground:
         """Return the ground that is seen around places."""
         around = observations[:, SEEN + len(FLIGHT) :].reshape(len(observations), -1, len(VERTEX))
-        x, y, there = around[..., 0] * np.float32(self._reach), around[..., 1] * np.float32(self._relief), around[..., 2]
+        x, y, there = (
+            around[..., 0] * np.float32(self._reach),
+            around[..., 1] * np.float32(self._relief),
+            around[..., 2],
+        )
         pieces = (there[:, 1:] > 0.5) & (there[:, :-1] > 0.5)
         lengths = np.where(pieces, np.diff(x, axis=1), 1.0)
         rise = np.where(pieces, np.diff(y, axis=1), 0.0) / np.maximum(lengths, 1e-4)
@@ -180,7 +188,10 @@ def _ends(body: Body) -> list[tuple[float, float]]:
     for tilt in (_TILT, -_TILT):
         low, height, high = support_heights(body, np.array([tilt - 1e-4, tilt, tilt + 1e-4])).tolist()
         beside = (low - high) / 2e-4
-        ends.append((
-            beside * np.cos(tilt) - height * np.sin(tilt), -beside * np.sin(tilt) - height * np.cos(tilt),
-        ))
+        ends.append(
+            (
+                beside * np.cos(tilt) - height * np.sin(tilt),
+                -beside * np.sin(tilt) - height * np.cos(tilt),
+            )
+        )
     return ends

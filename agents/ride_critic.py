@@ -120,7 +120,12 @@ class Rides:
         self._rng = np.random.default_rng(seed)
         self._flights = Flights(problem)
         self._env = SledDescentVector(
-            self._lanes, problem.scenario, AutoresetMode.SAME_STEP, info=(), split="train", observe=problem.task.observed
+            self._lanes,
+            problem.scenario,
+            AutoresetMode.SAME_STEP,
+            info=(),
+            split="train",
+            observe=problem.task.observed,
         )
         # No two seeds share a lane's stream of contexts.
         self._seen, _ = self._env.reset(seed=seed * self._lanes)

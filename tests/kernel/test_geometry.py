@@ -14,7 +14,7 @@ from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import directions, support_height, within_a_turn
 from tests.bodies import rod, touching
-from tests.oracles import outline_heights, support
+from tests.oracles import support
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 POINT = segment(1.0, 0.0, 0.0, 0.02)
@@ -26,14 +26,6 @@ BODIES = [DISC, POINT, SEGMENT, SHALLOW, LOPSIDED, ROD]
 CORNERED = [SEGMENT, SHALLOW, LOPSIDED, ROD]
 ANGLES = st.floats(-math.pi, math.pi)
 bodies = st.sampled_from(BODIES)
-
-
-@given(bodies, st.floats(-30.0, 30.0))
-def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> None:
-    """Oracle: the lowest of 20001 points of the outline, whose arc sags by r (step)^2/8 at most between two of them."""
-    sag = body.radius * (2.0 * body.half_angle / 20000) ** 2 / 8.0
-    lowest = -outline_heights(body, phi, 20001).min()
-    assert lowest - 1e-14 <= support_height(body, phi) <= lowest + sag + 1e-14
 
 
 @given(bodies, st.floats(-30.0, 30.0))

@@ -20,6 +20,7 @@ from sledenv.kernel.entries import LIBRARY
 from sledenv.pages import kernel
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.settings import DEFAULT, Settings
 from sledenv.simulation.shapes import circular_segment, hull, polygon
@@ -138,6 +139,35 @@ def test_descents_in_node_have_the_bits_of_python(count: int, seeds: Sequence[in
             place, rebounds = place + len(expected), rebounds + len(descent.rebounds)
         assert place == len(found)
         assert rebounds > 2 * count  # there is something to compare
+
+
+def _flown(number: int, rng: np.random.Generator) -> tuple[dict[str, Any], Descent]:
+    """A ride with random trims over dips and crests: what the page is given, and how it ends."""
+    body, law, slope, launch, settings = _ride(7, number)
+    rotor, shortest = rng.uniform(1.0, 10.0), rng.choice([0.0, 0.1])
+    ride = Ride(body, law, slope, launch, settings, record="trajectory", rotor_inertia=rotor, shortest_flight=shortest)
+    ride.await_flight()
+    spins = []
+    while ride.status == "running":
+        spins.append(rng.uniform(-2.0, 2.0))
+        ride.trim(spins[-1])
+        ride.hop()
+    given = kernel.descent_input(body, law, slope, launch, settings)
+    given["limits"]["shortest_flight"] = shortest
+    return given | {"ride": {"rotor_inertia": rotor, "spins": spins}}, ride.descent()
+
+
+@needs_node
+@pytest.mark.jit_only
+def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
+    """Oracle: ``Ride``, in every number of ledger, rebounds and trajectory."""
+    rng = np.random.default_rng(11)
+    cases, descents = zip(*(_flown(number, rng) for number in range(40)), strict=True)
+    found = in_node(json.dumps(cases).encode(), tmp_path)
+    expected = np.concatenate([np.asarray(part, float) for descent in descents for part in _numbers(descent)])
+    same = (found.view(np.int64) == expected.view(np.int64)) | (np.isnan(found) & np.isnan(expected))
+    assert same.all()
+    assert sum(len(case["ride"]["spins"]) for case in cases) > 80  # there is something to compare
 
 
 # Runs descents in a page; a digest of all numbers of each, in the order of kernels.mjs. NaN has one form.

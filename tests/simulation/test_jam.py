@@ -79,11 +79,6 @@ def test_stuck_is_nearly_stuck_too() -> None:
     assert jam.nearly_stuck.tolist() == [False, True, True]
 
 
-def test_no_rebounds_have_no_metrics() -> None:
-    """Oracle: empty in, empty out."""
-    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), np.zeros(0))] == [0, 0, 0, 0]
-
-
 @pytest.mark.parametrize(("u", "grip"), [(20.0, 1.0), (0.3, None)])
 def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float | None) -> None:
     """Oracle: a fast wheel slides, F = f N; a slow one begins to roll, where m J u0/I is enough to stop the slip."""

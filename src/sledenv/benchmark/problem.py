@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -275,21 +274,44 @@ class Problem:
             actions = self._answer(agent, trials[:, 0])
             launches = task.launches(contexts, np.repeat(actions, many, axis=0))
             return task.descend_batch(contexts, launches), actions
-        first = np.zeros((len(contexts), 1))
+        batch, trims = self.ride(agent, contexts)
+        return batch, np.nan_to_num(trims[::many, :1])
+
+    def ride(self, agent: Policy, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+        """Follow the rides of an agent to their ends, on all cores.
+
+        Parameters
+        ----------
+        agent : Policy
+        contexts : ndarray, shape (n, 12) or (n, 14)
+
+        Returns
+        -------
+        DescentBatch
+        ndarray, shape (n, d)
+            Its trims in [-1, 1] of one flight after the other, NaN behind the last; d is at least 1.
+
+        Raises
+        ------
+        ValueError, GivenCodeError
+            As :meth:`judge`.
+        """
+        task, lanes = self.task, np.arange(len(contexts))
         rides, spins = task.rides(contexts), np.zeros(len(contexts))
-        rides.await_flights(np.arange(len(contexts)))
-        for decision in itertools.count():
+        trims: list[NDArray[np.float64]] = []
+        rides.await_flights(lanes)
+        while True:
             flights = rides.outcomes()
             moving = np.flatnonzero(flights["status"] == RUNNING)
             if not moving.size:
                 break
             chosen = self._answer(agent, contexts[moving], flights[moving])
-            if decision == 0:
-                first[moving] = chosen
             spins[:] = 0.0
-            spins[moving] = task.spins(contexts[moving], chosen, np.full(len(moving), decision))
+            spins[moving] = task.spins(contexts[moving], chosen, np.full(len(moving), len(trims)))
+            trims.append(np.full((len(contexts), 1), np.nan))
+            trims[-1][moving] = chosen
             rides.hop(spins)
-        return rides.descents(), first[::many]
+        return rides.descents(), np.hstack(trims or [np.full((len(contexts), 1), np.nan)])
 
     def _answer(self, agent: Policy, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""

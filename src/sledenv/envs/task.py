@@ -23,7 +23,7 @@ from sledenv.scenarios.tracks import AHEAD, BEHIND, normal_pairs, vertices_aroun
 from sledenv.simulation.bodies import Body, Segment, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
-from sledenv.simulation.records import OUTCOME, REBOUND
+from sledenv.simulation.records import OUTCOME, REBOUND, Status
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
 from sledenv.simulation.scene import ContactLaw, Profile, Slope, State, Tracks
@@ -430,6 +430,23 @@ class Task:
         """Return the descent that :meth:`descend` simulates at its launch, to be followed flight by flight."""
         given = *self._scene(contexts), launch, self.settings
         return Ride(*given, record=record, rotor_inertia=self._rotor, shortest_flight=self._shortest)
+
+    def ridden(self, contexts: Contexts, trims: Sequence[float], record: Record = "rebounds") -> Descent:
+        """Return the ride of trims in [-1, 1], of one flight after the other, in contexts with one row.
+
+        Flights behind the last of them are ridden with what it lends.
+        """
+        ride = self.ride(contexts, State.found(self.launches(contexts)[0].tolist()), record)
+        if ride.status == Status.RUNNING:
+            ride.await_flight()
+        for decision, trim in enumerate(trims):
+            if ride.status != Status.RUNNING:
+                break
+            (spin,) = self.spins(contexts, np.array([[trim]]), np.array([decision])).tolist()
+            if self._rotor is not None:
+                ride.trim(spin)
+            ride.hop()
+        return ride.run()
 
     def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
         """Return what the first row of contexts is a descent of."""

@@ -170,9 +170,7 @@ function strobe({ rows, input }) {
 
 /* The outline of the body, drawn once, at another place: quick enough to follow a hand. */
 function poseAt([x, y, phi]) {
-  const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
-  const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
-  return `<use href="#pose" opacity="0.35" class="pose" transform="${turn}"/>`;
+  return `<use href="#pose" opacity="0.35" class="pose" transform="${scene.moved({ x, y, phi })}"/>`;
 }
 
 /* Points of a path that are apart on the screen. */

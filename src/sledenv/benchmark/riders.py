@@ -1,0 +1,74 @@
+"""Who rides beside the visitor of a page: the rule, and trained agents or the one that looks ahead."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sledenv.benchmark.figures import label
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.runs import SETTINGS, TRAINED, agent_class, agent_name, load_run, read_config, read_settings
+from sledenv.envs.inputs import Contexts
+from sledenv.pages.ride import Ridden
+from sledenv.scenarios.scenario import Scenario, ScenarioError
+
+_RULE: Final = "sledenv.agents.land_parallel"
+_LOOKAHEAD: Final = "sledenv.agents.replan"
+
+
+class _Rider(NamedTuple):
+    name: str
+    problem: Problem
+    agent: Agent
+
+
+def ridden(scenario: Scenario, contexts: Contexts, runs: Sequence[Path]) -> list[list[Ridden]]:
+    """Return how others ride in contexts of shape (n, 12): a list for each of them.
+
+    They are the rule that lands parallel to the ground and the agents of runs, or of those that ship for the scenario
+    if none are named; the agent that looks ahead where there are none.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If a folder is no finished run.
+    ScenarioError
+        If a run is of another scenario, or of agents that choose a launch.
+    GivenCodeError
+        If an agent raises an error.
+    """
+    riders = [_untrained(scenario, _RULE, "rule")]
+    riders += [_trained(scenario, run) for run in runs or _shipped(scenario)]
+    if len(riders) == 1:
+        riders.append(_untrained(scenario, _LOOKAHEAD, "lookahead"))
+    found = [(one.name, one.problem.ride(one.agent, contexts)[1]) for one in riders]
+    return [
+        [Ridden(name, trims[i][~np.isnan(trims[i])].tolist()) for name, trims in found] for i in range(len(contexts))
+    ]
+
+
+def _untrained(scenario: Scenario, module: str, words: str) -> _Rider:
+    """An agent with nothing to learn."""
+    problem = Problem(scenario, "descent")
+    with tempfile.TemporaryDirectory() as folder:
+        agent = agent_class(module).train(problem, read_settings(SETTINGS, module, problem), 0, Path(folder))
+    return _Rider(f"{words}: {label(agent_name(module))}", problem, agent)
+
+
+def _trained(scenario: Scenario, run: Path) -> _Rider:
+    problem, agent, config = load_run(run)
+    if problem.environment != "descent":
+        raise ScenarioError(f"{run} chooses a launch, but here every flight of a ride is trimmed")
+    if problem.scenario.hash != scenario.ride().hash:
+        raise ScenarioError(f"{run} was trained on another scenario ({problem.scenario.id})")
+    return _Rider(f"trained: {label(agent_name(config['agent']))}", problem, agent)
+
+
+def _shipped(scenario: Scenario) -> list[Path]:
+    """Runs of the scenario that ship."""
+    folders = sorted(TRAINED.glob(f"{scenario.id}-descent-*"))
+    return [folder for folder in folders if read_config(folder)["scenario_hash"] == scenario.ride().hash]
