@@ -41,7 +41,7 @@ def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(
     env = gym.make_vec(env_id, num_envs=3, scenario=own_scenario("ice_drop"), **given)
     assert isinstance(env, NATIVE[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    one = SCALAR[env_id](**given)
+    one = SCALAR[env_id](own_scenario("ice_drop"), **given)
     assert env.single_observation_space == one.observation_space
     assert env.single_action_space == one.action_space
     assert env.observation_space.shape == (3, *one.observation_space.shape)
