@@ -505,58 +505,35 @@ class Surface:
         return self._held(branch, at) if branch.spin == 0 else self._spinning(branch, at)
 
     def _spinning(self, branch: Branch, at: Place) -> Forces:
-        """Of a body free to spin, so that at most one gap rate and one slip are locked, by N and F of those points."""
-        m, j, w2 = self.mass, self.inertia, at.spin * at.spin
-        every = range(len(branch.points))
-        f, rolls = [self.friction(point) for point in branch.points], [self.roll(point) for point in branch.points]
-        n_lock = branch.gaps.index(0) if 0 in branch.gaps else -1
-        f_lock = branch.slips.index(0) if 0 in branch.slips else -1
-        drag = [-f[i] * branch.slips[i] for i in every]  # F over N; 0 where locked
-
-        def under(normal: list[float], extra: float) -> tuple[float, float, float]:
-            """Accelerations without gravity: normal forces with their friction, and a force at the locked slip."""
-            du = sum(drag[i] * normal[i] for i in every) + extra
-            dw = sum((-at.a[i] + at.b[i] * drag[i] - branch.spin * rolls[i]) * normal[i] for i in every)
-            if f_lock >= 0:
-                dw += at.b[f_lock] * extra
-            return du / m, sum(normal) / m, dw / j
-
-        normal = [0.0 if i == n_lock else self.stiffness(branch.gaps[i]) * at.x[i] for i in every]
-        du, dv, dw = under(normal, 0.0)
-        du, dv = du + self.along, dv - self.into
-        radius = [self.arcs[point.arc].radius for point in branch.points]
-        pull = 0.0
-        if n_lock >= 0 or f_lock >= 0:
-            n_unit = under([1.0 if i == n_lock else 0.0 for i in every], 0.0)
-            f_unit = under([0.0 for _ in every], 1.0)
-            # dn/dt = dv/dt - a domega/dt - (r - b) omega^2 = 0 and dt/dt = du/dt + b domega/dt + a omega^2 = 0
-            row_n, row_f = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-            if n_lock >= 0:
-                a, lever = at.a[n_lock], radius[n_lock] - at.b[n_lock]
-                row_n = (n_unit[1] - a * n_unit[2], f_unit[1] - a * f_unit[2], -(dv - a * dw - lever * w2))
-            if f_lock >= 0:
-                b, lever = at.b[f_lock], at.a[f_lock]
-                row_f = (n_unit[0] + b * n_unit[2], f_unit[0] + b * f_unit[2], -(du + b * dw + lever * w2))
-            if n_lock < 0:
-                row_f = (0.0, *row_f[1:])
-            if f_lock < 0:
-                row_n = (row_n[0], 0.0, row_n[2])
-            divisor = row_n[0] * row_f[1] - row_n[1] * row_f[0]
-            push = (row_n[2] * row_f[1] - row_n[1] * row_f[2]) / divisor
-            pull = (row_n[0] * row_f[2] - row_n[2] * row_f[0]) / divisor
-            if n_lock >= 0:
-                normal[n_lock] = push
-            du, dv, dw = under(normal, pull)
-            du, dv = du + self.along, dv - self.into
-        tangential = [pull if i == f_lock else drag[i] * normal[i] for i in every]
-        slacks: list[float] = []
-        if n_lock >= 0:
-            x = at.x[n_lock]
-            slacks += [normal[n_lock] - self.opening * x, self.closing * x - normal[n_lock]]
-        if f_lock >= 0:
-            slacks.append(f[f_lock] * normal[f_lock] - abs(pull))
-        moment = -branch.spin * sum(rolls[i] * normal[i] for i in every)
-        return Forces((du, dv, dw), tuple(normal), tuple(tangential), moment, tuple(slacks))
+        """Of a body free to spin, so that at most one gap rate and one slip are locked: one linear system."""
+        count, w2 = len(branch.points), at.spin * at.spin
+        size = 3 + 2 * count
+        matrix, right = np.zeros((size, size)), np.zeros(size)  # for the rates of u, v and omega, N and F of each point
+        matrix[0, 0] = matrix[1, 1] = self.mass
+        matrix[2, 2] = self.inertia
+        right[:2] = self.mass * self.along, -self.mass * self.into
+        for i, point in enumerate(branch.points):
+            a, b, lever = at.a[i], at.b[i], self.arcs[point.arc].radius - at.b[i]
+            normal, force = 3 + i, 3 + count + i
+            matrix[0, force] = matrix[1, normal] = -1.0
+            matrix[2, normal], matrix[2, force] = a + self.roll(point) * branch.spin, -b
+            if branch.gaps[i] == 0:  # dn/dt = dv/dt - a domega/dt - (r - b) omega^2 = 0
+                matrix[normal, 1:3], right[normal] = (1.0, -a), lever * w2
+            else:
+                matrix[normal, normal], right[normal] = 1.0, self.stiffness(branch.gaps[i]) * at.x[i]
+            if branch.slips[i] == 0:  # dt/dt = du/dt + b domega/dt + a omega^2 = 0
+                matrix[force, 0], matrix[force, 2], right[force] = 1.0, b, -a * w2
+            else:
+                matrix[force, force], matrix[force, normal] = 1.0, self.friction(point) * branch.slips[i]
+        du, dv, dw, *forces = np.linalg.solve(matrix, right).tolist()
+        loads, pulls, slacks = tuple(forces[:count]), tuple(forces[count:]), []
+        for i, point in enumerate(branch.points):
+            if branch.gaps[i] == 0:
+                slacks += [loads[i] - self.opening * at.x[i], self.closing * at.x[i] - loads[i]]
+            if branch.slips[i] == 0:
+                slacks.append(self.friction(point) * loads[i] - abs(pulls[i]))
+        moment = -branch.spin * sum(self.roll(point) * load for point, load in zip(branch.points, loads, strict=True))
+        return Forces((du, dv, dw), loads, pulls, moment, tuple(slacks))
 
     def _held(self, branch: Branch, at: Place) -> Forces:
         """Of a body that does not spin: gap rates are equal, slips too, and M balances the moment of some share."""
