@@ -90,20 +90,6 @@ def test_the_mirror_image_of_a_ride_is_the_ride_of_the_mirror_image(number: int)
 
 
 @pytest.mark.parametrize("kind", BODIES)
-def test_how_a_straight_face_is_cut_changes_no_bit(kind: str) -> None:
-    """Oracle: vertices without a turn are none."""
-    cut = [(-50.0, 0.0), (1.0, 0.0), (4.0, 0.0), (5.0, 0.25), (5.5, 0.375), (6.0, 0.5), (6.25, 0.5), *BUMP[3:]]
-    launch = sledenv.State(0.0, 1.5, 0.2, 6.0, 0.0, 1.0)
-    one, other = (
-        sledenv.simulate(BODIES[kind], LAW, sledenv.Slope(0.1, profile=profile), launch, max_time=3.0)
-        for profile in (BUMP, cut)
-    )
-    same_bits(one.rebounds, other.rebounds)
-    assert one.state == other.state
-    assert one.outcome["steps"] == other.outcome["steps"]
-
-
-@pytest.mark.parametrize("kind", BODIES)
 @pytest.mark.parametrize("shift", [(16.0, 0.0), (0.0, 4.0), (-3.3, 1.7)])
 def test_a_ride_does_not_depend_on_where_the_ground_lies(kind: str, shift: tuple[float, float]) -> None:
     """Oracle: the same in another place, to the rounding of places: two contacts."""

@@ -17,10 +17,8 @@ from hypothesis import strategies as st
 
 import sledenv
 from sledenv import Settings
-from sledenv.envs.inputs import FIELDS
-from sledenv.envs.task import Task
 from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
-from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
+from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.jam import DescentJam
@@ -30,7 +28,6 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 from tests.bodies import rod, segment_by_share
-from tests.own_scenarios import own_scenario
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
@@ -828,23 +825,6 @@ def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces(
     assert after == pytest.approx(0.25 * before, rel=1e-9)  # e squared
     impulse = np.trapezoid(touching["normal"], touching["t"])
     assert impulse == pytest.approx(first["normal_impulse"], rel=3e-3)
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("snow_patch")])
-def test_the_times_of_a_trajectory_never_decrease(name, solver):
-    """Bodies with corners and long contacts, and rows closer than the steps of a contact."""
-    task = Task(name, "both")
-    contexts = task.scenario.contexts(np.random.default_rng(0).random((12, FIELDS)), "test")
-    launches = task.launches(contexts, np.random.default_rng(1).uniform(-1.0, 1.0, (12, 2)))
-    laws = task.scenario.laws(contexts)
-    for context, law, launch in zip(contexts, laws, launches, strict=True):
-        one = Context(*context)
-        given = task.scenario.body(one), ContactLaw(*law), task.scenario.slope(one), State(*launch)
-        descent = simulate(*given, solver=solver, record="trajectory", sample_interval=7e-4)
-        steps = np.diff(descent.trajectory["t"])
-        assert (steps >= 0.0).all()
-        assert steps.max() <= 7e-4 * (1.0 + 1e-9)
 
 
 def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:
