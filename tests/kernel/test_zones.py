@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import sledenv
 from sledenv.reproduce.euler import euler_descent
@@ -303,40 +301,6 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -
 
 
 # --- ledger, Euler ---------------------------------------------------------------------------------------------------
-
-NUMBERS = st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.0, 0.002, 0.02]), st.sampled_from([0.0, 0.002, 0.02]))
-
-
-@st.composite
-def zoned(draw: st.DrawFn) -> list[sledenv.Zone]:
-    """Zones, some of them next to each other."""
-    edges = sorted(draw(st.lists(st.floats(-1.0, 12.0), min_size=2, max_size=8, unique=True)))
-    kept = draw(st.lists(st.booleans(), min_size=len(edges) - 1, max_size=len(edges) - 1))
-    pairs = [pair for pair, keep in zip(pairwise(edges), kept, strict=True) if keep]
-    return [sledenv.Zone(begin, end, *draw(NUMBERS)) for begin, end in pairs]
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("solver", SOLVERS)
-@given(
-    name=st.sampled_from(sorted(BODIES)),
-    zones=zoned(),
-    angle=st.floats(-0.3, 0.5),
-    phi=st.floats(-math.pi, math.pi),
-    u=st.floats(0.0, 8.0),
-    omega=st.floats(-5.0, 5.0),
-)
-def test_the_ledger_closes_over_any_zones(
-    solver: Solver, name: str, zones: list[sledenv.Zone], angle: float, phi: float, u: float, omega: float
-) -> None:
-    """Oracle: energy is kinetic, potential, stored or lost, and no loss is negative."""
-    body = BODIES[name]
-    slope = sledenv.Slope(angle, gravity=GRAVITY, zones=zones)
-    options: dict[str, Any] = {"solver": solver, "max_time": 4.0, "max_rebounds": 60}
-    descent = sledenv.simulate(body, SNOW, slope, dropped(body, phi, u, omega), **options)
-    assert str(descent.status) in ("jammed", "log_full", "timeout", "buried")
-    assert abs(descent.energy.residual) <= 1e-10 * descent.energy.turnover
-    assert min(descent.energy.hysteresis, descent.energy.sliding, descent.energy.rolling) >= 0.0
 
 
 @pytest.mark.jit_only

@@ -106,19 +106,6 @@ def test_phases_follow_each_other_and_add_up() -> None:
             assert result.phases[-1].restitution
 
 
-def test_the_mirrored_impact_is_mirrored_bit_for_bit() -> None:
-    for body, law, state, e in random_entries(60, seed=5):
-        mirrored = state._replace(phi=-state.phi, u=-state.u, omega=-state.omega)
-        one = rigid_impact(body, law, state, restitution=e)
-        other = rigid_impact(body, law, mirrored, restitution=e)
-        assert other.state == one.state._replace(phi=-state.phi, u=-one.state.u, omega=-one.state.omega)
-        assert other.normal_impulse == one.normal_impulse
-        assert other.tangential_impulse == -one.tangential_impulse
-        assert other.rolling_impulse == -one.rolling_impulse
-        assert other.mode is one.mode
-        assert [(p.start, p.impulse, -p.slip, -p.spin, p.restitution) for p in other.phases] == list(one.phases)
-
-
 def test_the_restitution_is_that_of_the_law_unless_given() -> None:
     law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.01)
     own = rigid_impact(PAPER_BODY, law, PAPER_STATE)
