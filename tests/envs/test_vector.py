@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.descent import SledDescent
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.vector import CHEAP_INFO, SledDescentVector, SledLaunchVector, SledVectorEnv
+from sledenv.envs.vector import CHEAP_INFO, SledVectorEnv
+from tests.envs.kinds import NATIVE, SCALAR, WIDTH, both_ids, equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 MODES = list(AutoresetMode)
-NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
-SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
-WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 1}  # of an action
-
-both_ids = pytest.mark.parametrize("env_id", NATIVE)
 
 
 def native(
@@ -42,16 +35,13 @@ def actions(rng: np.random.Generator, lanes: int, env_id: str = LAUNCH_ID) -> np
     return rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
 
 
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
-
-
 @both_ids
 def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(env_id):
     given = {"control": "spin"} if env_id == LAUNCH_ID else {}
     env = gym.make_vec(env_id, num_envs=3, scenario=own_scenario("ice_drop"), **given)
     assert isinstance(env, NATIVE[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    one = SCALAR[env_id](**given)
+    one = SCALAR[env_id](own_scenario("ice_drop"), **given)
     assert env.single_observation_space == one.observation_space
     assert env.single_action_space == one.action_space
     assert env.observation_space.shape == (3, *one.observation_space.shape)
